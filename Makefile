@@ -1,0 +1,74 @@
+# Everything from a plain Python >= 3.11 and make: `make demo` or `make test`.
+
+VENV  := .venv
+PY    := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+UV    ?= uv
+# Another interpreter: make PYTHON=/path/to/python test
+PYTHON ?=
+CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check lint types bench campaign lock clean
+
+help:  ## show this list
+	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
+
+demo: $(STAMP)  ## walk the branches of the clutch example, into out/
+	@mkdir -p out
+	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk
+
+test: check  ## lint, types and tests
+	MPLBACKEND=Agg $(PY) -m pytest
+
+check: lint types  ## lint and types only
+
+lint: $(STAMP)
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+
+types: $(STAMP)
+	$(PY) -m basedpyright --pythonpath $(PY)
+
+bench: $(STAMP)  ## measure the speed
+	$(PY) -m benchmarks
+
+campaign: $(STAMP)  ## the slow tests (minutes)
+	MPLBACKEND=Agg $(PY) -m pytest -m slow
+
+lock:  ## make requirements.lock again, with uv (LOCK_FLAGS=--upgrade for newer versions)
+	@command -v $(UV) >/dev/null || { \
+	  echo "make lock needs uv: install it (pip install uv), or name it: make lock UV=/path/to/uv"; exit 1; }
+	$(UV) pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" $(LOCK_FLAGS) \
+	  --quiet --output-file requirements.lock
+
+clean:  ## remove .venv, caches and results
+	rm -rf $(VENV) out dist .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Done once, and again when the lock or the project file changes.
+$(STAMP): requirements.lock pyproject.toml | $(PY)
+	$(PY) -m pip install --quiet --require-hashes --only-binary :all: -r requirements.lock
+	$(PY) -m pip install --quiet --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# A command named python3.11 may be a shim with nothing behind it, so each candidate is tried.
+$(PY):
+	@for candidate in $(CANDIDATES); do \
+	  if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then \
+	    found=$$candidate; break; \
+	  fi; \
+	done; \
+	if [ -z "$$found" ]; then \
+	  echo "gapwalk needs Python 3.11 or newer; tried and not found: $(CANDIDATES)." \
+	    "Install one, or name it: make PYTHON=/path/to/python3.11 test"; \
+	  exit 1; \
+	fi; \
+	echo "making $(VENV) with $$found"; \
+	$$found -m venv $(VENV) || { \
+	  rm -rf $(VENV); \
+	  echo "$$found cannot make a virtual environment with pip in it." \
+	    "On Debian and Ubuntu its venv module is a package of its own: apt install python3-venv"; \
+	  exit 1; \
+	}

@@ -1,0 +1,163 @@
+"""Find and locate every special point in one step of a walk, so that none hides between two points.
+
+A sign change of a test function is located by bracketing. But two zeros in one step leave no sign change: wherever a
+test function is small against the way it varies, the step is halved until that doubt is gone. Zeros that are already
+known are divided out first, so that only unknown ones raise doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+from scipy.optimize import brentq
+
+from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
+from gapwalk.bifurcation.grazing import describe_switch, find_grazing
+from gapwalk.bifurcation.stretch import Stretch
+from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+
+_DOUBT = 1.0  # a test function smaller than this times its variation over an interval may have zeros inside
+_FINEST = 1e-6  # arclength below which two zeros are not told apart
+_EXACT = 1e-14  # arclength to which zeros are located
+
+
+@dataclass(frozen=True)
+class _Zero:
+    """A zero of one test function: where, and how wide its bracket was in the parameter."""
+
+    kind: Kind
+    point: BranchPoint
+    uncertainty: float
+
+
+class DetectorState(NamedTuple):
+    """What a detector remembers from step to step, by test function: its rate of change, and its last zeros."""
+
+    rates: Mapping[Kind, float] = MappingProxyType({})
+    recent: Mapping[Kind, tuple[float, ...]] = MappingProxyType({})
+
+
+class Detector:
+    """Finds the special points of a walk, step by step.
+
+    It remembers the step before, for the rate at which each test function varies, and the last zeros found.
+
+    Parameters
+    ----------
+    corrector
+        Corrects onto the branch.
+    kinds
+        The bifurcations to look for.
+    grazing
+        Whether to look for grazing points too.
+    state
+        What a detector before this one remembered.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        kinds: tuple[Kind, ...] = BIFURCATIONS,
+        grazing: bool = True,
+        state: DetectorState | None = None,
+    ) -> None:
+        self.corrector, self.kinds, self.grazing = corrector, kinds, grazing
+        state = state or DetectorState()
+        self._rates = dict(state.rates)
+        self._recent = {kind: list(state.recent.get(kind, ())) for kind in kinds}
+
+    @property
+    def state(self) -> DetectorState:
+        """What it remembers now."""
+        return DetectorState(dict(self._rates), {kind: tuple(zeros) for kind, zeros in self._recent.items()})
+
+    def inspect(self, first: BranchPoint, last: BranchPoint) -> list[SpecialPoint]:
+        """The special points between two neighbouring points, in the order of the walk.
+
+        Raises
+        ------
+        NumericalError
+            If an orbit between the two cannot be found.
+        """
+        stretch = Stretch(self.corrector, first, last)
+        grazes = find_grazing(stretch, first, last) if self.grazing else []
+        zeros: list[_Zero] = []
+        for kind in self.kinds:
+            zeros += self._scan(kind, stretch)
+        found = [(zero.point.arclength, zero) for zero in zeros if is_genuine(zero.kind, zero.point)]
+        found += [(graze.point.arclength, graze) for graze in grazes]
+        found.sort(key=lambda item: item[0])
+        marks = [first.arclength, *(arclength for arclength, _ in found), last.arclength]
+        special = []
+        for index, (_, item) in enumerate(found):
+            before = stretch.at(_beside(marks, index + 1, -1)).instability
+            after = stretch.at(_beside(marks, index + 1, +1)).instability
+            if isinstance(item, _Zero):
+                special.append(SpecialPoint(item.kind, item.point, before, after, item.uncertainty))
+            else:
+                contact = describe_switch(item.point.orbit, item.switch)
+                special.append(SpecialPoint(Kind.GRAZING, item.point, before, after, item.uncertainty, contact))
+        return special
+
+    def _scan(self, kind: Kind, stretch: Stretch) -> list[_Zero]:
+        """All zeros of one test function on a stretch."""
+        known = self._recent[kind]
+        zeros: list[_Zero] = []
+        nodes = stretch.points
+        for a, b in zip(nodes[:-1], nodes[1:], strict=True):
+            zeros += self._search(kind, stretch, a, b, self._rates.get(kind, 0.0), known)
+            self._rates[kind] = _rate(kind, a, b, known)
+        del known[:-4]
+        return zeros
+
+    def _search(
+        self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, rate: float, known: list[float]
+    ) -> list[_Zero]:
+        """All zeros between two points, given the rate of change before them and the zeros known already."""
+        length = b.arclength - a.arclength
+        at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
+        if at_a * at_b < 0.0:
+            zero = self._locate(kind, stretch, a, b, known)
+            known.append(zero.point.arclength)
+            return [zero, *self._search(kind, stretch, a, b, 0.0, known)]
+        variation = max(abs(at_b - at_a), rate * length)
+        if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * variation:
+            return []
+        middle = stretch.middle(a, b)
+        left = self._search(kind, stretch, a, middle, rate, known)
+        return left + self._search(kind, stretch, middle, b, _rate(kind, a, middle, known), known)
+
+    def _locate(self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, known: list[float]) -> _Zero:
+        def function(arclength: float) -> float:
+            return _deflated(kind, stretch.at(arclength), known)
+
+        root, report = brentq(
+            function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False
+        )
+        point = stretch.at(float(root))
+        neighbours = [abs(other.value - point.value) for other in stretch.points if other is not point]
+        return _Zero(kind, point, min(neighbours, default=0.0) if report.converged else float("inf"))
+
+
+def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
+    """The test function with its known zeros divided out."""
+    result = value(kind, point)
+    for zero in known:
+        result /= point.arclength - zero if point.arclength != zero else 1e-300
+    return result
+
+
+def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:
+    return abs(_deflated(kind, b, known) - _deflated(kind, a, known)) / (b.arclength - a.arclength)
+
+
+def _beside(marks: list[float], index: int, side: int) -> float:
+    """An arclength between a special point and its neighbour on one side: the neighbour itself if it is an end."""
+    neighbour = marks[index + side]
+    is_end = index + side in (0, len(marks) - 1)
+    return neighbour if is_end else 0.5 * (marks[index] + neighbour)

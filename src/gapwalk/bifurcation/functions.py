@@ -1,0 +1,60 @@
+"""Test functions: smooth along a branch, zero at a bifurcation.
+
+==============  =========================================  ==========================================
+fold            parameter component of the tangent
+branch point    Jacobian bordered by the tangent           zero where branches cross
+flip            product of ``mu + 1``                      zero with a multiplier at -1
+Neimark-Sacker  product of ``mu_i mu_j - 1`` over pairs    zero with a pair on the unit circle, and at
+                                                           neutral saddles, which are no bifurcations
+==============  =========================================  ==========================================
+
+(Kuznetsov, Elements of Applied Bifurcation Theory, section 10.2.) Factors larger than 1 in size are cut to 1, so
+that a large or a small multiplier cannot drown the one that matters.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.point import BranchPoint
+
+BIFURCATIONS = (Kind.FOLD, Kind.BRANCH_POINT, Kind.FLIP, Kind.NEIMARK_SACKER)
+
+
+def value(kind: Kind, point: BranchPoint) -> float:
+    """The test function of one kind at a point."""
+    match kind:
+        case Kind.FOLD:
+            return float(point.tangent[-1])
+        case Kind.BRANCH_POINT:
+            return point.determinant
+        case Kind.FLIP:
+            return _bounded_product(point.orbit.multipliers + 1.0)
+        case Kind.NEIMARK_SACKER:
+            multipliers = point.orbit.multipliers
+            first, second = _pairs(len(multipliers))
+            return _bounded_product(multipliers[first] * multipliers[second] - 1.0)
+        case Kind.GRAZING:
+            raise ValueError("grazing has no test function of the multipliers")
+
+
+def is_genuine(kind: Kind, point: BranchPoint) -> bool:
+    """Whether a zero of the test function is the bifurcation, and not a neutral saddle."""
+    if kind is not Kind.NEIMARK_SACKER:
+        return True
+    multipliers = point.orbit.multipliers
+    complex_ones = multipliers[np.abs(multipliers.imag) > 1e-6 * np.abs(multipliers)]
+    return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < 1e-6))
+
+
+@lru_cache(maxsize=16)
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.triu_indices(count, 1)
+
+
+def _bounded_product(factors: NDArray[np.complex128]) -> float:
+    return float(np.prod(factors / np.maximum(1.0, np.abs(factors))).real)

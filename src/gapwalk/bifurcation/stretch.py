@@ -1,0 +1,64 @@
+"""A stretch of a branch between two points: any point between them, computed when it is asked for."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.predictor import hermite
+from gapwalk.errors import NumericalError
+
+
+class Stretch:
+    """The orbits between two neighbouring points of a walk, by scaled arclength.
+
+    Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected on a
+    plane across their chord, so points grow cheaper as they grow denser.
+    """
+
+    def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
+        self.corrector = corrector
+        self._points = [first, last]
+        self._lengths = [first.arclength, last.arclength]
+
+    @property
+    def points(self) -> list[BranchPoint]:
+        """All points known so far, in order."""
+        return list(self._points)
+
+    def at(self, arclength: float) -> BranchPoint:
+        """The point at an arclength.
+
+        Raises
+        ------
+        NumericalError
+            If the corrector does not converge.
+        """
+        index = bisect_left(self._lengths, arclength)
+        if index < len(self._lengths) and self._lengths[index] == arclength:
+            return self._points[index]
+        point = self._between(self._points[index - 1], self._points[index], arclength)
+        self._points.insert(index, point)
+        self._lengths.insert(index, arclength)
+        return point
+
+    def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
+        """The point halfway between two points."""
+        return self.at(0.5 * (first.arclength + last.arclength))
+
+    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
+        chord = b.x - a.x
+        length = float(np.linalg.norm(chord))
+        share = (arclength - a.arclength) / (b.arclength - a.arclength)
+        normal = chord / length if length > 1e-12 else a.tangent
+        for guess in (hermite(a, b, share), a.x + share * chord):
+            correction = self.corrector.correct(guess, normal)
+            if correction is not None and correction.distance <= max(length, 1e-9):
+                return self.corrector.point(correction, a.tangent, arclength)
+        raise NumericalError(
+            f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
+        )
+

@@ -1,0 +1,8 @@
+"""A family: the walk along a branch of orbits, and its records."""
+
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, Range, Walk
+
+__all__ = ["Branch", "BranchPoint", "End", "EndReason", "Kind", "Range", "SpecialPoint", "Walk", "WalkOptions"]

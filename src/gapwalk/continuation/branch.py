@@ -1,0 +1,171 @@
+"""The records of a finished walk: the branch, its ends, and the special points on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import End
+from gapwalk.model.system import System
+from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Kind(StrEnum):
+    """What happens at a special point."""
+
+    FOLD = "fold"
+    FLIP = "flip"
+    NEIMARK_SACKER = "neimark-sacker"
+    BRANCH_POINT = "branch-point"
+    GRAZING = "grazing"
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A point where motions appear, vanish, turn into others, or touch a stop.
+
+    Attributes
+    ----------
+    kind
+        What happens there.
+    point
+        The point of the branch, located.
+    before, after
+        Unstable multipliers on either side, in the direction of the walk.
+    uncertainty
+        Bound on the error of its parameter value, from the bracket in which it was located.
+    contact
+        For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
+    """
+
+    kind: Kind
+    point: BranchPoint
+    before: Instability
+    after: Instability
+    uncertainty: float
+    contact: str = ""
+
+    @property
+    def value(self) -> float:
+        """Value of the parameter."""
+        return self.point.value
+
+    @property
+    def orbit(self) -> Orbit:
+        """The orbit at the point."""
+        return self.point.orbit
+
+    @property
+    def multiplier(self) -> complex:
+        """The multiplier that is critical here: nearest to +1, -1 or the unit circle; nan at a grazing point."""
+        return critical_multiplier(self.kind, self.point.orbit.multipliers)
+
+    @property
+    def change(self) -> str:
+        """How stability changes in the direction of the walk, in words."""
+        texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
+        return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
+
+    def __repr__(self) -> str:
+        contact = f", {self.contact}" if self.contact else ""
+        return f"SpecialPoint({self.kind.value} at {self.value:.10g}, {self.change}{contact})"
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A family of orbits along one parameter.
+
+    Attributes
+    ----------
+    parameter
+        Name of the parameter that varies.
+    period
+        m, forcing periods of the orbits.
+    points
+        The orbits in the order of the walk.
+    special_points
+        Special points in the order of the walk.
+    ends
+        Where and why it ends, at its beginning and at its end.
+    """
+
+    parameter: str
+    period: int
+    points: tuple[BranchPoint, ...]
+    special_points: tuple[SpecialPoint, ...]
+    ends: tuple[End, ...]
+
+    @property
+    def system(self) -> System:
+        """The system at the first point."""
+        return self.points[0].orbit.system
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The parameter at each point, shape (points,)."""
+        return np.array([point.value for point in self.points])
+
+    def measure(self, name: str) -> NDArray[np.float64]:
+        """One measure (see `Orbit.measure`) at each point, shape (points,)."""
+        return np.array([point.measure(name) for point in self.points])
+
+    @cached_property
+    def instabilities(self) -> tuple[Instability, ...]:
+        """Unstable multipliers at each point."""
+        return tuple(point.instability for point in self.points)
+
+    def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
+        """The special points of one kind."""
+        return tuple(special for special in self.special_points if special.kind == kind)
+
+    def plot(self, measure: str = "half", **options: Any):
+        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes."""
+        from gapwalk.plot import plot_branch  # noqa: PLC0415  a convenience: pictures are not needed to walk
+
+        return plot_branch(self, measure, **options)
+
+    def to_dataframe(self, *measures: str) -> pandas.DataFrame:
+        """The points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
+
+        Needs pandas (``pip install gapwalk[dataframe]``).
+        """
+        import pandas as pd  # noqa: PLC0415  optional
+
+        names = measures or tuple(f"{kind}.{q}" for q in self.system.coordinates for kind in ("half", "max", "min"))
+        columns: dict[str, Any] = {self.parameter: self.values}
+        columns["stable"] = [point.stable for point in self.points]
+        columns["instability"] = [point.instability.label for point in self.points]
+        columns["contacts"] = [point.orbit.pattern for point in self.points]
+        columns.update({name: self.measure(name) for name in names})
+        return pd.DataFrame(columns)
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind if self.special(kind))
+        return (
+            f"Branch(period {self.period}, {self.parameter} {self.points[0].value:.6g} ... "
+            f"{self.points[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
+        )
+
+
+def critical_multiplier(kind: Kind, multipliers: NDArray[np.complex128]) -> complex:
+    """The multiplier that a special point of this kind is about."""
+    match kind:
+        case Kind.FOLD | Kind.BRANCH_POINT:
+            distance = np.abs(multipliers - 1.0)
+        case Kind.FLIP:
+            distance = np.abs(multipliers + 1.0)
+        case Kind.NEIMARK_SACKER:
+            distance = np.abs(np.abs(multipliers) - 1.0) + np.where(multipliers.imag > 0, 0.0, 1e3)
+        case Kind.GRAZING:
+            return complex(np.nan, np.nan)
+    return complex(multipliers[np.argmin(distance)])

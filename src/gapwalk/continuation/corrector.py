@@ -1,0 +1,124 @@
+"""From a predicted point back to the branch: Newton's method on the bordered system, and the tangent there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.equation import Equation, Evaluation
+
+_LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
+
+
+class Correction(NamedTuple):
+    """A corrected point and how it was reached.
+
+    Attributes
+    ----------
+    x : shape (N + 1,)
+        The point, in scaled variables.
+    evaluation
+        The equation there.
+    iterations
+        Newton steps taken.
+    distance
+        From the predicted to the corrected point.
+    last
+        Length of the last Newton step.
+    """
+
+    x: NDArray[np.float64]
+    evaluation: Evaluation
+    iterations: int
+    distance: float
+    last: float
+
+
+class Corrector:
+    """Corrects points onto the branch of one equation, in scaled variables.
+
+    Parameters
+    ----------
+    equation
+        The equation whose solutions form the branch.
+    scales : shape (N + 1,)
+        Scale of each unknown, and of the parameter: physical = scale * scaled.
+    iterations
+        Most Newton steps.
+    """
+
+    def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
+        self.equation, self.scales, self.iterations = equation, scales, iterations
+
+    def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> Correction | None:
+        """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
+
+        Each step solves the bordered system
+
+            [ G_u     G_a  ] [ du ]     [ -G ]
+            [ normal^T     ] [ da ]  =  [  0 ]
+        """
+        x, last, before = guess, 0.0, np.inf
+        for iteration in range(self.iterations + 1):
+            try:
+                evaluation = self.equation.evaluate(x[:-1] * self.scales[:-1], x[-1] * self.scales[-1])
+            except NumericalError:
+                return None
+            size = float(np.abs(evaluation.residual).max())
+            unknowns = x[:-1] * self.scales[:-1]
+            if size <= self.equation.tolerance * max(1.0, float(np.abs(unknowns).max())):
+                return Correction(x, evaluation, iteration, float(np.linalg.norm(x - guess)), last)
+            if not size <= _LOST * before:
+                return None
+            right = np.append(-evaluation.residual, 0.0)
+            try:
+                step = np.linalg.solve(self._bordered(evaluation, normal), right)
+            except np.linalg.LinAlgError:
+                return None
+            last, before = float(np.linalg.norm(step)), size
+            x = x + step
+        return None
+
+    def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Unit tangent at a point, pointing the way of `along`, and the determinant bordered by it."""
+        matrix = self._bordered(evaluation, along)
+        right = np.zeros(len(along))
+        right[-1] = 1.0
+        try:
+            tangent = np.linalg.solve(matrix, right)
+        except np.linalg.LinAlgError:
+            tangent = np.linalg.svd(matrix[:-1])[2][-1]
+        tangent = tangent / np.linalg.norm(tangent)
+        if tangent @ along < 0:
+            tangent = -tangent
+        matrix[-1] = tangent
+        return tangent, float(np.linalg.det(matrix))
+
+    def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """The branch point of a correction."""
+        x, evaluation = correction.x, correction.evaluation
+        tangent, determinant = self.tangent(evaluation, along)
+        value = float(x[-1] * self.scales[-1])
+        orbit = self.equation.orbit(x[:-1] * self.scales[:-1], value, evaluation)
+        return BranchPoint(value, orbit, x, tangent, determinant, arclength)
+
+    def at_value(self, guess: NDArray[np.float64], value: float) -> Correction | None:
+        """The point of the branch at one value of the parameter, from a guess."""
+        normal = np.zeros(len(guess))
+        normal[-1] = 1.0
+        start = guess.copy()
+        start[-1] = value / self.scales[-1]
+        return self.correct(start, normal)
+
+    def _bordered(self, evaluation: Evaluation, border: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = len(border)
+        matrix = np.empty((size, size))
+        matrix[:-1, :-1] = evaluation.by_unknowns
+        matrix[:-1, -1] = evaluation.by_parameter
+        matrix[:-1] *= self.scales
+        matrix[-1] = border
+        return matrix

@@ -1,0 +1,47 @@
+"""How long the steps of a walk may be, and how many."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gapwalk.errors import ModelError
+
+
+@dataclass(frozen=True, slots=True)
+class WalkOptions:
+    """Options of a walk. Steps are arclengths in scaled variables (see `scales_of`), in which the range is 1 wide.
+
+    Parameters
+    ----------
+    initial_step, smallest_step, largest_step
+        The first step, the step at which the walk gives up, and the longest step.
+    largest_turn
+        The largest angle between the tangents at both ends of a step, in radians.
+    iterations
+        Newton iterations a step that the step-size law aims at.
+    max_points
+        Points after which the walk stops, and says so.
+    """
+
+    initial_step: float = 0.002
+    smallest_step: float = 1e-9
+    largest_step: float = 0.02
+    largest_turn: float = 0.35
+    iterations: int = 3
+    max_points: int = 20_000
+
+    def __post_init__(self) -> None:
+        for name in ("initial_step", "smallest_step", "largest_step", "largest_turn"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+                raise ModelError(f"{name} is {value!r}; it must be a number > 0")
+        if not self.smallest_step <= self.initial_step <= self.largest_step:
+            raise ModelError(
+                f"the steps must satisfy smallest_step <= initial_step <= largest_step, but they are "
+                f"{self.smallest_step}, {self.initial_step}, {self.largest_step}"
+            )
+        for name in ("iterations", "max_points"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 2:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= 2")

@@ -1,0 +1,57 @@
+"""A point of a branch: an orbit, where it stands on the branch, and which way the branch goes on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.orbit import Orbit
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One orbit on a branch.
+
+    Attributes
+    ----------
+    value
+        Value of the parameter that is followed.
+    orbit
+        The orbit; its system carries all parameter values.
+    x : shape (N + 1,)
+        Unknowns of the equation, then the parameter, in scaled variables.
+    tangent : shape (N + 1,)
+        Unit tangent of the branch there, in scaled variables, in the direction of the walk.
+    determinant
+        Determinant of the Jacobian bordered by the tangent; it changes sign where branches cross.
+    arclength
+        Scaled arclength from the start of the walk.
+    """
+
+    value: float
+    orbit: Orbit
+    x: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    determinant: float
+    arclength: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the orbit is stable."""
+        return self.orbit.stable
+
+    @property
+    def instability(self) -> Instability:
+        """How many multipliers lie outside the unit circle, and where."""
+        return self.orbit.instability
+
+    def measure(self, name: str) -> float:
+        """One figure of the motion; see `Orbit.measure`."""
+        return self.orbit.measure(name)
+
+    def __repr__(self) -> str:
+        state = "stable" if self.stable else f"unstable ({self.instability.label})"
+        return f"BranchPoint({self.value:.10g}, {state}, contacts {self.orbit.pattern})"

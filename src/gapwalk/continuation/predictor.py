@@ -1,0 +1,35 @@
+"""Where the branch goes on, or runs between two known points: the cubic through two points and their tangents."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.point import BranchPoint
+
+
+def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:
+    """The cubic through two points with their tangents: `share` 0 is the first, 1 the second, beyond 1 ahead of both."""
+    length, t = b.arclength - a.arclength, share
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * a.x
+        + t * (1 - t) ** 2 * length * a.tangent
+        + t * t * (3 - 2 * t) * b.x
+        + t * t * (t - 1) * length * b.tangent
+    )
+
+
+def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list[NDArray[np.float64]]:
+    """Guesses for the point one step ahead, best first: by the cubic through the last two points, by the tangent."""
+    straight = point.x + step * point.tangent
+    if previous is None:
+        return [straight]
+    length = point.arclength - previous.arclength
+    if not 0.0 < step < 3.0 * length:
+        return [straight]
+    curved = hermite(previous, point, 1.0 + step / length)
+    if float(np.linalg.norm(curved - straight)) > 0.5 * step:
+        return [straight]
+    # both guesses lie on the same plane across the tangent
+    curved += ((straight - curved) @ point.tangent) * point.tangent
+    return [curved, straight]

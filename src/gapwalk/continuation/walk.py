@@ -1,0 +1,260 @@
+"""The walk: an iterator over the points of one branch, by pseudo-arclength continuation (Keller 1977).
+
+It knows neither disk nor screen, neither shooting nor harmonic balance, and no bifurcations. It can be stopped after
+any point and resumed from it. Every end has its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.predictor import ahead
+from gapwalk.continuation.step import next_step, shorter_step
+from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.orbit.equation import Equation
+from gapwalk.orbit.orbit import Orbit
+
+
+_CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
+
+
+class EndReason(Enum):
+    """Why a branch ends; the value is the sentence that a user reads."""
+
+    START = "the walk began here"
+    RANGE = "the end of the range was reached"
+    TURNED_BACK = "the branch turned round and left the range on the side on which it had started"
+    CLOSED = "the branch closed on itself"
+    STEP = "the step became smaller than the smallest allowed"
+    POINTS = "the largest number of points was reached"
+    STOPPED = "the walk was stopped before its end"
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Where and why a branch ends."""
+
+    reason: EndReason
+    value: float
+    detail: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.reason.value}, at {self.value:.8g}"
+        return f"{text} ({self.detail})" if self.detail else text
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The values of the parameter between which a branch is followed."""
+
+    low: float
+    high: float
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, float) and self.low <= value <= self.high
+
+    def bound(self, value: float) -> float:
+        """The end of the range that a value beyond it has passed."""
+        return self.low if value < self.low else self.high
+
+
+class WalkState(NamedTuple):
+    """Where a walk has come to: its last two points, the next step, and the number of points so far."""
+
+    previous: BranchPoint | None
+    point: BranchPoint
+    step: float
+    count: int
+
+
+class Walk(Iterator[BranchPoint]):
+    """Walks one branch, from its first point onwards.
+
+    Parameters
+    ----------
+    equation
+        The equation whose solutions form the branch.
+    first
+        The point to start from, as from `first_point`; it is not yielded.
+    within
+        Range of the parameter.
+    corrector
+        Corrects onto the branch.
+    options
+        Steps.
+    resume
+        Where a walk that was stopped had come to: it goes on as if it had never been stopped.
+    """
+
+    def __init__(
+        self,
+        equation: Equation,
+        first: BranchPoint,
+        within: Range,
+        corrector: Corrector,
+        options: WalkOptions,
+        resume: WalkState | None = None,
+    ) -> None:
+        self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
+        self.origin = first
+        state = resume or WalkState(None, first, options.initial_step, 0)
+        self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
+        self.end: End | None = None
+        self.rejected = 0
+
+    @property
+    def state(self) -> WalkState:
+        """Where the walk has come to: all that is needed to go on from there."""
+        return WalkState(self.previous, self.point, self.step, self.count)
+
+    def __next__(self) -> BranchPoint:
+        if self.end is not None:
+            raise StopIteration
+        if self.count >= self.options.max_points:
+            self.end = End(EndReason.POINTS, self.point.value, f"max_points = {self.options.max_points}")
+            raise StopIteration
+        point = self._advance()
+        if point is None:
+            raise StopIteration
+        self.previous, self.point = self.point, point
+        self.count += 1
+        return point
+
+    def _advance(self) -> BranchPoint | None:
+        """The next point; None, with `end` set, if there is none."""
+        while True:
+            if self.step < self.options.smallest_step:
+                detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
+                self.end = End(EndReason.STEP, self.point.value, detail)
+                return None
+            correction, point = self._try_step()
+            if correction is None or point is None:
+                self.rejected += 1
+                self.step = shorter_step(self.step)
+                continue
+            if self._closes(point):
+                self.end = End(EndReason.CLOSED, self.origin.value)
+                return self._closing_point()
+            if point.value not in self.within:
+                return self._last_point(point)
+            self.step = next_step(self.step, correction, _angle(self.point.tangent, point.tangent), self.options)
+            return point
+
+    def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
+        """The correction from the best guess that leads to an acceptable point, and the point."""
+        correction = point = None
+        for guess in ahead(self.previous, self.point, self.step):
+            correction = self.corrector.correct(guess, self.point.tangent)
+            point = None if correction is None else self._accepted(correction)
+            if point is not None:
+                break
+        return correction, point
+
+    def _accepted(self, correction: Correction) -> BranchPoint | None:
+        """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
+        chord = correction.x - self.point.x
+        length = float(np.linalg.norm(chord))
+        if correction.distance > 0.5 * self.step:
+            return None
+        point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
+        if _angle(self.point.tangent, point.tangent) > self.options.largest_turn:
+            return None
+        return point
+
+    def _closes(self, point: BranchPoint) -> bool:
+        """Whether the step to `point` passes through the walk's origin."""
+        if self.point is self.origin or point.arclength < 4 * self.options.initial_step:
+            return False
+        chord, gap = point.x - self.point.x, self.origin.x - self.point.x
+        length2 = float(chord @ chord)
+        along = float(chord @ gap) / length2
+        if not 0.0 < along <= 1.0 or point.tangent @ self.origin.tangent < 0.8:
+            return False
+        if float(np.linalg.norm(gap - along * chord)) > 0.3 * np.sqrt(length2):
+            return False
+        flat = self.origin.tangent
+        guess = self.point.x + along * chord
+        meeting = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
+        return meeting is not None and float(np.linalg.norm(meeting.x - self.origin.x)) < 1e-6
+
+    def _closing_point(self) -> BranchPoint:
+        gap = float(np.linalg.norm(self.origin.x - self.point.x))
+        o = self.origin
+        return BranchPoint(o.value, o.orbit, o.x, o.tangent, o.determinant, self.point.arclength + gap)
+
+    def _last_point(self, beyond: BranchPoint) -> BranchPoint | None:
+        """The point of the branch on the bound that the step to `beyond` has passed."""
+        bound = self.within.bound(beyond.value)
+        ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
+        reason = EndReason.RANGE if ahead else EndReason.TURNED_BACK
+        share = (bound - self.point.value) / (beyond.value - self.point.value)
+        correction = self.corrector.at_value(self.point.x + share * (beyond.x - self.point.x), bound)
+        if correction is None:  # a fold lies between: come nearer in a shorter step
+            self.step = shorter_step(self.step)
+            return self._advance()
+        self.end = End(reason, bound)
+        length = float(np.linalg.norm(correction.x - self.point.x))
+        if length == 0.0:
+            return None
+        return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
+
+
+def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
+    """Scales of the unknowns and of the parameter, shape (N + 1,).
+
+    The parameter in widths of its range. Positions in largest clearances (the natural length of a system with gaps;
+    without one, the size of the motion), velocities in that times the frequency, both divided among the unknowns and
+    set against the parameter so that an orbit that changes by a tenth of a clearance counts as 1 % of the range.
+    """
+    system = orbit.system
+    clearances = [value for name, value in system.parameters.items() if name.endswith(".clearance")]
+    length = max(clearances, default=0.0)
+    if length <= 0.0:
+        length = float(np.abs(orbit.extremes[:, :2]).max()) or 1.0
+    unit = np.repeat([length, length * system.frequency], system.size)
+    segments = len(equation.unknowns(orbit)) // (2 * system.size)
+    scales = np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
+    return np.append(scales, within.high - within.low)
+
+
+def first_point(
+    equation: Equation, orbit: Orbit, value: float, corrector: Corrector, towards: float
+) -> BranchPoint:
+    """The point of the branch at an orbit, heading `towards` larger (+1) or smaller (-1) values of the parameter.
+
+    Raises
+    ------
+    ConvergenceError
+        If the orbit does not solve the equation.
+    """
+    x = np.append(equation.unknowns(orbit), value) / corrector.scales
+    correction = corrector.at_value(x, value)
+    if correction is None:
+        raise ConvergenceError(f"the start is no period-{equation.period} orbit at {equation.parameter} = {value:.10g}")
+    ahead = np.zeros(len(x))
+    ahead[-1] = towards
+    return corrector.point(correction, ahead, 0.0)
+
+
+def check_range(start: float, to: float | tuple[float, float]) -> Range:
+    """The range from the start to `to`, or the range given; a ModelError if it does not hold the start."""
+    low, high = sorted((start, to) if isinstance(to, int | float) else to)
+    if not low < high:
+        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: there is no way to go")
+    if not low <= start <= high:
+        raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
+    return Range(float(low), float(high))
+
+
+def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Angle between two unit vectors, in radians."""
+    return 2.0 * float(np.arcsin(min(1.0, np.linalg.norm(a - b) / 2.0)))

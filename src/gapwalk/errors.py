@@ -1,0 +1,21 @@
+"""The errors that gapwalk raises; each message says what was given, what is allowed, and what to write instead."""
+
+
+class GapwalkError(Exception):
+    """Base class of every error that gapwalk raises on purpose."""
+
+
+class ModelError(GapwalkError, ValueError):
+    """A system, a study or a request that makes no sense: the user can mend it."""
+
+
+class NumericalError(GapwalkError, ArithmeticError):
+    """A computation that could not be carried through; the message says where it stood."""
+
+
+class FlowError(NumericalError):
+    """The integration of a motion failed: it ran away, chattered without end, or lost its contact stage."""
+
+
+class ConvergenceError(NumericalError):
+    """Newton's method found no solution from the start it was given."""

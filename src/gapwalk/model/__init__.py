@@ -1,0 +1,21 @@
+"""What vibrates: contacts, excitation, and the system that they make up."""
+
+from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+from gapwalk.model.excitation import Harmonic
+from gapwalk.model.problem import ModelFileError, Problem
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+
+# `gapwalk.model.file` is not imported here: it needs pydantic, which takes longer to load than all the rest.
+__all__ = [
+    "Contact",
+    "DampingLaw",
+    "Harmonic",
+    "ModelFileError",
+    "Problem",
+    "Side",
+    "Stage",
+    "Structure",
+    "System",
+    "backlash",
+]

@@ -1,0 +1,148 @@
+"""The kinds of value in a model file: strict numbers, names, choices, vectors by coordinate, matrices."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+
+from gapwalk.model.excitation import check_order
+from gapwalk.model.problem import did_you_mean, given
+from gapwalk.model.schema import by_shape, tagged
+from gapwalk.model.system import System
+
+E_ = TypeVar("E_", bound=StrEnum)
+
+
+@dataclass
+class Names:
+    """What the validators of one pass know of the names in a file, whatever else is wrong with it."""
+
+    coordinates: list[str] | None
+    taken: set[str] = field(
+        # First parts of the names of other parameters: a contact of that name would make them ambiguous.
+        default_factory=lambda: {"frequency", "mass", "damping", "stiffness", "mean", "study"}
+    )
+
+    @classmethod
+    def of(cls, data: Any) -> Names:
+        """The names in the content of a file that may be wrong in any way."""
+        names = data.get("coordinates") if isinstance(data, Mapping) else None
+        known = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        return cls(names if known and names else None)
+
+
+def one_of(choices: type[E_], otherwise: str = "") -> Callable[[object], E_]:
+    """Make a validator that accepts the values of an enumeration; `otherwise` names what else is allowed."""
+    known = [choice.value for choice in choices]
+    allowed = f"one of {', '.join(map(given, known))}" + (f", or {otherwise}" if otherwise else "")
+
+    def check(value: object) -> E_:
+        if isinstance(value, str) and value in known:
+            return choices(value)
+        hint = did_you_mean(value, known) if isinstance(value, str) else ""
+        hint = f"; {hint}" if hint.endswith("?") else ""
+        raise ValueError(f"is {given(value)}; it must be {allowed}{hint}")
+
+    return check
+
+
+def claim(name: str, info: ValidationInfo[Names]) -> None:
+    """Take a name for a contact or a harmonic, if it is free."""
+    if name in info.context.taken:
+        raise ValueError(f"is {given(name)}, which is taken already; choose another name")
+    info.context.taken.add(name)
+
+
+def without_repeats(names: list[str]) -> list[str]:
+    """Refuse a name that stands twice in a list."""
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise ValueError(f"has {given(name)} twice; give one of them another name")
+    return names
+
+
+def _word(name: str) -> str:
+    if not name.isidentifier():
+        raise ValueError(f"is {given(name)}; write a word of letters, digits and underscores")
+    return name
+
+
+def _coordinate(name: str, info: ValidationInfo[Names]) -> str:
+    known = info.context.coordinates
+    if known and name not in known:
+        raise ValueError(f"names no coordinate; {did_you_mean(name, known)}")
+    return name
+
+
+def _not_zero(vector: dict[str, float]) -> dict[str, float]:
+    if not any(vector.values()):
+        raise ValueError("is zero; name at least one coordinate, as in { q1 = 1.0 }")
+    return vector
+
+
+def _square(matrix: list, info: ValidationInfo[Names]) -> list[list[float]]:
+    known = info.context.coordinates
+    n = len(known) if known else len(matrix)
+    wanted = f"{n} x {n}, a row and a column per coordinate"
+    if not matrix:
+        raise ValueError(f"is empty; it must be {wanted}")
+    if not isinstance(matrix[0], list):
+        if len(matrix) != n:
+            raise ValueError(f"is a diagonal of {len(matrix)} numbers; it must have {n}, one per coordinate")
+        return np.diag(matrix).tolist()
+    lengths = [len(row) for row in matrix]
+    if lengths != [n] * n:
+        text = ", ".join(map(str, lengths[:10])) + (", ..." if len(lengths) > 10 else "")
+        raise ValueError(f"has rows of length {text}; it must be {wanted}")
+    return matrix
+
+
+def _regular(mass: list[list[float]]) -> list[list[float]]:
+    n = len(mass)
+    System([f"q{i}" for i in range(n)], stiffness=np.zeros((n, n)), mass=mass)  # refuses a singular one
+    return mass
+
+
+def _matrix_shape(value: object) -> str:
+    flat = isinstance(value, list) and value and not any(isinstance(row, list) for row in value)
+    return "diagonal" if flat else "matrix"
+
+
+def _radians(phase: object) -> object:
+    if not isinstance(phase, str):
+        return phase
+    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|°|rad)\s*", phase, re.ASCII)
+    if not match:
+        raise ValueError(f'is {given(phase)}; it must be a number of radians, or a text such as "120 deg"')
+    return float(match[1]) if match[2] == "rad" else math.radians(float(match[1]))
+
+
+def _whole(order: Any) -> int:
+    check_order(order)
+    return int(order)
+
+
+# Strict: true is no 1, and "1.5" is no number.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+Text = Annotated[str, Field(strict=True)]
+Name = Annotated[Text, AfterValidator(_word)]
+Angle = Annotated[Number, BeforeValidator(_radians)]
+Order = Annotated[int, BeforeValidator(_whole)]
+Vector = dict[Annotated[Text, AfterValidator(_coordinate)], Number]
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
+Matrix = Annotated[
+    Annotated[list[list[Number]], tagged("matrix")] | Annotated[list[Number], tagged("diagonal")],
+    by_shape(_matrix_shape),
+    AfterValidator(_square),
+]
+RegularMatrix = Annotated[Matrix, AfterValidator(_regular)]

@@ -1,0 +1,271 @@
+"""The system: what vibrates, as a frozen value of a structure and named numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.contact import Contact
+from gapwalk.model.excitation import Harmonic
+from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+
+
+class System:
+    r"""A mechanical system with contacts under periodic excitation.
+
+    .. math:: M q'' + C q' + K q + \sum_k d_k f_k(e_k \cdot q, e_k \cdot q')
+              = m + \sum_h F_h \cos(h W t + \phi_h)
+
+    A system never changes; `at` gives another one with other values. Units are the user's own, as long as
+    they are consistent (or non-dimensional, as in the paper's section 2).
+
+    Parameters
+    ----------
+    coordinates
+        Names of the n degrees of freedom.
+    stiffness, damping, mass : array_like, shape (n, n)
+        The matrices K, C and M; mass is the identity by default, damping zero.
+    contacts
+        The contacts, any number.
+    mean
+        The constant load by coordinate name.
+    harmonics
+        The terms of the periodic excitation.
+    frequency
+        The fundamental frequency W (angular), > 0.
+
+    Raises
+    ------
+    ModelError
+        With everything that is wrong, one reason a line.
+    """
+
+    __slots__ = ("structure", "values")
+    structure: Structure
+    values: NDArray[np.float64]
+
+    def __init__(
+        self,
+        coordinates: Sequence[str],
+        stiffness: ArrayLike,
+        damping: ArrayLike | None = None,
+        mass: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
+        mean: Mapping[str, float] | None = None,
+        harmonics: Sequence[Harmonic] = (),
+        frequency: float = 1.0,
+    ) -> None:
+        names = tuple(coordinates)
+        n = len(names)
+        problems: list[str] = list(_name_problems(names, contacts, harmonics))
+        matrices = [
+            _matrix(what, given, n, default, problems)
+            for what, given, default in (
+                ("mass", mass, np.eye(n)),
+                ("damping", damping, np.zeros((n, n))),
+                ("stiffness", stiffness, np.zeros((n, n))),
+            )
+        ]
+        parts: list[ArrayLike] = [[frequency], *(matrix.ravel() for matrix in matrices)]
+        parts.append(_vector("mean", mean or {}, names, problems))
+        for harmonic in harmonics:
+            parts.append([harmonic.amplitude, harmonic.phase])
+            parts.append(_vector(f"{harmonic.name}.acts_on", harmonic.acts_on, names, problems))
+        for contact in contacts:
+            parts.append(_vector(f"{contact.name}.deflection", contact.deflection, names, problems))
+            if contact.force is not None:
+                parts.append(_vector(f"{contact.name}.force", contact.force, names, problems))
+            parts.extend([stage.clearance, stage.stiffness, stage.cubic] for stage in contact.stages)
+            form = _contact_form(contact)
+            if form.damping_name:
+                parts.append([getattr(contact, form.damping_name)])
+        if problems:
+            raise ModelError("\n".join(problems))
+        structure = Structure(
+            names,
+            tuple(_contact_form(contact) for contact in contacts),
+            tuple(HarmonicForm(harmonic.name, harmonic.order) for harmonic in harmonics),
+        )
+        values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
+        self._set(structure, _checked(structure, values))
+
+    def at(self, changes: Mapping[str, float] | None = None, **more: float) -> System:
+        """The same system with other parameter values.
+
+        Parameters
+        ----------
+        changes
+            New values by parameter name, for example ``{"stage2.clearance": 0.5}``.
+        **more
+            The same, for names without a dot: ``system.at(frequency=0.5)``.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name or a value that is not allowed.
+        """
+        values = self.values.copy()
+        for name, value in {**(changes or {}), **more}.items():
+            place = self.structure.place(name)
+            if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+                raise ModelError(f"{name} is {value!r}; it must be a number")
+            try:
+                values[place] = value
+            except OverflowError:
+                raise ModelError(f"{name} is an integer too large for a number of the machine") from None
+        return System.from_values(self.structure, _checked(self.structure, values))
+
+    @classmethod
+    def from_values(cls, structure: Structure, values: ArrayLike) -> System:
+        """A system from its structure and its flat vector of values, in the order of `structure.names`."""
+        system = object.__new__(cls)
+        system._set(structure, np.asarray(values, dtype=float))
+        return system
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the degrees of freedom."""
+        return self.structure.coordinates
+
+    @property
+    def size(self) -> int:
+        """Number n of degrees of freedom."""
+        return self.structure.size
+
+    @property
+    def frequency(self) -> float:
+        """The fundamental frequency W of the excitation."""
+        return float(self.values[0])
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Every parameter with its value."""
+        return MappingProxyType(dict(zip(self.structure.names, self.values.tolist(), strict=True)))
+
+    def __getitem__(self, name: str) -> float:
+        """The value of one parameter."""
+        return float(self.values[self.structure.place(name)])
+
+    def matrix(self, which: str) -> NDArray[np.float64]:
+        """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
+        return self.values[self.structure.block(which, self.size, self.size)]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, System):
+            return NotImplemented
+        return self.structure == other.structure and np.array_equal(self.values, other.values)
+
+    def __hash__(self) -> int:
+        return hash((self.structure, self.values.tobytes()))
+
+    def __repr__(self) -> str:
+        contacts = ", ".join(contact.name for contact in self.structure.contacts) or "none"
+        return f"System(coordinates={', '.join(self.coordinates)}; contacts={contacts}; frequency={self.frequency:.6g})"
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a System never changes; write system.at({{{name!r}: ...}}) for another one")
+
+    def __reduce__(self):
+        return System.from_values, (self.structure, self.values)
+
+    def _set(self, structure: Structure, values: NDArray[np.float64]) -> None:
+        values.flags.writeable = False
+        object.__setattr__(self, "structure", structure)
+        object.__setattr__(self, "values", values)
+
+
+def _contact_form(contact: Contact) -> ContactForm:
+    stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
+    return ContactForm(contact.name, stages, contact.damping, contact.force is None)
+
+
+def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[np.float64]:
+    if given is None:
+        return default
+    try:
+        matrix = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        problems.append(f"{what} is {given!r}; it must be a matrix of {n} x {n} numbers")
+        return default
+    if matrix.shape != (n, n):
+        problems.append(f"{what} has shape {matrix.shape}; it must be ({n}, {n}), a row per coordinate")
+        return default
+    return matrix
+
+
+def _vector(what: str, given: Mapping[str, float], names: tuple[str, ...], problems: list[str]):
+    vector = np.zeros(len(names))
+    for name, value in given.items():
+        if name not in names:
+            problems.append(f"{what} names {name!r}, which is no coordinate; they are {', '.join(names)}")
+        else:
+            vector[names.index(name)] = value
+    return vector
+
+
+def _name_problems(coordinates, contacts, harmonics):
+    if not coordinates:
+        yield "coordinates is empty; name at least one degree of freedom"
+    taken = {"frequency", "mass", "damping", "stiffness", "mean"}
+    for kind, names in (
+        ("coordinate", coordinates),
+        ("contact", [contact.name for contact in contacts]),
+        ("harmonic", [harmonic.name for harmonic in harmonics]),
+    ):
+        for index, name in enumerate(names):
+            if not isinstance(name, str) or not name.isidentifier():
+                yield f"{kind} name {name!r}: write a word of letters, digits and underscores"
+            elif name in names[:index]:
+                yield f"{kind} name {name!r} is used twice; give one of them another name"
+            elif kind != "coordinate" and name in taken:
+                yield f"{kind} name {name!r} is taken; choose another name"
+        if kind != "coordinate":
+            taken.update(names)
+
+
+def _checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The values, if a system can have them."""
+    problems = [
+        f"{structure.names[place]} is {values[place]}; it must be a finite number"
+        for place in np.flatnonzero(~np.isfinite(values))
+    ]
+    if not problems:
+        problems = list(_value_problems(structure, values))
+    if problems:
+        raise ModelError("\n".join(problems))
+    return values
+
+
+def _value_problems(structure: Structure, values: NDArray[np.float64]):
+    if not values[0] > 0:
+        yield f"frequency is {values[0]}; it must be > 0"
+    n = structure.size
+    mass = values[structure.block("mass", n, n)]
+    if not _is_regular(mass):
+        yield (
+            f"mass is singular{f' (its rows are {mass.tolist()})' if n < 4 else ''}; every coordinate needs "
+            "an inertia. A system that can turn as a whole is written in relative coordinates"
+        )
+    for contact in structure.contacts:
+        for sign in (1, -1):
+            inner = -math.inf
+            for stage in contact.stages:
+                if sign not in stage.side.signs:
+                    continue
+                name = f"{contact.stage_prefix(stage)}.clearance"
+                clearance = float(values[structure.places[name]])
+                if clearance < 0:
+                    yield f"{name} is {clearance}; it must be >= 0"
+                elif clearance <= inner:
+                    yield f"{name} is {clearance}; it must exceed that of the stage inside it, {inner}"
+                inner = clearance
+
+
+def _is_regular(mass: NDArray[np.float64]) -> bool:
+    singular = np.linalg.svd(mass, compute_uv=False)
+    return bool(singular[-1] > 1e-13 * singular[0])

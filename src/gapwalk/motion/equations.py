@@ -1,0 +1,213 @@
+"""The equations of motion as symbolic expressions, with their exact variational equations.
+
+Each coefficient that is not zero becomes a run-time parameter of the compiled flow, so that one compilation
+serves every value. Each stage on each side has a *switch*, 1 while it touches and 0 while it does not, that
+multiplies its force: the expressions are smooth, and events at the breakpoints flip the switches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The right-hand sides for one coefficient layout and one pattern of non-zero coefficients.
+
+    Parameters
+    ----------
+    layout
+        Where the coefficients stand.
+    pattern : shape (number of coefficients,), bool
+        Which of them take part; the others are zero.
+    """
+
+    layout: CoefficientLayout
+    pattern: NDArray[np.bool_]
+
+    @cached_property
+    def active(self) -> NDArray[np.intp]:
+        """Slots of the coefficients that take part; coefficient ``active[i]`` is run-time parameter i."""
+        return np.flatnonzero(self.pattern)
+
+    @cached_property
+    def switches(self) -> tuple[tuple[int, int], ...]:
+        """(contact, stage) of every switch; they are the run-time parameters after the coefficients."""
+        return tuple(
+            (index, stage)
+            for index, contact in enumerate(self.layout.contacts)
+            for stage in range(len(contact.stages))
+        )
+
+    @property
+    def n_parameters(self) -> int:
+        """Run-time parameters without sensitivity directions: coefficients, then switches."""
+        return len(self.active) + len(self.switches)
+
+    @cached_property
+    def positions(self) -> list:
+        """Symbols of the n positions."""
+        return [hy.make_vars(f"q{i}") for i in range(self.layout.structure.size)]
+
+    @cached_property
+    def velocities(self) -> list:
+        """Symbols of the n velocities ``v = dq/dt``."""
+        return [hy.make_vars(f"v{i}") for i in range(self.layout.structure.size)]
+
+    @cached_property
+    def rate(self) -> hy.expression:
+        """Symbol of ``r = 1/W``, by which derivatives over t become derivatives over theta."""
+        return self._coefficient(0)
+
+    def gap(self, contact: int, stage: int) -> hy.expression:
+        """Deflection of a contact past a breakpoint; the stage's event function."""
+        slots = self.layout.contacts[contact]
+        return self._deflection(slots) - slots.stages[stage].sign * self._coefficient(slots.stages[stage].clearance)
+
+    @cached_property
+    def state(self) -> list:
+        """``(variable, right-hand side)`` of the 2n equations over theta."""
+        kinematics = [(q, self.rate * v) for q, v in zip(self.positions, self.velocities, strict=True)]
+        return kinematics + list(zip(self.velocities, self._accelerations, strict=True))
+
+    def fundamental(self) -> list:
+        """Equations of the state transition matrix, column by column: 2n columns of 2n variables."""
+        size = 2 * self.layout.structure.size
+        columns = []
+        for j in range(size):
+            columns += self._linearised([hy.make_vars(f"phi{i}_{j}") for i in range(size)])
+        return columns
+
+    def direction(self, index: int) -> list:
+        """Equations of the sensitivity to the coefficients along a direction given at run time.
+
+        The direction's components are the run-time parameters behind those of the state equations.
+        """
+        size = 2 * self.layout.structure.size
+        first = self.n_parameters + index * len(self.active)
+        equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
+        forced = []
+        for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
+            terms = [linear]
+            for parameter in _parameter_indices(force, len(self.active)):
+                terms.append(hy.diff(force, hy.par[parameter]) * hy.par[first + parameter])
+            forced.append((variable, hy.sum(terms)))
+        return forced
+
+    def _coefficient(self, slot: int):
+        """Symbol of one coefficient, or the number 0 where it takes no part."""
+        if not self.pattern[slot]:
+            return hy.expression(0.0)
+        return hy.par[int(np.searchsorted(self.active, slot))]
+
+    def _switch(self, contact: int, stage: int) -> hy.expression:
+        return hy.par[len(self.active) + self.switches.index((contact, stage))]
+
+    def _dot(self, slots, symbols) -> hy.expression:
+        terms = [
+            self._coefficient(slot) * symbol for slot, symbol in zip(slots, symbols, strict=True) if self.pattern[slot]
+        ]
+        return hy.sum(terms) if terms else hy.expression(0.0)
+
+    def _deflection(self, slots: ContactSlots) -> hy.expression:
+        return self._dot(slots.deflection, self.positions)
+
+    @cached_property
+    def _contact_laws(self) -> list[tuple]:
+        """For each contact its force, and the derivatives of that by deflection and by deflection rate."""
+        return [self._contact_law(index) for index in range(len(self.layout.contacts))]
+
+    def _contact_law(self, index: int) -> tuple:
+        slots, form = self.layout.contacts[index], self.layout.structure.contacts[index]
+        x, rate = self._deflection(slots), self._dot(slots.deflection, self.velocities)
+        zero = hy.expression(0.0)
+        spring, slope, size, size_slope = [zero], [zero], [zero], [zero]
+        for number, stage in enumerate(slots.stages):
+            force, tangent = self._spring(x, stage)
+            switch = self._switch(index, number)
+            spring.append(switch * force)
+            slope.append(switch * tangent)
+            size.append(stage.sign * switch * force)
+            size_slope.append(stage.sign * switch * tangent)
+        g, k = hy.sum(spring), hy.sum(slope)
+        if slots.damping is None or not self.pattern[slots.damping]:
+            return g, k, zero
+        c = self._coefficient(slots.damping)
+        match form.damping.value:
+            case "viscous":
+                touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
+                return g + c * touching * rate, k, c * touching
+            case "hunt-crossley":
+                magnitude = hy.sum(size)
+                return g + c * magnitude * rate, k + c * hy.sum(size_slope) * rate, c * magnitude
+            case _:
+                return g + c * g * rate, k + c * k * rate, c * g
+
+    def _spring(self, x, stage: StageSlots) -> tuple:
+        depth = x - stage.sign * self._coefficient(stage.clearance)
+        force, tangent = self._coefficient(stage.stiffness) * depth, self._coefficient(stage.stiffness)
+        if self.pattern[stage.cubic]:
+            cubic = self._coefficient(stage.cubic)
+            # products, not powers: a symbolic power at exactly 0 gives NaN
+            force = force + cubic * (depth * depth * depth)
+            tangent = tangent + 3.0 * cubic * (depth * depth)
+        return force, tangent
+
+    @cached_property
+    def _accelerations(self) -> list:
+        n, slots, orders = self.layout.structure.size, self.layout.accelerations, self.layout.orders
+        n_contacts = len(self.layout.contacts)
+        mean = 2 * n + n_contacts
+        cosines = [hy.cos(float(order) * hy.time) for order in orders]
+        sines = [hy.sin(float(order) * hy.time) for order in orders]
+        rows = []
+        for row in slots:
+            forces = [self._dot(row[:n], self.positions), self._dot(row[n : 2 * n], self.velocities)]
+            forces += [
+                self._coefficient(row[2 * n + k]) * law[0]
+                for k, law in enumerate(self._contact_laws)
+                if self.pattern[row[2 * n + k]]
+            ]
+            loads = [self._coefficient(row[mean])]
+            loads.append(self._dot(row[mean + 1 : mean + 1 + len(orders)], cosines))
+            loads.append(self._dot(row[mean + 1 + len(orders) :], sines))
+            rows.append(self.rate * (hy.sum(loads) - hy.sum(forces)))
+        return rows
+
+    def _linearised(self, symbols: list) -> list:
+        """The equations linearised about the motion, applied to one column of symbols."""
+        n, slots = self.layout.structure.size, self.layout.accelerations
+        dq, dv = symbols[:n], symbols[n:]
+        equations = [(symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)]
+        changes = [
+            slope * self._dot(contact.deflection, dq) + damping * self._dot(contact.deflection, dv)
+            for contact, (_, slope, damping) in zip(self.layout.contacts, self._contact_laws, strict=True)
+        ]
+        for symbol, row in zip(dv, slots, strict=True):
+            forces = [self._dot(row[:n], dq), self._dot(row[n : 2 * n], dv)]
+            forces += [
+                self._coefficient(row[2 * n + k]) * change
+                for k, change in enumerate(changes)
+                if self.pattern[row[2 * n + k]]
+            ]
+            equations.append((symbol, -self.rate * hy.sum(forces)))
+        return equations
+
+
+def _first_stages(slots: ContactSlots) -> list[int]:
+    """The innermost stage on each side, the one that decides whether the contact touches."""
+    signs = [stage.sign for stage in slots.stages]
+    return [signs.index(sign) for sign in (1, -1) if sign in signs]
+
+
+def _parameter_indices(expression, limit: int) -> list[int]:
+    """Indices of the coefficients on which an expression depends."""
+    indices = (int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression))
+    return sorted(index for index in indices if index < limit)

@@ -1,0 +1,231 @@
+"""The compiled flow: motions of a system over theta, with sensitivities and exact contact events.
+
+A `Flow` is compiled once for a structure and a pattern of non-zero coefficients (heyoka, Taylor series of high
+order, LLVM) and then serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import FlowError
+from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.motion.equations import Equations
+from gapwalk.motion.switching import COOLDOWN, ContactEvent, Switchboard
+
+PERIOD = 2.0 * math.pi
+"""One forcing period, in theta."""
+
+_TOLERANCE = 1e-15
+_STEPS = 100_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
+_EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
+_COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
+
+if hasattr(hy, "set_logger_level_critical"):
+    hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
+
+
+class Arc(NamedTuple):
+    """What the flow returns for one stretch of motion.
+
+    Attributes
+    ----------
+    state : shape (2n,)
+        Positions, then velocities, at the end.
+    transition : shape (2n, 2n), or None
+        Derivative of the final state by the initial one.
+    sensitivity : shape (2n,), or None
+        Derivative of the final state along the direction of coefficients.
+    contacts : list of ContactEvent
+        The crossings of breakpoints, in order.
+    steps : int
+        Taylor steps taken: a measure of how fast the motion varies.
+    """
+
+    state: NDArray[np.float64]
+    transition: NDArray[np.float64] | None
+    sensitivity: NDArray[np.float64] | None
+    contacts: list[ContactEvent]
+    steps: int
+
+
+class Flow:
+    """A compiled flow: see `flow_of`.
+
+    Parameters
+    ----------
+    equations
+        The equations to compile.
+    transition
+        Whether to integrate the state transition matrix.
+    direction
+        Whether to integrate the sensitivity along a direction of the coefficients too.
+    """
+
+    calls = 0
+    """Number of integrations in this process, for tests of work done."""
+
+    def __init__(self, equations: Equations, *, transition: bool = False, direction: bool = False) -> None:
+        self.equations = equations
+        self.size = 2 * equations.layout.structure.size
+        self.has_transition, self.has_direction = transition, direction
+        right_hand_sides = list(equations.state)
+        if transition:
+            right_hand_sides += equations.fundamental()
+        if direction:
+            right_hand_sides += equations.direction(0)
+        self._columns = self.size * transition + direction
+        self._board = Switchboard(equations)
+        events = [
+            hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
+            for index, switch in enumerate(equations.switches)
+        ]
+        n_parameters = equations.n_parameters + direction * len(equations.active)
+        self._integrator = hy.taylor_adaptive(
+            right_hand_sides,
+            state=np.zeros(len(right_hand_sides)),
+            pars=np.zeros(n_parameters),
+            t_events=events,
+            tol=_TOLERANCE,
+            compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
+        )
+        self._state, self._parameters = self._integrator.state, self._integrator.pars
+        self._board.attach(self._integrator, self._columns)
+        self._identity = np.concatenate((np.eye(self.size).ravel() if transition else [], np.zeros(self.size * direction)))
+
+    def integrate(
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        start: float = 0.0,
+        stop: float = PERIOD,
+        direction: NDArray[np.float64] | None = None,
+    ) -> Arc:
+        """Carry a state from one theta to another.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow, as from `coefficients_of`.
+        state : shape (2n,)
+            Positions, then velocities (over time, not theta).
+        start, stop
+            Theta at the start and at the end, in radians; ``stop > start``.
+        direction
+            The direction of coefficients along which the sensitivity is wanted; needs a flow compiled with one.
+
+        Raises
+        ------
+        FlowError
+            If the motion runs away, chatters without end, or a contact is lost.
+        """
+        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
+            self._prepare(coefficients, state, start, stop, direction)
+            steps = self._run(start, stop, longest_step)
+            if self._board.is_right():
+                return self._arc(steps)
+        raise FlowError(
+            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
+            f"state {_short(state)}; please report this system"
+        )
+
+    def sample(
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], list[ContactEvent]]:
+        """States at each of the increasing `thetas` (shape (len(thetas), 2n)), and the contact events between.
+
+        The state given is that at ``thetas[0]``. Errors as in `integrate`.
+        """
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), None)
+        outcome = self._integrator.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        if outcome[0] != hy.taylor_outcome.time_limit:
+            self._refuse(outcome[0], float(thetas[0]))
+        if not self._board.is_right():
+            return self._sample_piecewise(coefficients, state, thetas)
+        return outcome[-1][:, : self.size].copy(), self._board.log
+
+    def _sample_piecewise(self, coefficients, state, thetas):
+        """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
+        states, contacts = [np.asarray(state, dtype=float)], []
+        for start, stop in zip(thetas[:-1], thetas[1:], strict=True):
+            arc = self.integrate(coefficients, states[-1], float(start), float(stop))
+            states.append(arc.state)
+            contacts += arc.contacts
+        return np.array(states), contacts
+
+    def _prepare(self, coefficients, state, start, stop, direction) -> None:
+        active, board = self.equations.active, self._board
+        Flow.calls += 1
+        self._integrator.time = start
+        self._integrator.reset_cooldowns()
+        self._state[: self.size] = state
+        self._state[self.size :] = self._identity
+        self._parameters[: len(active)] = coefficients[active]
+        if self.has_direction:
+            self._parameters[self.equations.n_parameters :] = 0.0 if direction is None else direction[active]
+        periods = max(1.0, (stop - start) / PERIOD)
+        self._max_steps = int(_STEPS * periods)
+        board.start(coefficients, start, int(_EVENTS * periods))
+
+    def _run(self, start: float, stop: float, longest_step: float) -> int:
+        outcome, _, _, steps, *_ = self._integrator.propagate_until(
+            stop, max_steps=self._max_steps, max_delta_t=longest_step
+        )
+        if outcome != hy.taylor_outcome.time_limit:
+            self._refuse(outcome, start)
+        return steps
+
+    def _refuse(self, outcome, start: float) -> None:
+        theta, state = self._integrator.time, self._state[: self.size]
+        where = f"at theta = {theta:.6g} (from {start:.6g}), in the state {_short(state)}"
+        if self._board.event_limit <= 0:
+            raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
+        if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
+            raise FlowError(f"the motion runs away to infinity {where}; is there a stiffness and a damping?")
+        raise FlowError(f"more than {_STEPS} integration steps in a forcing period, {where}: it is too stiff or runs away")
+
+    def _arc(self, steps: int) -> Arc:
+        size, state = self.size, self._state
+        transition = sensitivity = None
+        if self.has_transition:
+            transition = state[size : size * (1 + size)].reshape(size, size).T.copy()
+        if self.has_direction:
+            sensitivity = state[-size:].copy()
+        return Arc(state[:size].copy(), transition, sensitivity, self._board.log, steps)
+
+
+def flow_of(system: System, parameter: str | None = None, *, transition: bool = False) -> Flow:
+    """The compiled flow of a system; systems of equal structure and pattern share one.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter
+        A named parameter along which the sensitivity will be asked for.
+    transition
+        Whether the state transition matrix is wanted too.
+    """
+    pattern = coefficients_of(system) != 0.0
+    if parameter is not None:
+        pattern |= ParameterLine(system, parameter).coefficients(system[parameter])[1] != 0.0
+    return _compile(system.structure, pattern.tobytes(), transition, parameter is not None)
+
+
+@lru_cache(maxsize=64)
+def _compile(structure: Structure, pattern: bytes, transition: bool, direction: bool) -> Flow:
+    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool))
+    return Flow(equations, transition=transition, direction=direction)
+
+
+def _short(state: NDArray[np.float64]) -> str:
+    shown = ", ".join(f"{value:.6g}" for value in state[:6])
+    return f"({shown}{', ...' if len(state) > 6 else ''})"

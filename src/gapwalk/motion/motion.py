@@ -1,0 +1,186 @@
+"""A sampled motion: time histories of positions, velocities, accelerations and contact forces, and its contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.motion.forces import accelerations, contact_deflections, contact_forces
+from gapwalk.motion.switching import ContactEvent
+
+
+@dataclass(frozen=True)
+class ContactRecord:
+    """One entry of the contact log, in the user's terms.
+
+    Attributes
+    ----------
+    theta, time
+        When: in radians of the fundamental excitation, and in units of time.
+    contact, stage, side
+        Which: name of the contact, name of the stage ("" if it has one only), +1 or -1.
+    closes
+        True where the stage closes, False where it opens.
+    velocity
+        Rate of the deflection over time; where the stage closes, its size is the approach velocity.
+    """
+
+    theta: float
+    time: float
+    contact: str
+    stage: str
+    side: int
+    closes: bool
+    velocity: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of `system`, sampled at `theta` and exact at each sample.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    theta : shape (samples,)
+        Angle of the fundamental excitation, ``W t``, in radians.
+    q, v : shape (samples, n)
+        Positions and velocities (over time).
+    events
+        The crossings of breakpoints, in order.
+    """
+
+    system: System
+    theta: NDArray[np.float64]
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+    events: tuple[ContactEvent, ...]
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of each sample, shape (samples,)."""
+        return self.theta / self.system.frequency
+
+    @cached_property
+    def a(self) -> NDArray[np.float64]:
+        """Accelerations, shape (samples, n)."""
+        return accelerations(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+
+    @cached_property
+    def forces(self) -> NDArray[np.float64]:
+        """Contact forces ``f_k``, shape (samples, contacts)."""
+        return contact_forces(layout_of(self.system.structure), self._coefficients, self.q, self.v)
+
+    @cached_property
+    def deflections(self) -> NDArray[np.float64]:
+        """Contact deflections ``e_k . q``, shape (samples, contacts)."""
+        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
+
+    @cached_property
+    def contacts(self) -> tuple[ContactRecord, ...]:
+        """The contact log: which stage closed or opened, when, on which side, and how fast."""
+        switches = switch_names(self.system)
+        return tuple(
+            ContactRecord(
+                event.theta, event.theta / self.system.frequency, *switches[event.switch], event.enters, event.velocity
+            )
+            for event in self.events
+        )
+
+    def signal(self, name: str) -> NDArray[np.float64]:
+        """One time history by name, shape (samples,).
+
+        Parameters
+        ----------
+        name
+            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or a contact's name
+            for its force.
+
+        Raises
+        ------
+        ModelError
+            If there is no such signal.
+        """
+        base = name.rstrip("'")
+        contacts = [contact.name for contact in self.system.structure.contacts]
+        if base in self.system.coordinates and len(name) - len(base) <= 2:
+            kind = ("q", "v", "a")[len(name) - len(base)]
+            return getattr(self, kind)[:, self.system.coordinates.index(base)]
+        if name in contacts:
+            return self.forces[:, contacts.index(name)]
+        raise ModelError(f"there is no signal {name!r}; signals are {', '.join(signal_names(self.system))}")
+
+    @cached_property
+    def _coefficients(self) -> NDArray[np.float64]:
+        return coefficients_of(self.system)
+
+
+def integrate(
+    system: System, state: NDArray[np.float64], periods: float = 1.0, samples: int = 256, start: float = 0.0
+) -> Motion:
+    """The motion of a system from a state, sampled.
+
+    Parameters
+    ----------
+    system
+        The system.
+    state : shape (2n,)
+        Positions, then velocities, at `start`.
+    periods
+        Length in forcing periods.
+    samples
+        Samples a forcing period.
+    start
+        Angle of the fundamental excitation at the start, in radians.
+
+    Raises
+    ------
+    FlowError
+        If the motion runs away or chatters without end.
+    ModelError
+        If the state has the wrong length.
+    """
+    count = max(1, round(samples * periods))
+    return sample(system, state, start + PERIOD * periods * np.arange(count + 1) / count)
+
+
+def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
+    """The motion from a state at ``theta[0]``, at each of the increasing angles `theta`. Errors as `integrate`."""
+    initial = check_state(system, state)
+    states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
+    return Motion(system, theta, states[:, : system.size], states[:, system.size :], tuple(events))
+
+
+def check_state(system: System, state) -> NDArray[np.float64]:
+    """The state as an array of 2n finite numbers, or a ModelError that says what it must be."""
+    try:
+        array = np.asarray(state, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array([np.nan])
+    if array.shape != (2 * system.size,) or not np.all(np.isfinite(array)):
+        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
+        raise ModelError(f"a state of this system is {2 * system.size} finite numbers ({order}), not {state!r}")
+    return array
+
+
+def signal_names(system: System) -> list[str]:
+    """Names of all signals of a motion of `system`."""
+    derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
+    return derivatives + [contact.name for contact in system.structure.contacts]
+
+
+def switch_names(system: System) -> list[tuple[str, str, int]]:
+    """Contact, stage and side of each switch of the system's flow, in their order."""
+    return [
+        (contact.name, stage.name, sign)
+        for contact in system.structure.contacts
+        for stage in contact.stages
+        for sign in stage.side.signs
+    ]

@@ -1,0 +1,187 @@
+"""The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.contact import DampingLaw
+from gapwalk.motion.equations import Equations
+from gapwalk.motion.forces import accelerations
+
+COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
+_SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
+_ON = 1e-13  # relative distance at which a start counts as being on the breakpoint
+_NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
+
+
+class ContactEvent(NamedTuple):
+    """One crossing of a breakpoint.
+
+    Attributes
+    ----------
+    theta
+        When, in radians of the fundamental excitation.
+    switch
+        Which stage on which side: index into `Equations.switches`.
+    enters
+        True if the contact closes, False if it opens.
+    velocity
+        Rate of the deflection over time; its size is the approach velocity.
+    """
+
+    theta: float
+    switch: int
+    enters: bool
+    velocity: float
+
+
+class Switchboard:
+    """Keeps the switches of one compiled integrator right; the integrator calls it back at every event."""
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        layout = equations.layout
+        contacts = [layout.contacts[k] for k, _ in equations.switches]
+        stages = [layout.contacts[k].stages[j] for k, j in equations.switches]
+        self.n = layout.structure.size
+        self.count = len(stages)
+        self.signs = np.array([stage.sign for stage in stages], dtype=float)
+        self._breaks = np.array([stage.clearance for stage in stages], dtype=np.intp)
+        self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
+        self._signs = self.signs.tolist()
+        self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
+        self._known: NDArray | None = None
+        self._first = len(equations.active)
+        self._viscous = [self._is_viscous_edge(k, j) for k, j in equations.switches]
+        self.log: list[ContactEvent] = []
+        self.missed = 0
+        self.event_limit = 0
+
+    def attach(self, integrator, columns: int) -> None:
+        """Take hold of the integrator's state and parameters (live views), with `columns` sensitivity columns."""
+        self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
+        self._columns = columns
+
+    def start(self, coefficients: NDArray, theta: float, event_limit: int) -> None:
+        """Set every switch for the state in the integrator, and begin a new log."""
+        self.log, self.missed, self.event_limit = [], 0, event_limit
+        if not self.count:
+            return
+        self._coefficients, self._theta = coefficients, theta
+        self._read_geometry(coefficients)
+        state = self._state[: 2 * self.n].tolist()
+        self._speed = _SLOW * max(map(abs, state[self.n :]))
+        for switch, depth in enumerate(self._depths(state)):
+            inside = depth > 0.0
+            if abs(depth) <= _ON * self._scales[switch]:
+                inside = self._heading(switch, theta) > 0
+            self._parameters[self._first + switch] = inside
+
+    def is_right(self) -> bool:
+        """Whether no crossing was missed: each event changed its switch, and all switches are right at the end."""
+        if self.missed:
+            return False
+        if not self.count:
+            return True
+        inside = self._parameters[self._first : self._first + self.count].tolist()
+        depths = self._depths(self._state[: self.n].tolist())
+        return all(
+            (depth > 0.0) == bool(closed) or abs(depth) <= _NEAR * scale
+            for depth, closed, scale in zip(depths, inside, self._scales, strict=True)
+        )
+
+    def _read_geometry(self, coefficients: NDArray) -> None:
+        """Deflection vectors and breakpoints as plain numbers, read again only when they have changed."""
+        geometry = coefficients[self._geometry]
+        if self._known is not None and np.array_equal(geometry, self._known):
+            return
+        self._known = geometry
+        self._vectors = coefficients[self._deflections]
+        self._offsets = (self.signs * coefficients[self._breaks]).tolist()
+        self._scales = [1.0 + abs(offset) for offset in self._offsets]
+        self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
+
+    def _depths(self, positions: list[float]) -> list[float]:
+        """How far the motion is inside each stage (> 0) or outside it (< 0)."""
+        return [
+            sign * (sum([factor * positions[i] for i, factor in row]) - offset)
+            for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
+        ]
+
+    def callback(self, switch: int):
+        """The function that the integrator calls at the events of one switch."""
+        place, sign, viscous = self._first + switch, self._signs[switch], self._viscous[switch]
+        n = self.n
+
+        def flip(integrator, _direction) -> bool:
+            velocity = float(sum([factor * self._state[n + i] for i, factor in self._rows[switch]]))
+            before = self._parameters[place] > 0.5
+            theta = integrator.time
+            if abs(velocity) > self._speed:
+                inside = sign * velocity > 0
+                if inside == before and theta - self._theta > 10 * COOLDOWN:
+                    self.missed += 1
+            else:
+                inside = self._after_touch(switch, velocity, theta)
+            if inside != before:
+                self._parameters[place] = inside
+                self.log.append(ContactEvent(theta, switch, inside, velocity))
+                if viscous:
+                    self._jump(switch, 1.0 if inside else -1.0)
+            self.event_limit -= 1
+            return self.event_limit > 0
+
+        return flip
+
+    def _is_viscous_edge(self, contact: int, stage: int) -> bool:
+        """Whether the force jumps at this breakpoint: the innermost stage of a viscously damped contact."""
+        layout = self.equations.layout
+        if layout.structure.contacts[contact].damping is not DampingLaw.VISCOUS:
+            return False
+        stages = layout.contacts[contact].stages
+        return [other.sign for other in stages].index(stages[stage].sign) == stage
+
+    def _heading(self, switch: int, theta: float) -> float:
+        """Sign of the motion off the breakpoint, into the stage (+) or out of it (-): velocity, else acceleration."""
+        vector, sign = self._vectors[switch], self.signs[switch]
+        velocity = sign * float(vector @ self._state[self.n : 2 * self.n])
+        if abs(velocity) > 1e-15:
+            return velocity
+        return sign * float(vector @ self._acceleration(theta))
+
+    def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
+        """Where a slow crossing leads: the velocity decides, unless the motion turns back within the cooldown."""
+        turning = float(self._vectors[switch] @ self._acceleration(theta))
+        span = 4.0 * COOLDOWN * self._coefficients[0]
+        turns_back = velocity * turning < 0 and 2.0 * abs(velocity) <= span * abs(turning)
+        leading = turning if turns_back or velocity == 0.0 else velocity
+        return bool(self.signs[switch] * leading > 0)
+
+    def _acceleration(self, theta: float) -> NDArray:
+        q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
+        return accelerations(self.equations.layout, self._coefficients, theta, q, v)
+
+    def _jump(self, switch: int, change: float) -> None:
+        """Carry the sensitivities over a jump of the force (the saltation matrix).
+
+        With the damper's force ``c v_n`` appearing or vanishing, ``S = I + (F+ - F-) grad h / (grad h . F-)`` has no
+        denominator left: each column changes by ``-D c`` times the column's own change of the gap.
+        """
+        if not self._columns:
+            return
+        n, size = self.n, 2 * self.n
+        contact, stage = self.equations.switches[switch]
+        slots = self.equations.layout.contacts[contact]
+        columns = self._state[size:].reshape(self._columns, size)
+        shift = columns[:, :n] @ self._vectors[switch]
+        for index in range(self._columns - size):
+            direction = np.zeros_like(self._coefficients)
+            first = self.equations.n_parameters + index * len(self.equations.active)
+            direction[self.equations.active] = self._parameters[first : first + len(self.equations.active)]
+            shift[size + index] += direction[slots.deflection] @ self._state[:n]
+            shift[size + index] -= slots.stages[stage].sign * direction[slots.stages[stage].clearance]
+        push = self._coefficients[slots.force] * self._coefficients[slots.damping]
+        columns[:, n:] -= change * np.outer(shift, push)

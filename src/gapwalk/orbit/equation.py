@@ -1,0 +1,58 @@
+"""What the walk needs to know of a way to pose periodic orbits; shooting is one, harmonic balance another."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+
+class Evaluation(NamedTuple):
+    """Residual and derivatives at one point.
+
+    Attributes
+    ----------
+    residual : shape (N,)
+        Zero on an orbit.
+    by_unknowns : shape (N, N)
+        Its derivative by the unknowns.
+    by_parameter : shape (N,), or None
+        Its derivative by the parameter, if the equation has one.
+    evidence
+        Whatever the equation wants back to make an orbit of a solution.
+    """
+
+    residual: NDArray[np.float64]
+    by_unknowns: NDArray[np.float64]
+    by_parameter: NDArray[np.float64] | None
+    evidence: Any
+
+
+class Equation(Protocol):
+    """A periodic orbit of `system` as N equations in N unknowns and, possibly, one named parameter.
+
+    To add a way to pose orbits, write a class with these members; the walk, the special points and everything
+    above ask for no more.
+    """
+
+    system: System
+    parameter: str | None
+    period: int
+    tolerance: float
+    """Largest residual, relative to the size of the unknowns, of a solution."""
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Residual and derivatives; a NumericalError where they do not exist."""
+        ...
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """The orbit of a solution."""
+        ...
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """The unknowns of an orbit that was found in whatever way."""
+        ...

@@ -1,0 +1,84 @@
+"""Find one orbit from a start: from rest, from a given state, or from a settled transient."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.motion.motion import check_state
+from gapwalk.orbit.newton import Newton, solve
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+
+_TRANSIENT = 400  # forcing periods at most; Newton takes over from wherever the motion has come to by then
+_SETTLED = 1e-4  # relative change over one orbit at which Newton takes over
+
+
+def find_orbit(
+    system: System,
+    period: int = 1,
+    start: str | Sequence[float] | NDArray[np.float64] = "settle",
+    *,
+    shooting: Shooting | None = None,
+    newton: Newton | None = None,
+    at: Mapping[str, float] | None = None,
+    **values: float,
+) -> Orbit:
+    """Find a periodic orbit.
+
+    Parameters
+    ----------
+    system
+        The system.
+    period
+        m: forcing periods after which the orbit repeats.
+    start
+        ``"rest"``: Newton's method from the state zero. ``"settle"``: from where a transient from rest has come to.
+        Or a state, 2n numbers: positions, then velocities, at theta = 0.
+    shooting, newton
+        Options of the method.
+    at, **values
+        Parameter values to change first: ``find_orbit(system, frequency=1.9)``.
+
+    Raises
+    ------
+    ModelError
+        For a start, period or parameter that makes no sense.
+    ConvergenceError
+        If no orbit is found from this start.
+    """
+    system = system.at(at, **values)
+    equation = ShootingEquation(system, None, period, shooting or Shooting())
+    state = initial_state(system, start, period)
+    unknowns, evaluation = solve(equation, equation.spread(state), 0.0, newton)
+    return equation.orbit(unknowns, 0.0, evaluation)
+
+
+def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):
+    """The state at theta = 0 that a start stands for, shape (2n,)."""
+    if not isinstance(start, str):
+        return check_state(system, start)
+    if start == "rest":
+        return np.zeros(2 * system.size)
+    if start == "settle":
+        return settle(system, np.zeros(2 * system.size), period)
+    raise ModelError(f'start is {start!r}; write "rest", "settle" or a state of {2 * system.size} numbers')
+
+
+def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
+    """Let the transient from a state die away, until it nearly repeats after `period` forcing periods."""
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    for _ in range(max(1, _TRANSIENT // period)):
+        following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
+        if np.abs(following - state).max() <= _SETTLED * (1.0 + np.abs(following).max()):
+            return following
+        state = following
+    return state
+
+

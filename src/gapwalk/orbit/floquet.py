@@ -1,0 +1,86 @@
+"""Floquet multipliers of an orbit, and what they say of its stability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+REAL = 1e-9
+"""Largest relative imaginary part of a multiplier that counts as real."""
+
+
+class Instability(NamedTuple):
+    """How many multipliers lie outside the unit circle, by where they left it.
+
+    Attributes
+    ----------
+    above
+        Real ones beyond +1.
+    below
+        Real ones beyond -1.
+    pairs
+        Complex conjugate pairs.
+    """
+
+    above: int
+    below: int
+    pairs: int
+
+    @property
+    def total(self) -> int:
+        """The dimension of the unstable manifold."""
+        return self.above + self.below + 2 * self.pairs
+
+    @property
+    def label(self) -> str:
+        """``stable``, or the paper's kind of instability: ``below`` (-1), ``above`` (+1) or ``pair`` (Hopf)."""
+        if self.below:
+            return "below"
+        if self.above:
+            return "above"
+        return "pair" if self.pairs else "stable"
+
+
+def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
+    """Eigenvalues of the product of the segments' transition matrices, largest modulus first.
+
+    One segment: of the monodromy matrix itself. More: of a pencil in which the segments stand side by side
+
+        [ P_1  -I             ]         [ 0          ]
+        [       P_2  -I       ]  -  mu  [    0       ]
+        [ 0             P_S   ]         [ I        0 ]
+
+    so that no product is formed, in which large multipliers would drown the others.
+    """
+    size = transitions[0].shape[0]
+    if len(transitions) == 1:
+        values = np.linalg.eigvals(transitions[0]).astype(complex)
+    else:
+        values = _pencil_eigenvalues(transitions, size)
+    return values[np.argsort(-np.abs(values), kind="stable")]
+
+
+def classify(values: NDArray[np.complex128]) -> Instability:
+    """Count the multipliers outside the unit circle."""
+    outside = values[np.abs(values) > 1.0]
+    real = np.abs(outside.imag) <= REAL * np.abs(outside)
+    above = int(np.count_nonzero(real & (outside.real > 0)))
+    below = int(np.count_nonzero(real & (outside.real < 0)))
+    return Instability(above, below, (len(outside) - above - below) // 2)
+
+
+def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -> NDArray[np.complex128]:
+    count = len(transitions)
+    a, b = np.zeros((count * size, count * size)), np.zeros((count * size, count * size))
+    for k, transition in enumerate(transitions):
+        a[k * size : (k + 1) * size, k * size : (k + 1) * size] = transition
+        if k + 1 < count:
+            a[k * size : (k + 1) * size, (k + 1) * size : (k + 2) * size] = -np.eye(size)
+    b[(count - 1) * size :, :size] = np.eye(size)
+    alpha, beta = scipy.linalg.eig(a, b, right=False, homogeneous_eigvals=True)
+    finite = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta)))[:size]
+    return (alpha[finite] / beta[finite]).astype(complex)

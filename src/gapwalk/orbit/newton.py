@@ -1,0 +1,85 @@
+"""Newton's method for one orbit at fixed parameters, damped so that rough starts converge too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ConvergenceError, FlowError
+from gapwalk.orbit.equation import Equation, Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """How to iterate.
+
+    Parameters
+    ----------
+    iterations
+        Most iterations.
+    halvings
+        How often a step that does not reduce the residual is halved before it is taken all the same.
+    """
+
+    iterations: int = 40
+    halvings: int = 6
+
+
+def solve(
+    equation: Equation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
+) -> tuple[NDArray[np.float64], Evaluation]:
+    """The solution nearest to a start, and the evaluation there.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is none within reach; the message gives the last residual.
+    """
+    options = options or Newton()
+    evaluation = _evaluate(equation, unknowns, value)
+    for _ in range(options.iterations):
+        if is_solved(equation, unknowns, evaluation):
+            return unknowns, evaluation
+        step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
+        unknowns, evaluation = _damped(equation, unknowns, value, evaluation, step, options.halvings)
+    if is_solved(equation, unknowns, evaluation):
+        return unknowns, evaluation
+    raise ConvergenceError(
+        f"no period-{equation.period} orbit found in {options.iterations} Newton iterations; the last residual is "
+        f"{np.abs(evaluation.residual).max():.3g}. Start from a settled transient (start = \"settle\"), or from a "
+        "state nearer to the orbit, or at another parameter value"
+    )
+
+
+def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
+    """Whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
+    scale = max(1.0, float(np.abs(unknowns).max()))
+    return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale
+
+
+def _evaluate(equation: Equation, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+    try:
+        return equation.evaluate(unknowns, value)
+    except FlowError as error:
+        raise ConvergenceError(f"the start of Newton's method is no motion that can be followed: {error}") from error
+
+
+def _damped(equation, unknowns, value, evaluation, step, halvings):
+    """Take the longest of the halved steps that reduces the residual."""
+    before, factor = np.linalg.norm(evaluation.residual), 1.0
+    best = None
+    for _ in range(halvings + 1):
+        try:
+            trial = equation.evaluate(unknowns + factor * step, value)
+        except FlowError:
+            trial = None
+        if trial is not None:
+            best = (unknowns + factor * step, trial) if best is None else best
+            if np.linalg.norm(trial.residual) < before:
+                return unknowns + factor * step, trial
+        factor /= 2
+    if best is None:
+        raise ConvergenceError("Newton's method left the region in which the motion can be followed")
+    return best

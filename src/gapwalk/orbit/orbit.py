@@ -1,0 +1,122 @@
+"""A periodic orbit: one steady motion of a system, with its multipliers, contacts and measures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.motion import Motion, sample, switch_names
+from gapwalk.motion.switching import ContactEvent
+from gapwalk.orbit.floquet import Instability, classify
+from gapwalk.orbit.measures import extremes, measure
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A motion that repeats after `period` forcing periods.
+
+    Attributes
+    ----------
+    system
+        The system, with the parameter values at which this orbit exists.
+    period
+        m: the orbit repeats after m forcing periods.
+    state : shape (2n,)
+        Positions, then velocities, at theta = 0.
+    multipliers : shape (2n,)
+        Floquet multipliers, largest modulus first.
+    events
+        The crossings of breakpoints in one full period.
+    residual
+        Largest component by which it fails to close.
+    steps
+        Integration steps over the orbit: how finely it must be sampled.
+    """
+
+    system: System
+    period: int
+    state: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    events: tuple[ContactEvent, ...]
+    residual: float
+    steps: int
+
+    @cached_property
+    def instability(self) -> Instability:
+        """How many multipliers lie outside the unit circle, and where."""
+        return classify(self.multipliers)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return self.instability.total == 0
+
+    @cached_property
+    def closings(self) -> tuple[int, ...]:
+        """How often each switch closes in one full period; it changes only where a contact grazes."""
+        counts = Counter(event.switch for event in self.events if event.enters)
+        return tuple(counts[index] for index in range(len(switch_names(self.system))))
+
+    @property
+    def pattern(self) -> str:
+        """The contact pattern: impacts on each side in one full period, such as ``3+/1-``."""
+        return pattern_text(self.system, self.closings)
+
+    def motion(self, samples: int | None = None) -> Motion:
+        """One full period, sampled evenly with `samples` a forcing period (by default as many as it needs)."""
+        count = (samples or self.samples) * self.period
+        return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
+
+    @property
+    def samples(self) -> int:
+        """Samples a forcing period that resolve the motion."""
+        needed = max(64, 6 * self.steps // self.period)
+        return 1 << (needed - 1).bit_length()
+
+    @cached_property
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        return extremes(self)
+
+    def measure(self, name: str) -> float:
+        """One figure of the motion by name.
+
+        Parameters
+        ----------
+        name
+            ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ... (amplitude
+            of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``, ``rms.stage2``.
+
+        Raises
+        ------
+        ModelError
+            For an unknown measure or signal.
+        """
+        return measure(self, name)
+
+    def __repr__(self) -> str:
+        stability = "stable" if self.stable else f"unstable ({self.instability.label})"
+        state = ", ".join(f"{value:.6g}" for value in self.state[:4])
+        return (
+            f"Orbit(period {self.period} at frequency {self.system.frequency:.8g}, {stability}, "
+            f"contacts {self.pattern}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
+        )
+
+
+def pattern_text(system: System, closings: tuple[int, ...]) -> str:
+    """Closings of each switch as text; only the innermost stage of each side counts as an impact."""
+    impacts: dict[tuple[str, int], int] = {}
+    for (contact, _, side), count in zip(switch_names(system), closings, strict=True):
+        impacts.setdefault((contact, side), count)
+    texts = []
+    for contact in dict.fromkeys(name for name, _ in impacts):
+        sides = [(side, count) for (name, side), count in impacts.items() if name == contact]
+        text = "/".join(f"{count}{'+' if side > 0 else '-'}" for side, count in sides)
+        texts.append(text if len(system.structure.contacts) == 1 else f"{contact} {text}")
+    return ", ".join(texts)

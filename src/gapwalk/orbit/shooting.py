@@ -1,0 +1,171 @@
+"""Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.orbit.equation import Evaluation
+from gapwalk.orbit.floquet import multipliers
+from gapwalk.orbit.orbit import Orbit
+
+
+@dataclass(frozen=True, slots=True)
+class Shooting:
+    """How to shoot.
+
+    Parameters
+    ----------
+    segments
+        Number of segments into which the orbit's period is cut (multiple shooting): 1 serves most orbits; more
+        help where the motion is strongly unstable.
+    tolerance
+        Largest residual of an orbit, relative to the size of its state.
+    """
+
+    segments: int = 1
+    tolerance: float = 1e-10
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or self.segments < 1:
+            raise ModelError(f"segments is {self.segments!r}; it must be an integer >= 1")
+        if not 1e-14 <= self.tolerance <= 1e-3:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
+
+
+@dataclass(frozen=True)
+class ShootingEquation:
+    """``Phi_j(x_j; a) - x_(j+1) = 0`` for the S segments of an orbit of m forcing periods (paper, section 3).
+
+    The unknowns are the states at the start of each segment, one after the other. Over theta the period is
+    ``2 pi m`` whatever the frequency, so the frequency is a parameter like any other.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter
+        The named parameter to follow, or None.
+    period
+        m, forcing periods.
+    options
+        How to shoot.
+    """
+
+    system: System
+    parameter: str | None = None
+    period: int = 1
+    options: Shooting = Shooting()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.period, bool) or not isinstance(self.period, int) or self.period < 1:
+            raise ModelError(f"period is {self.period!r}; it must be an integer >= 1 (forcing periods of the orbit)")
+        if self.parameter is not None:
+            self.system.structure.place(self.parameter)
+
+    @property
+    def tolerance(self) -> float:
+        """Largest residual of an orbit, relative to the size of its state."""
+        return self.options.tolerance
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Residual and derivatives; see `Equation.evaluate`.
+
+        Raises
+        ------
+        FlowError
+            If the motion runs away or chatters without end.
+        """
+        coefficients, direction = self._coefficients(value)
+        size, count = 2 * self.system.size, self.options.segments
+        states = unknowns.reshape(count, size)
+        knots = PERIOD * self.period * np.arange(count + 1) / count
+        arcs = [
+            self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)
+        ]
+        residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
+        by_parameter = None if direction is None else np.concatenate([_sensitivity(arc) for arc in arcs])
+        return Evaluation(residual, _jacobian(arcs, size), by_parameter, arcs)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """The orbit of a solution."""
+        arcs: list[Arc] = evaluation.evidence
+        system = self.system if self.parameter is None else self._line.system_at(value)
+        return Orbit(
+            system,
+            self.period,
+            unknowns[: 2 * self.system.size].copy(),
+            multipliers([_transition(arc) for arc in arcs]),
+            tuple(event for arc in arcs for event in arc.contacts),
+            float(np.abs(evaluation.residual).max()),
+            sum(arc.steps for arc in arcs),
+        )
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """The states of an orbit at the start of each segment."""
+        if self.options.segments == 1:
+            return orbit.state.copy()
+        return self.spread(orbit.state, orbit.system)
+
+    def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
+        """The states at the start of each segment on the motion from `state`, end to end."""
+        count = self.options.segments
+        system = self.system if system is None else system
+        knots = PERIOD * self.period * np.arange(count) / count
+        states = [np.asarray(state, dtype=float)]
+        for start, stop in zip(knots[:-1], knots[1:], strict=True):
+            states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
+        return np.concatenate(states)
+
+    @cached_property
+    def _line(self) -> ParameterLine:
+        assert self.parameter is not None
+        return ParameterLine(self.system, self.parameter)
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return flow_of(self.system, self.parameter, transition=True)
+
+    @cached_property
+    def _fixed(self) -> NDArray[np.float64]:
+        return coefficients_of(self.system)
+
+    def _coefficients(self, value: float):
+        if self.parameter is None:
+            return self._fixed, None
+        return self._line.coefficients(value)
+
+
+def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
+    """The cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each.
+
+        [ P_1  -I        ]
+        [       P_2  -I  ]
+        [ -I        P_3  ]
+    """
+    count = len(arcs)
+    if count == 1:
+        return _transition(arcs[0]) - np.eye(size)
+    matrix = np.zeros((count * size, count * size))
+    for j, arc in enumerate(arcs):
+        matrix[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
+        following = (j + 1) % count
+        matrix[j * size : (j + 1) * size, following * size : (following + 1) * size] -= np.eye(size)
+    return matrix
+
+
+def _transition(arc: Arc) -> NDArray[np.float64]:
+    assert arc.transition is not None
+    return arc.transition
+
+
+def _sensitivity(arc: Arc) -> NDArray[np.float64]:
+    assert arc.sensitivity is not None
+    return arc.sensitivity

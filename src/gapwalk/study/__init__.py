@@ -1,0 +1,1 @@
+"""Whole jobs: what a model file asks to be studied, and its execution."""

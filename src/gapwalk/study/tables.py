@@ -1,0 +1,196 @@
+"""The table ``[study]`` of a model file: one schema for each kind of study."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.errors import ModelError
+from gapwalk.model.fields import Count, Number, Positive, Text, one_of
+from gapwalk.model.problem import did_you_mean, given
+from gapwalk.model.schema import Part, by_shape, tagged
+from gapwalk.model.system import System
+from gapwalk.orbit.measures import MEASURES
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.options import ResponseOptions, Start, StudyOptions
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the validators of a study may look at.
+
+    Parameters
+    ----------
+    system
+        The system; if the file is wrong elsewhere, one with the same parameters; None if even those are unknown.
+    frequency_given
+        Whether the file gives the frequency.
+    """
+
+    system: System | None
+    frequency_given: bool
+
+
+class WalkPart(Part):
+    """Numerical options of the walk: ``[study.walk]``."""
+
+    initial_step: Positive | None = None
+    smallest_step: Positive | None = None
+    largest_step: Positive | None = None
+    largest_turn: Positive | None = None
+    iterations: Count | None = None
+    max_points: Count | None = None
+
+    @model_validator(mode="after")
+    def _makes_options(self) -> WalkPart:
+        self.options()
+        return self
+
+    def options(self) -> WalkOptions:
+        """The options; what the table does not give has the default of `WalkOptions`."""
+        return WalkOptions(**self.model_dump(exclude_unset=True))
+
+
+class ShootingPart(Part):
+    """Numerical options of the orbits: ``[study.shooting]``."""
+
+    segments: Count | None = None
+    tolerance: Positive | None = None
+
+    @model_validator(mode="after")
+    def _makes_options(self) -> ShootingPart:
+        self.options()
+        return self
+
+    def options(self) -> Shooting:
+        """The options; what the table does not give has the default of `Shooting`."""
+        return Shooting(**self.model_dump(exclude_unset=True))
+
+
+class StudyPart(Part):
+    """What the schemas of all kinds of study have in common.
+
+    A new kind is a subclass with a literal `kind` of its own, its place in `KINDS`, and a dataclass of options.
+    """
+
+    def system(self, system: System) -> System:
+        """The system as the study begins."""
+        raise NotImplementedError
+
+    def options(self, system: System) -> StudyOptions:
+        """The options of the study of this system."""
+        raise NotImplementedError
+
+
+def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
+    system = info.context.system
+    if system and len(start) != 2 * system.size:
+        raise ValueError(
+            f"is a list of {len(start)} numbers; it must have {2 * system.size}: the positions at t = 0, "
+            "then the velocities"
+        )
+    return start
+
+
+def _start_shape(value: object) -> str:
+    return "state" if isinstance(value, list) else "word"
+
+
+_StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
+_State = Annotated[list[Number], AfterValidator(_state_length)]
+
+
+class ResponsePart(StudyPart):
+    """The study ``kind = "response"``: one branch over one parameter."""
+
+    kind: Literal["response"]
+    parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
+    begin: Number | None = Field(default=None, alias="from", validate_default=True)
+    end: Number = Field(alias="to", description="write the value at which the walk ends")
+    period: Count = 1
+    start: Annotated[
+        Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
+    ] = Start.SETTLE
+    measure: Text = ""
+    walk: WalkPart = Field(default_factory=WalkPart)
+    shooting: ShootingPart = Field(default_factory=ShootingPart)
+
+    @field_validator("parameter")
+    @classmethod
+    def _exists(cls, parameter: str, info: ValidationInfo[Surroundings]) -> str:
+        if info.context.system:
+            try:
+                info.context.system.structure.place(parameter)
+            except ModelError as error:
+                raise ValueError(f"is {given(parameter)}, but {error}") from None
+        return parameter
+
+    @field_validator("begin", "end")
+    @classmethod
+    def _is_allowed(cls, value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+        parameter, surroundings = info.data.get("parameter"), info.context
+        if value is None:
+            if parameter == "frequency" and not surroundings.frequency_given:
+                raise ValueError("is missing; the file gives no frequency to start at either")
+            return None
+        system = surroundings.system
+        if system is None and parameter == "frequency":
+            system = System(["q"], [[1.0]])  # any has a frequency
+        if system and parameter:
+            try:
+                system.at({parameter: value})
+            except ModelError as error:
+                raise ValueError(f"is not allowed: {error}") from None
+        return value
+
+    @field_validator("end")
+    @classmethod
+    def _differs_from_the_beginning(cls, end: float, info: ValidationInfo[Surroundings]) -> float:
+        begin, parameter, system = info.data.get("begin"), info.data.get("parameter"), info.context.system
+        if begin is None and "begin" in info.data and parameter and system:
+            begin = system[parameter]
+        if begin == end:
+            raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
+        return end
+
+    @field_validator("measure")
+    @classmethod
+    def _can_be_measured(cls, measure: str, info: ValidationInfo[Surroundings]) -> str:
+        kind, _, coordinate = measure.partition(".")
+        system = info.context.system
+        if kind not in MEASURES or not coordinate:
+            raise ValueError(
+                f"is {given(measure)}; it must be one of {', '.join(MEASURES)}, a dot and a coordinate, as in half.q1"
+            )
+        if system and coordinate not in system.coordinates:
+            hint = did_you_mean(coordinate, system.coordinates)
+            raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
+        return measure
+
+    def system(self, system: System) -> System:
+        """The system at the first value of the parameter."""
+        return system if self.begin is None else system.at({self.parameter: self.begin})
+
+    def options(self, system: System) -> ResponseOptions:
+        """The options of this study; keys that are not given have the defaults of `ResponseOptions`."""
+        more = {}
+        if "period" in self.model_fields_set:
+            more["period"] = self.period
+        if "start" in self.model_fields_set:
+            more["start"] = tuple(self.start) if isinstance(self.start, list) else self.start
+        return ResponseOptions(
+            self.parameter,
+            begin=self.system(system)[self.parameter],
+            end=self.end,
+            measure=self.measure or f"half.{system.coordinates[0]}",
+            walk=self.walk.options(),
+            shooting=self.shooting.options(),
+            **more,
+        )
+
+
+KINDS: dict[str, type[StudyPart]] = {"response": ResponsePart}
+"""The schemas by the value of ``kind``."""

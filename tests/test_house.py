@@ -1,0 +1,172 @@
+"""The rules of the house: imports go downwards, files stay small and say what they are for."""
+
+import ast
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "src" / "gapwalk"
+FILES = sorted(SOURCE.rglob("*.py"))
+
+# From the lowest to the highest. A module may import from its own package and from any before it.
+ORDER = (
+    "errors",
+    "model",
+    "motion",
+    "orbit",
+    "continuation",
+    "bifurcation",
+    "attractor",
+    "study",
+    "paper",
+    "plot",
+    "explorer",
+    "cli",
+)
+
+# Modules directly in gapwalk/ that stand above all packages.
+ABOVE_ALL = ("__init__", "__main__")
+
+# Names of gapwalk/__init__.py that any module may ask for.
+ROOT_NAMES = ("__version__",)
+
+# (file, function that holds the import, package imported): why.
+PERMITTED = {
+    ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
+}
+
+MAX_LINES = 350
+
+# Folders of the machine that the software was written on. Put together here so that this file names none.
+LOCAL_PATH = re.compile(rb"(?<![\w.])/(?:" + b"|".join((b"work", b"root", b"tmp/play")) + rb")/")
+
+
+def test_imports_go_downwards() -> None:
+    upward = [
+        complaint
+        for file in FILES
+        for complaint in upward_imports(file.relative_to(SOURCE).as_posix(), file.read_text(encoding="utf-8"))
+    ]
+    assert not upward, "\n" + "\n".join(upward)
+
+
+def test_every_file_says_what_it_is_for() -> None:
+    silent = [
+        file.relative_to(ROOT).as_posix()
+        for file in FILES
+        if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
+    ]
+    assert not silent, f"open these with a docstring of one sentence on what they are for: {silent}"
+
+
+def test_no_file_is_crowded() -> None:
+    lengths = {
+        file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines())
+        for file in FILES
+    }
+    crowded = {name: length for name, length in lengths.items() if length > MAX_LINES}
+    assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
+
+
+def test_no_committed_file_names_a_path_of_one_machine() -> None:
+    hits = [
+        f"{name}:{number}: {line.decode(errors='replace').strip()[:120]}"
+        for name in tracked_files()
+        if (ROOT / name).is_file()  # tracked, but perhaps just deleted
+        for number, line in enumerate((ROOT / name).read_bytes().splitlines(), start=1)
+        if LOCAL_PATH.search(line)
+    ]
+    assert not hits, "paths of one machine in committed files:\n" + "\n".join(hits)
+
+
+@pytest.mark.parametrize(
+    ("file", "source"),
+    [
+        ("orbit/newton.py", "from gapwalk.continuation import walk"),
+        ("orbit/newton.py", "import gapwalk.plot.style"),
+        ("orbit/newton.py", "from gapwalk import study"),
+        ("orbit/newton.py", "from gapwalk import Branch"),
+        ("orbit/newton.py", "import gapwalk"),
+        ("orbit/newton.py", "from ..continuation.walk import follow"),
+        ("orbit/newton.py", "from .. import plot"),
+        ("orbit/__init__.py", "from ..cli import main"),
+        ("orbit/newton.py", "def f():\n    from gapwalk.plot import draw"),
+        ("errors.py", "from gapwalk.model import System"),
+        ("orbit/newton.py", "from gapwalk.attic import x"),
+        ("attic/box.py", "import numpy"),
+        ("continuation/branch.py", "from gapwalk.plot import draw"),
+        ("continuation/branch.py", "def show():\n    from gapwalk.plot import draw"),
+        ("continuation/walk.py", "def plot():\n    from gapwalk.plot import draw"),
+    ],
+)
+def test_an_upward_import_is_seen(file: str, source: str) -> None:
+    assert len(list(upward_imports(file, source))) == 1
+
+
+@pytest.mark.parametrize(
+    ("file", "source"),
+    [
+        ("orbit/newton.py", "import numpy as np\nfrom scipy import linalg"),
+        ("orbit/newton.py", "from gapwalk.motion.flow import Flow\nfrom gapwalk.errors import GapwalkError"),
+        ("orbit/newton.py", "from gapwalk import model, __version__"),
+        ("orbit/newton.py", "from .floquet import multipliers\nfrom . import equation"),
+        ("orbit/newton.py", "from ..model import System\nfrom .. import motion"),
+        ("orbit/__init__.py", "from .newton import find_orbit"),
+        ("cli.py", "from gapwalk.explorer import serve\nfrom .plot import draw"),
+        ("__init__.py", "from .cli import main\nfrom .orbit import Orbit"),
+        ("__main__.py", "from gapwalk.cli import main"),
+        ("continuation/branch.py", "class Branch:\n    def plot(self):\n        from gapwalk import plot"),
+    ],
+)
+def test_a_downward_import_passes(file: str, source: str) -> None:
+    assert list(upward_imports(file, source)) == []
+
+
+def upward_imports(file: str, source: str) -> Iterator[str]:
+    """Complain about each import in `file` (a path below gapwalk/) that does not go downwards."""
+    parts = file.removesuffix(".py").split("/")
+    here = parts[0]
+    if here in ABOVE_ALL:
+        return
+    if here not in ORDER:
+        yield f"{file}: give gapwalk.{here} a place in ORDER"
+        return
+    for line, function, target in imports(["gapwalk", *parts[:-1]], ast.parse(source)):
+        if (file, function, target) in PERMITTED or target in ROOT_NAMES:
+            continue
+        if target not in ORDER:
+            name = f"gapwalk.{target}" if target else "gapwalk itself"
+            yield f"{file}:{line}: imports {name}, which has no place in ORDER"
+        elif ORDER.index(target) > ORDER.index(here):
+            yield f"{file}:{line}: {here} imports {target}, which is above it"
+
+
+def imports(package: list[str], node: ast.AST, function: str = "") -> Iterator[tuple[int, str, str]]:
+    """Yield (line, enclosing function, what follows `gapwalk.`) for each import of gapwalk below `node`."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            modules = [alias.name.split(".") for alias in child.names]
+        elif isinstance(child, ast.ImportFrom):
+            base = package[: len(package) - child.level + 1] if child.level else []
+            module = base + (child.module.split(".") if child.module else [])
+            modules = [[*module, alias.name] for alias in child.names] if module == ["gapwalk"] else [module]
+        else:
+            inner = child.name if isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)) else function
+            yield from imports(package, child, inner)
+            continue
+        for path in modules:
+            if path[0] == "gapwalk":
+                yield child.lineno, function, path[1] if len(path) > 1 else ""
+
+
+def tracked_files() -> list[str]:
+    """Return the files that git tracks; skip the test where there is no git or no checkout."""
+    try:
+        listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git checkout, or no git")
+    return [name for name in listing.stdout.decode().split("\0") if name]
