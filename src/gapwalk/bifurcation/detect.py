@@ -1,8 +1,8 @@
 """Find and locate every special point in one step of a walk, so that none hides between two points.
 
 A sign change of a test function is located by bracketing. But two zeros in one step leave no sign change: wherever a
-test function is small against the way it varies, the step is halved until that doubt is gone. Zeros that are already
-known are divided out first, so that only unknown ones raise doubt.
+test function bends so much that it may dip through zero between two points, the step is halved until that doubt is
+gone. Zeros that are already known are divided out first, so that only unknown ones raise doubt.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 
-_DOUBT = 1.0  # a test function smaller than this times its variation over an interval may have zeros inside
+_DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
 _EXACT = 1e-14  # arclength to which zeros are located
 
@@ -76,8 +76,10 @@ class Detector:
         """What it remembers now."""
         return DetectorState(dict(self._rates), {kind: tuple(zeros) for kind, zeros in self._recent.items()})
 
-    def inspect(self, first: BranchPoint, last: BranchPoint) -> list[SpecialPoint]:
-        """The special points between two neighbouring points, in the order of the walk.
+    def inspect(
+        self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None
+    ) -> list[SpecialPoint]:
+        """The special points between two neighbouring points, in the order of the walk; `before` is the one before.
 
         Raises
         ------
@@ -85,7 +87,7 @@ class Detector:
             If an orbit between the two cannot be found.
         """
         stretch = Stretch(self.corrector, first, last)
-        grazes = find_grazing(stretch, first, last) if self.grazing else []
+        grazes = find_grazing(stretch, before, first, last) if self.grazing else []
         zeros: list[_Zero] = []
         for kind in self.kinds:
             zeros += self._scan(kind, stretch)
@@ -110,23 +112,23 @@ class Detector:
         zeros: list[_Zero] = []
         nodes = stretch.points
         for a, b in zip(nodes[:-1], nodes[1:], strict=True):
-            zeros += self._search(kind, stretch, a, b, self._rates.get(kind, 0.0), known)
+            zeros += self._search(kind, stretch, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
         return zeros
 
     def _search(
-        self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, rate: float, known: list[float]
+        self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]
     ) -> list[_Zero]:
-        """All zeros between two points, given the rate of change before them and the zeros known already."""
+        """All zeros between two points, given the rate of change before them (if any) and the zeros known already."""
         length = b.arclength - a.arclength
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
         if at_a * at_b < 0.0:
             zero = self._locate(kind, stretch, a, b, known)
             known.append(zero.point.arclength)
-            return [zero, *self._search(kind, stretch, a, b, 0.0, known)]
-        variation = max(abs(at_b - at_a), rate * length)
-        if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * variation:
+            return [zero, *self._search(kind, stretch, a, b, None, known)]
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
             return []
         middle = stretch.middle(a, b)
         left = self._search(kind, stretch, a, middle, rate, known)
@@ -153,7 +155,7 @@ def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
 
 
 def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:
-    return abs(_deflated(kind, b, known) - _deflated(kind, a, known)) / (b.arclength - a.arclength)
+    return (_deflated(kind, b, known) - _deflated(kind, a, known)) / (b.arclength - a.arclength)
 
 
 def _beside(marks: list[float], index: int, side: int) -> float:

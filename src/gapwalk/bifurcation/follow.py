@@ -126,9 +126,9 @@ class Trail(Iterator[Step]):
         return self.walk.end
 
     def __next__(self) -> Step:
-        before = self.walk.point
+        before, first = self.walk.previous, self.walk.point
         point = next(self.walk)
-        return point, self.detector.inspect(before, point)
+        return point, self.detector.inspect(first, point, before)
 
 
 def _join(trails: list[Trail], walked: list[list[Step]]) -> Branch:

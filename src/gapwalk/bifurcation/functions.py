@@ -57,4 +57,7 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _bounded_product(factors: NDArray[np.complex128]) -> float:
-    return float(np.prod(factors / np.maximum(1.0, np.abs(factors))).real)
+    product = 1.0 + 0.0j
+    for factor in factors.tolist():
+        product *= factor / max(1.0, abs(factor))
+    return product.real

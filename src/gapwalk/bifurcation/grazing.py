@@ -11,11 +11,13 @@ from scipy.optimize import brentq
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.motion import sample, switch_names
-from gapwalk.orbit.measures import turning_points, with_contacts
+from gapwalk.motion.motion import switch_names
 from gapwalk.orbit.orbit import Orbit
 
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
+_BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down
+_FINEST = 1e-6  # arclength below which a pair of changes that undo each other is not told apart
+_DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
 
 class Graze(NamedTuple):
@@ -26,22 +28,69 @@ class Graze(NamedTuple):
     uncertainty: float
 
 
-def find_grazing(stretch: Stretch, first: BranchPoint, last: BranchPoint) -> list[Graze]:
-    """All grazing points between two points of a branch, in order, by halving until each stands alone.
+def find_grazing(
+    stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Graze]:
+    """All grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
 
-    A pair of changes that undo each other within one step leaves no trace and is not found.
+    A change of the pattern between two points is halved until each grazing point stands alone. Two changes that undo
+    each other within one step leave no trace in the pattern: wherever an extremum of a deflection bends so fast that
+    it may have touched its breakpoint between two points, the step is halved until that doubt is gone.
     """
     changes = np.subtract(last.orbit.closings, first.orbit.closings)
-    if not changes.any():
-        return []
-    changed = np.flatnonzero(changes)
-    if np.abs(changes).sum() == 1:
-        return [_locate(stretch, first, last, int(changed[0]))]
-    if last.arclength - first.arclength < _SMALLEST:
+    number = int(np.abs(changes).sum())
+    if number == 1:
+        return [_locate(stretch, first, last, int(np.flatnonzero(changes)[0]))]
+    length = last.arclength - first.arclength
+    if number and length < _SMALLEST:
         spread = abs(last.value - first.value)
-        return [Graze(last, int(switch), spread) for switch in changed]
+        return [Graze(last, int(switch), spread) for switch in np.flatnonzero(changes)]
+    if not number and not _is_doubtful(before, first, last, length):
+        return []
     middle = stretch.middle(first, last)
-    return find_grazing(stretch, first, middle) + find_grazing(stretch, middle, last)
+    return find_grazing(stretch, before, first, middle) + find_grazing(stretch, first, middle, last)
+
+
+def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, length: float) -> bool:
+    """Whether a pair of grazing points may hide between two points of equal pattern."""
+    if length > _BIRTH and _is_born_near_contact(first.orbit, last.orbit):
+        return True
+    return length > _FINEST and _may_touch(before, first, last)
+
+
+def _is_born_near_contact(first: Orbit, last: Orbit) -> bool:
+    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
+    for switch in range(len(first.closings)):
+        fewer, more = sorted((turning_depths(first, switch), turning_depths(last, switch)), key=np.size)
+        if more.shape[1] < fewer.shape[1] + 2:
+            continue
+        lonely = [depth for theta, depth in more.T if not fewer.size or _apart(fewer[0], theta, last).min() > 0.05]
+        if lonely and min(map(abs, lonely)) < 0.02 * float(np.ptp(more[1])):
+            return True
+    return False
+
+
+def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Whether an extremum of a deflection, seen at three points, may have touched its breakpoint between two of them."""
+    if before is None or first.arclength <= before.arclength:
+        return False
+    ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
+    for switch in range(len(first.orbit.closings)):
+        now, then, past = (turning_depths(point.orbit, switch) for point in (first, last, before))
+        if not now.size or not then.size or not past.size:
+            continue
+        for theta, depth in now.T:
+            following = _nearest(then, theta, last.orbit)
+            preceding = _nearest(past, theta, before.orbit)
+            bend = abs((following - depth) - ratio * (depth - preceding))
+            if min(abs(depth), abs(following)) < _DOUBT * bend:
+                return True
+    return False
+
+
+def _nearest(turns: NDArray[np.float64], theta: float, orbit: Orbit) -> float:
+    """Depth of the turning point nearest to an angle."""
+    return float(turns[1, np.argmin(_apart(turns[0], theta, orbit))])
 
 
 def describe_switch(orbit: Orbit, switch: int) -> str:
@@ -90,29 +139,22 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
 
 def _extremal_depth(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
     """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
-    thetas, depths = _depth_extremes(orbit, switch)
-    full = PERIOD * orbit.period
-    away = np.abs((thetas - near + full / 2) % full - full / 2)
-    nearest = int(np.argmin(away))
+    thetas, depths = turning_depths(orbit, switch)
+    nearest = int(np.argmin(_apart(thetas, near, orbit)))
     return float(thetas[nearest]), float(depths[nearest])
 
 
-def _depth_extremes(orbit: Orbit, switch: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Angles and depths of all extremes of one switch's deflection over the orbit."""
-    system, count = orbit.system, orbit.samples * orbit.period
-    names = switch_names(system)
-    contact, _, side = names[switch]
-    index = [form.name for form in system.structure.contacts].index(contact)
-    theta = PERIOD * orbit.period * np.arange(count + 1) / count
-    motion = sample(system, orbit.state, with_contacts(theta, orbit))
-    vector = system.values[system.structure.block(f"{contact}.deflection", system.size)]
-    thetas, values = turning_points(motion, vector)
-    breakpoint = side * system[_clearance_name(orbit, index, switch)]
-    return thetas, side * (values - breakpoint)
+def turning_depths(orbit: Orbit, switch: int) -> NDArray[np.float64]:
+    """Angles at which a switch's deflection turns, and how far past the breakpoint it is there; shape (2, turns)."""
+    system = orbit.system
+    contact, stage, side = switch_names(system)[switch]
+    index, form = next((i, form) for i, form in enumerate(system.structure.contacts) if form.name == contact)
+    clearance = system[f"{contact}.{stage}.clearance" if len(form.stages) > 1 else f"{contact}.clearance"]
+    thetas, values = orbit.survey.turns[index]
+    return np.vstack((thetas, side * values - clearance))
 
 
-def _clearance_name(orbit: Orbit, index: int, switch: int) -> str:
-    form = orbit.system.structure.contacts[index]
-    _, stage_name, _ = switch_names(orbit.system)[switch]
-    stage = next(stage for stage in form.stages if stage.name == stage_name)
-    return f"{form.stage_prefix(stage)}.clearance"
+def _apart(thetas: NDArray[np.float64], near: float, orbit: Orbit) -> NDArray[np.float64]:
+    """Distances of angles from one angle, on the circle of the orbit."""
+    full = PERIOD * orbit.period
+    return np.abs((thetas - near + full / 2) % full - full / 2)

@@ -6,6 +6,7 @@ any point and resumed from it. Every end has its reason.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -257,4 +258,5 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Angle between two unit vectors, in radians."""
-    return 2.0 * float(np.arcsin(min(1.0, np.linalg.norm(a - b) / 2.0)))
+    chord = a - b
+    return 2.0 * math.asin(min(1.0, math.sqrt(float(chord @ chord)) / 2.0))

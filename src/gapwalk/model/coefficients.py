@@ -141,7 +141,11 @@ def layout_of(structure: Structure) -> CoefficientLayout:
 
 def coefficients_of(system: System) -> NDArray[np.float64]:
     """The coefficients of the flow for the values of `system`."""
-    return layout_of(system.structure).compute(system.values)
+    known = getattr(system, "_coefficients", None)
+    if known is None:
+        known = layout_of(system.structure).compute(system.values)
+        object.__setattr__(system, "_coefficients", known)
+    return known
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,10 @@ from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import by_shape, tagged
 from gapwalk.model.system import System
 
-E_ = TypeVar("E_", bound=StrEnum)
+MAX_COORDINATES = 1000
+"""More are refused: dense matrices of that size have a million parameters, each with a name."""
+
+Choice = TypeVar("Choice", bound=StrEnum)
 
 
 @dataclass
@@ -34,16 +37,17 @@ class Names:
     def of(cls, data: Any) -> Names:
         """The names in the content of a file that may be wrong in any way."""
         names = data.get("coordinates") if isinstance(data, Mapping) else None
-        known = isinstance(names, list) and all(isinstance(name, str) for name in names)
-        return cls(names if known and names else None)
+        if not isinstance(names, list) or not 0 < len(names) <= MAX_COORDINATES:
+            return cls(None)
+        return cls(names if all(isinstance(name, str) for name in names) else None)
 
 
-def one_of(choices: type[E_], otherwise: str = "") -> Callable[[object], E_]:
+def one_of(choices: type[Choice], otherwise: str = "") -> Callable[[object], Choice]:
     """Make a validator that accepts the values of an enumeration; `otherwise` names what else is allowed."""
     known = [choice.value for choice in choices]
     allowed = f"one of {', '.join(map(given, known))}" + (f", or {otherwise}" if otherwise else "")
 
-    def check(value: object) -> E_:
+    def check(value: object) -> Choice:
         if isinstance(value, str) and value in known:
             return choices(value)
         hint = did_you_mean(value, known) if isinstance(value, str) else ""
@@ -89,7 +93,9 @@ def _not_zero(vector: dict[str, float]) -> dict[str, float]:
 
 def _square(matrix: list, info: ValidationInfo[Names]) -> list[list[float]]:
     known = info.context.coordinates
-    n = len(known) if known else len(matrix)
+    if not known:
+        return matrix  # of no use while nobody knows how large it must be
+    n = len(known)
     wanted = f"{n} x {n}, a row and a column per coordinate"
     if not matrix:
         raise ValueError(f"is empty; it must be {wanted}")
@@ -104,7 +110,9 @@ def _square(matrix: list, info: ValidationInfo[Names]) -> list[list[float]]:
     return matrix
 
 
-def _regular(mass: list[list[float]]) -> list[list[float]]:
+def _regular(mass: list[list[float]], info: ValidationInfo[Names]) -> list[list[float]]:
+    if not info.context.coordinates:
+        return mass
     n = len(mass)
     System([f"q{i}" for i in range(n)], stiffness=np.zeros((n, n)), mass=mass)  # refuses a singular one
     return mass
@@ -118,7 +126,7 @@ def _matrix_shape(value: object) -> str:
 def _radians(phase: object) -> object:
     if not isinstance(phase, str):
         return phase
-    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|°|rad)\s*", phase, re.ASCII)
+    match = re.fullmatch(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|°|rad)\s*", phase, re.ASCII)
     if not match:
         raise ValueError(f'is {given(phase)}; it must be a number of radians, or a text such as "120 deg"')
     return float(match[1]) if match[2] == "rad" else math.radians(float(match[1]))

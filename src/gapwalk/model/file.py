@@ -11,6 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, DampingLaw, Side, Stage
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.fields import (
+    MAX_COORDINATES,
     Angle,
     Direction,
     Matrix,
@@ -165,7 +166,9 @@ class SystemPart(Part):
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
-        min_length=1, description='list the names of the degrees of freedom, as in ["q1", "q3"]'
+        min_length=1,
+        max_length=MAX_COORDINATES,
+        description='list the names of the degrees of freedom, as in ["q1", "q3"]',
     )
     mass: RegularMatrix | None = None
     stiffness: Matrix = Field(description="write the matrix K, a list of rows")

@@ -22,6 +22,8 @@ _ALLOWED = {
     "list_type": "a list",
     "dict_type": "a table, such as {{ q1 = 1.0 }}",
     "model_type": "a table",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
     "greater_than": "> {gt:g}",
     "greater_than_equal": ">= {ge:g}",
 }

@@ -65,6 +65,13 @@ class Structure:
         """Number of degrees of freedom."""
         return len(self.coordinates)
 
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:  # kept, because every look-up of a compiled flow asks for it
+        return hash((self.coordinates, self.contacts, self.harmonics))
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters, in the order of the value vector."""

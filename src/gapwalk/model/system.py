@@ -45,7 +45,7 @@ class System:
         With everything that is wrong, one reason a line.
     """
 
-    __slots__ = ("structure", "values")
+    __slots__ = ("_coefficients", "structure", "values")  # the first is kept for `coefficients_of`
     structure: Structure
     values: NDArray[np.float64]
 

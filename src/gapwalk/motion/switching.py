@@ -53,7 +53,7 @@ class Switchboard:
         self._deflections = np.array([contact.deflection for contact in contacts]).reshape(self.count, self.n)
         self._signs = self.signs.tolist()
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
-        self._known: NDArray | None = None
+        self._known = b""
         self._first = len(equations.active)
         self._viscous = [self._is_viscous_edge(k, j) for k, j in equations.switches]
         self.log: list[ContactEvent] = []
@@ -95,10 +95,10 @@ class Switchboard:
 
     def _read_geometry(self, coefficients: NDArray) -> None:
         """Deflection vectors and breakpoints as plain numbers, read again only when they have changed."""
-        geometry = coefficients[self._geometry]
-        if self._known is not None and np.array_equal(geometry, self._known):
+        known = coefficients[self._geometry].tobytes()
+        if known == self._known:
             return
-        self._known = geometry
+        self._known = known
         self._vectors = coefficients[self._deflections]
         self._offsets = (self.signs * coefficients[self._breaks]).tolist()
         self._scales = [1.0 + abs(offset) for offset in self._offsets]

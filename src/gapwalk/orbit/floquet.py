@@ -8,6 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from gapwalk.errors import NumericalError
 
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
@@ -58,7 +61,10 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
     """
     size = transitions[0].shape[0]
     if len(transitions) == 1:
-        values = np.linalg.eigvals(transitions[0]).astype(complex)
+        real, imaginary, _, _, info = lapack.dgeev(transitions[0], compute_vl=0, compute_vr=0)
+        if info:
+            raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
+        values = real + 1j * imaginary
     else:
         values = _pencil_eigenvalues(transitions, size)
     return values[np.argsort(-np.abs(values), kind="stable")]
@@ -66,11 +72,10 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
 
 def classify(values: NDArray[np.complex128]) -> Instability:
     """Count the multipliers outside the unit circle."""
-    outside = values[np.abs(values) > 1.0]
-    real = np.abs(outside.imag) <= REAL * np.abs(outside)
-    above = int(np.count_nonzero(real & (outside.real > 0)))
-    below = int(np.count_nonzero(real & (outside.real < 0)))
-    return Instability(above, below, (len(outside) - above - below) // 2)
+    outside = [mu for mu in values.tolist() if abs(mu) > 1.0]
+    real = [mu.real for mu in outside if abs(mu.imag) <= REAL * abs(mu)]
+    above = sum(mu > 0 for mu in real)
+    return Instability(above, len(real) - above, (len(outside) - len(real)) // 2)
 
 
 def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -> NDArray[np.complex128]:

@@ -14,7 +14,8 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.measures import extremes, measure
+from gapwalk.orbit.measures import measure
+from gapwalk.orbit.survey import Survey, survey
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,18 @@ class Orbit:
     @property
     def samples(self) -> int:
         """Samples a forcing period that resolve the motion."""
-        needed = max(64, 6 * self.steps // self.period)
+        needed = max(64, 5 * self.steps // self.period)
         return 1 << (needed - 1).bit_length()
+
+    @cached_property
+    def survey(self) -> Survey:
+        """Extremes of the coordinates, and the turning points of the contacts' deflections."""
+        return survey(self)
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
-        return extremes(self)
+        return self.survey.extremes
 
     def measure(self, name: str) -> float:
         """One figure of the motion by name.

@@ -85,8 +85,7 @@ class ShootingEquation:
         """
         coefficients, direction = self._coefficients(value)
         size, count = 2 * self.system.size, self.options.segments
-        states = unknowns.reshape(count, size)
-        knots = PERIOD * self.period * np.arange(count + 1) / count
+        states, knots = unknowns.reshape(count, size), self._knots
         arcs = [
             self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)
         ]
@@ -116,13 +115,17 @@ class ShootingEquation:
 
     def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
         """The states at the start of each segment on the motion from `state`, end to end."""
-        count = self.options.segments
         system = self.system if system is None else system
-        knots = PERIOD * self.period * np.arange(count) / count
-        states = [np.asarray(state, dtype=float)]
+        states, knots = [np.asarray(state, dtype=float)], self._knots[:-1]
         for start, stop in zip(knots[:-1], knots[1:], strict=True):
             states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
         return np.concatenate(states)
+
+    @cached_property
+    def _knots(self) -> list[float]:
+        """Angles at which the segments begin, and the end."""
+        count = self.options.segments
+        return [PERIOD * self.period * j / count for j in range(count + 1)]
 
     @cached_property
     def _line(self) -> ParameterLine:
@@ -152,7 +155,9 @@ def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
     """
     count = len(arcs)
     if count == 1:
-        return _transition(arcs[0]) - np.eye(size)
+        matrix = _transition(arcs[0]).copy()
+        matrix.flat[:: size + 1] -= 1.0
+        return matrix
     matrix = np.zeros((count * size, count * size))
     for j, arc in enumerate(arcs):
         matrix[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)

@@ -6,8 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
+from gapwalk.model.fields import Names
 from gapwalk.model.file import check_system, in_order
 from gapwalk.model.problem import ModelFileError, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
@@ -115,8 +114,8 @@ def _frequency_problems(source: Source):
 def _sketch(source: Source) -> System | None:
     """A system with the parameters of the file, where only their values are wrong: the study can be checked."""
     names = {key: source.data[key] for key in ("coordinates", "contact", "harmonic") if key in source.data}
-    coordinates = names.get("coordinates")
-    size = len(coordinates) if isinstance(coordinates, list) else 0
-    bare = Source(source.name, source.text, {**names, "stiffness": np.zeros((size, size)).tolist()})
+    coordinates = Names.of(source.data).coordinates or []
+    names["stiffness"] = [0.0] * len(coordinates)
+    bare = Source(source.name, source.text, names)
     part, _ = check_system(bare)
     return part.system() if part else None

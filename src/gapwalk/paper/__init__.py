@@ -1,0 +1,23 @@
+"""The paper: its parameter sets, its figures, and the checks against what it says of them."""
+
+from gapwalk.paper.cases import (
+    DampingReading,
+    ParameterSet,
+    SlopeReading,
+    case,
+    describe,
+    frequency_responses,
+    names,
+    parameter_set,
+)
+
+__all__ = [
+    "DampingReading",
+    "ParameterSet",
+    "SlopeReading",
+    "case",
+    "describe",
+    "frequency_responses",
+    "names",
+    "parameter_set",
+]
