@@ -9,6 +9,10 @@ class ModelError(GapwalkError, ValueError):
     """A system, a study or a request that makes no sense: the user can mend it."""
 
 
+class StoreError(ModelError):
+    """A result file that cannot be read or written as asked."""
+
+
 class NumericalError(GapwalkError, ArithmeticError):
     """A computation that could not be carried through; the message says where it stood."""
 

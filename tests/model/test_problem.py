@@ -23,7 +23,7 @@ def test_an_error_lists_its_problems_and_can_be_pickled() -> None:
     assert isinstance(error, ModelError)
     assert isinstance(error, ValueError)
     assert error.problems == tuple(problems)
-    assert str(error) == "a is missing\nb is 3"
+    assert str(error) == "a is missing\nline 2: b is 3"
 
 
 def test_a_flood_of_problems_is_cut_short() -> None:

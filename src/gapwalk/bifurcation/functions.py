@@ -27,6 +27,13 @@ BIFURCATIONS = (Kind.FOLD, Kind.BRANCH_POINT, Kind.FLIP, Kind.NEIMARK_SACKER)
 
 def value(kind: Kind, point: BranchPoint) -> float:
     """The test function of one kind at a point."""
+    known = point.memo.get(kind)
+    if known is None:
+        known = point.memo[kind] = _compute(kind, point)
+    return known
+
+
+def _compute(kind: Kind, point: BranchPoint) -> float:
     match kind:
         case Kind.FOLD:
             return float(point.tangent[-1])

@@ -61,7 +61,7 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
 def _is_born_near_contact(first: Orbit, last: Orbit) -> bool:
     """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
     for switch in range(len(first.closings)):
-        fewer, more = sorted((turning_depths(first, switch), turning_depths(last, switch)), key=np.size)
+        fewer, more = sorted((first.turning_depths[switch], last.turning_depths[switch]), key=np.size)
         if more.shape[1] < fewer.shape[1] + 2:
             continue
         lonely = [depth for theta, depth in more.T if not fewer.size or _apart(fewer[0], theta, last).min() > 0.05]
@@ -76,7 +76,7 @@ def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
     for switch in range(len(first.orbit.closings)):
-        now, then, past = (turning_depths(point.orbit, switch) for point in (first, last, before))
+        now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
         if not now.size or not then.size or not past.size:
             continue
         for theta, depth in now.T:
@@ -139,19 +139,9 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
 
 def _extremal_depth(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
     """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
-    thetas, depths = turning_depths(orbit, switch)
+    thetas, depths = orbit.turning_depths[switch]
     nearest = int(np.argmin(_apart(thetas, near, orbit)))
     return float(thetas[nearest]), float(depths[nearest])
-
-
-def turning_depths(orbit: Orbit, switch: int) -> NDArray[np.float64]:
-    """Angles at which a switch's deflection turns, and how far past the breakpoint it is there; shape (2, turns)."""
-    system = orbit.system
-    contact, stage, side = switch_names(system)[switch]
-    index, form = next((i, form) for i, form in enumerate(system.structure.contacts) if form.name == contact)
-    clearance = system[f"{contact}.{stage}.clearance" if len(form.stages) > 1 else f"{contact}.clearance"]
-    thetas, values = orbit.survey.turns[index]
-    return np.vstack((thetas, side * values - clearance))
 
 
 def _apart(thetas: NDArray[np.float64], near: float, orbit: Orbit) -> NDArray[np.float64]:

@@ -57,8 +57,14 @@ class Corrector:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales = scales[:-1]
 
-    def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> Correction | None:
+    def correct(
+        self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0
+    ) -> Correction | None:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
+
+        Where the residual is below `trust`, one more step is taken without looking: it leaves about the square of the
+        residual. The evaluation then belongs to a point off by that residual, which serves where the point itself
+        must be exact and its multipliers to seven digits.
 
         Each step solves the bordered system
 
@@ -73,7 +79,8 @@ class Corrector:
             except NumericalError:
                 return None
             size = _largest(evaluation.residual)
-            if size <= self.equation.tolerance * max(1.0, _largest(unknowns)):
+            scale = max(1.0, _largest(unknowns))
+            if size <= self.equation.tolerance * scale:
                 return Correction(x, evaluation, iteration, _length(x - guess), last)
             if not size <= _LOST * before:
                 return None
@@ -84,6 +91,8 @@ class Corrector:
                 return None
             last, before = _length(step), size
             x = x + step
+            if size <= trust * scale:
+                return Correction(x, evaluation, iteration + 1, _length(x - guess), last)
         return None
 
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ class BranchPoint:
         Determinant of the Jacobian bordered by the tangent; it changes sign where branches cross.
     arclength
         Scaled arclength from the start of the walk.
+    memo
+        Numbers derived from the point that are kept because they are asked for again and again.
     """
 
     value: float
@@ -37,6 +40,7 @@ class BranchPoint:
     tangent: NDArray[np.float64]
     determinant: float
     arclength: float
+    memo: dict[Any, float] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def stable(self) -> bool:

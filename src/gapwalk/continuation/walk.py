@@ -25,6 +25,7 @@ from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
 
+_TRUST = 1e-7  # residual from which the next Newton step is exact to rounding
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
 
@@ -154,7 +155,7 @@ class Walk(Iterator[BranchPoint]):
         """The correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         for guess in ahead(self.previous, self.point, self.step):
-            correction = self.corrector.correct(guess, self.point.tangent)
+            correction = self.corrector.correct(guess, self.point.tangent, _TRUST)
             point = None if correction is None else self._accepted(correction)
             if point is not None:
                 break

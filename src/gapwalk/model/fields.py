@@ -39,7 +39,9 @@ class Names:
         names = data.get("coordinates") if isinstance(data, Mapping) else None
         if not isinstance(names, list) or not 0 < len(names) <= MAX_COORDINATES:
             return cls(None)
-        return cls(names if all(isinstance(name, str) for name in names) else None)
+        if not all(isinstance(name, str) for name in names):
+            return cls(None)
+        return cls(list(dict.fromkeys(names)))  # a name that stands twice by mistake is no second coordinate
 
 
 def one_of(choices: type[Choice], otherwise: str = "") -> Callable[[object], Choice]:

@@ -40,7 +40,9 @@ class Problem:
     file: str = ""
 
     def __str__(self) -> str:
-        place = f"{self.file}:{self.line}" if self.line else self.file
+        place = self.file
+        if self.line:
+            place = f"{self.file}:{self.line}" if self.file else f"line {self.line}"
         text = f"{self.path} {self.message}" if self.path else self.message
         return _printable(f"{place}: {text}" if place else text)
 

@@ -87,7 +87,7 @@ def validate(
 
 def refusal(error: ModelError, name: str = "") -> str:
     """The message of an error of the model as one line that can follow a path which ends in `name`."""
-    return "; ".join(line.removeprefix(f"{name} ") for line in str(error).splitlines())
+    return "; ".join(line.removeprefix(f"{name} ") for line in dict.fromkeys(str(error).splitlines()))
 
 
 def _without(data: Any, paths: list[Path]) -> Any:
@@ -115,6 +115,8 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
         return source.problem(message, (*at, *path))
     path = tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
     owner = _owner(model, path)
+    if owner and path[-1] in owner.model_fields:  # of a default, pydantic tells the name and not the alias
+        path = (*path[:-1], owner.model_fields[str(path[-1])].alias or path[-1])
     if kind == "missing":
         description = _fields(owner).get(str(path[-1]), "") if owner else ""
         message = "is missing" + (f"; {description}" if description else "")

@@ -101,6 +101,24 @@ class Equations:
             forced.append((variable, hy.sum(terms)))
         return forced
 
+    def integrals(self) -> list:
+        """Equations of the integrals over theta of each position and of its square."""
+        firsts = [(hy.make_vars(f"s{i}"), q) for i, q in enumerate(self.positions)]
+        return firsts + [(hy.make_vars(f"ss{i}"), q * q) for i, q in enumerate(self.positions)]
+
+    @cached_property
+    def turning(self) -> list[tuple[NDArray[np.intp] | None, hy.expression]]:
+        """Event functions that vanish where a coordinate or a contact's deflection turns.
+
+        First the n velocities, then the deflection rates of those contacts that depend on more than one coordinate,
+        each with the slots of its deflection vector (None for a coordinate).
+        """
+        events: list[tuple[NDArray[np.intp] | None, hy.expression]] = [(None, v) for v in self.velocities]
+        for contact in self.layout.contacts:
+            if np.count_nonzero(self.pattern[contact.deflection]) > 1:
+                events.append((contact.deflection, self._dot(contact.deflection, self.velocities)))
+        return events
+
     def _coefficient(self, slot: int):
         """Symbol of one coefficient, or the number 0 where it takes no part."""
         if not self.pattern[slot]:

@@ -57,6 +57,14 @@ class Arc(NamedTuple):
     steps: int
 
 
+class Turn(NamedTuple):
+    """A turning point: index into `Equations.turning`, theta, and the positions there."""
+
+    event: int
+    theta: float
+    positions: NDArray[np.float64]
+
+
 class Flow:
     """A compiled flow: see `flow_of`.
 
@@ -68,12 +76,16 @@ class Flow:
         Whether to integrate the state transition matrix.
     direction
         Whether to integrate the sensitivity along a direction of the coefficients too.
+    survey
+        Whether to integrate the positions and their squares, and to note where coordinates and deflections turn.
     """
 
     calls = 0
     """Number of integrations in this process, for tests of work done."""
 
-    def __init__(self, equations: Equations, *, transition: bool = False, direction: bool = False) -> None:
+    def __init__(
+        self, equations: Equations, *, transition: bool = False, direction: bool = False, survey: bool = False
+    ) -> None:
         self.equations = equations
         self.size = 2 * equations.layout.structure.size
         self.has_transition, self.has_direction = transition, direction
@@ -82,6 +94,8 @@ class Flow:
             right_hand_sides += equations.fundamental()
         if direction:
             right_hand_sides += equations.direction(0)
+        if survey:
+            right_hand_sides += equations.integrals()
         self._columns = self.size * transition + direction
         self._board = Switchboard(equations)
         events = [
@@ -94,12 +108,16 @@ class Flow:
             state=np.zeros(len(right_hand_sides)),
             pars=np.zeros(n_parameters),
             t_events=events,
+            nt_events=[hy.nt_event(rate, self._note(k)) for k, (_, rate) in enumerate(equations.turning) if survey],
             tol=_TOLERANCE,
             compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
         )
         self._state, self._parameters = self._integrator.state, self._integrator.pars
         self._board.attach(self._integrator, self._columns)
-        self._identity = np.concatenate((np.eye(self.size).ravel() if transition else [], np.zeros(self.size * direction)))
+        self._identity = np.zeros(len(right_hand_sides) - self.size)
+        if transition:
+            self._identity[: self.size**2] = np.eye(self.size).ravel()
+        self._turns: list[Turn] = []
 
     def integrate(
         self,
@@ -152,6 +170,24 @@ class Flow:
             return self._sample_piecewise(coefficients, state, thetas)
         return outcome[-1][:, : self.size].copy(), self._board.log
 
+    def survey(
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
+    ) -> tuple[NDArray[np.float64], list[Turn]]:
+        """Integrals over theta of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
+
+        For a flow compiled for a survey. Errors as in `integrate`.
+        """
+        self.integrate(coefficients, state, 0.0, stop)
+        return self._state[self.size :].reshape(2, -1).copy(), self._turns
+
+    def _note(self, event: int):
+        """The function that the integrator calls where a coordinate or a deflection turns."""
+
+        def note(integrator, theta: float, _direction: int) -> None:
+            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].copy()))
+
+        return note
+
     def _sample_piecewise(self, coefficients, state, thetas):
         """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
         states, contacts = [np.asarray(state, dtype=float)], []
@@ -163,6 +199,7 @@ class Flow:
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         active, board = self.equations.active, self._board
+        self._turns = []
         Flow.calls += 1
         self._integrator.time = start
         self._integrator.reset_cooldowns()
@@ -202,7 +239,9 @@ class Flow:
         return Arc(state[:size].copy(), transition, sensitivity, self._board.log, steps)
 
 
-def flow_of(system: System, parameter: str | None = None, *, transition: bool = False) -> Flow:
+def flow_of(
+    system: System, parameter: str | None = None, *, transition: bool = False, survey: bool = False
+) -> Flow:
     """The compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters
@@ -213,17 +252,19 @@ def flow_of(system: System, parameter: str | None = None, *, transition: bool = 
         A named parameter along which the sensitivity will be asked for.
     transition
         Whether the state transition matrix is wanted too.
+    survey
+        Whether the flow is to survey orbits; see `Flow.survey`.
     """
     pattern = coefficients_of(system) != 0.0
     if parameter is not None:
         pattern |= ParameterLine(system, parameter).coefficients(system[parameter])[1] != 0.0
-    return _compile(system.structure, pattern.tobytes(), transition, parameter is not None)
+    return _compile(system.structure, pattern.tobytes(), transition, parameter is not None, survey)
 
 
 @lru_cache(maxsize=64)
-def _compile(structure: Structure, pattern: bytes, transition: bool, direction: bool) -> Flow:
+def _compile(structure: Structure, pattern: bytes, transition: bool, direction: bool, survey: bool) -> Flow:
     equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool))
-    return Flow(equations, transition=transition, direction=direction)
+    return Flow(equations, transition=transition, direction=direction, survey=survey)
 
 
 def _short(state: NDArray[np.float64]) -> str:

@@ -74,11 +74,12 @@ class Switchboard:
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
         self._speed = _SLOW * max(map(abs, state[self.n :]))
-        for switch, depth in enumerate(self._depths(state)):
-            inside = depth > 0.0
+        depths = self._depths(state)
+        self._inside = [depth > 0.0 for depth in depths]
+        for switch, depth in enumerate(depths):
             if abs(depth) <= _ON * self._scales[switch]:
-                inside = self._heading(switch, theta) > 0
-            self._parameters[self._first + switch] = inside
+                self._inside[switch] = self._heading(switch, theta) > 0.0
+        self._parameters[self._first : self._first + self.count] = self._inside
 
     def is_right(self) -> bool:
         """Whether no crossing was missed: each event changed its switch, and all switches are right at the end."""
@@ -86,11 +87,12 @@ class Switchboard:
             return False
         if not self.count:
             return True
-        inside = self._parameters[self._first : self._first + self.count].tolist()
         depths = self._depths(self._state[: self.n].tolist())
         return all(
-            (depth > 0.0) == bool(closed) or abs(depth) <= _NEAR * scale
-            for depth, closed, scale in zip(depths, inside, self._scales, strict=True)
+            [
+                (depth > 0.0) is closed or abs(depth) <= _NEAR * scale
+                for depth, closed, scale in zip(depths, self._inside, self._scales, strict=True)
+            ]
         )
 
     def _read_geometry(self, coefficients: NDArray) -> None:
@@ -103,6 +105,7 @@ class Switchboard:
         self._offsets = (self.signs * coefficients[self._breaks]).tolist()
         self._scales = [1.0 + abs(offset) for offset in self._offsets]
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
+        self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
 
     def _depths(self, positions: list[float]) -> list[float]:
         """How far the motion is inside each stage (> 0) or outside it (< 0)."""
@@ -114,20 +117,22 @@ class Switchboard:
     def callback(self, switch: int):
         """The function that the integrator calls at the events of one switch."""
         place, sign, viscous = self._first + switch, self._signs[switch], self._viscous[switch]
-        n = self.n
+        wait = 10 * COOLDOWN
 
         def flip(integrator, _direction) -> bool:
-            velocity = float(sum([factor * self._state[n + i] for i, factor in self._rows[switch]]))
-            before = self._parameters[place] > 0.5
-            theta = integrator.time
-            if abs(velocity) > self._speed:
-                inside = sign * velocity > 0
-                if inside == before and theta - self._theta > 10 * COOLDOWN:
+            velocity = 0.0
+            for i, factor in self._rate_rows[switch]:
+                velocity += factor * self._state.item(i)
+            before, theta = self._inside[switch], integrator.time
+            if velocity > self._speed or velocity < -self._speed:
+                inside = sign * velocity > 0.0
+                if inside is before and theta - self._theta > wait:
                     self.missed += 1
             else:
                 inside = self._after_touch(switch, velocity, theta)
-            if inside != before:
+            if inside is not before:
                 self._parameters[place] = inside
+                self._inside[switch] = inside
                 self.log.append(ContactEvent(theta, switch, inside, velocity))
                 if viscous:
                     self._jump(switch, 1.0 if inside else -1.0)

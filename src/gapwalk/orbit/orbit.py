@@ -90,6 +90,17 @@ class Orbit:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
         return self.survey.extremes
 
+    @cached_property
+    def turning_depths(self) -> tuple[NDArray[np.float64], ...]:
+        """For each switch: angles at which the deflection turns, and how far past the breakpoint; shape (2, turns)."""
+        depths = []
+        for index, contact in enumerate(self.system.structure.contacts):
+            thetas, values = self.survey.turns[index]
+            for stage in contact.stages:
+                clearance = self.system[f"{contact.stage_prefix(stage)}.clearance"]
+                depths += [np.array((thetas, side * values - clearance)) for side in stage.side.signs]
+        return tuple(depths)
+
     def measure(self, name: str) -> float:
         """One figure of the motion by name.
 

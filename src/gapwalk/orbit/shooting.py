@@ -86,6 +86,9 @@ class ShootingEquation:
         coefficients, direction = self._coefficients(value)
         size, count = 2 * self.system.size, self.options.segments
         states, knots = unknowns.reshape(count, size), self._knots
+        if count == 1:
+            arc = self._flow.integrate(coefficients, unknowns, 0.0, knots[1], direction)
+            return Evaluation(arc.state - unknowns, _jacobian([arc], size), arc.sensitivity, [arc])
         arcs = [
             self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)
         ]

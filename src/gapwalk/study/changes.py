@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 
 from gapwalk.errors import ModelError
 from gapwalk.model.problem import ModelFileError, Problem
@@ -12,7 +13,7 @@ from gapwalk.model.system import System
 
 
 def parse_change(text: str) -> tuple[str, object]:
-    """Split ``name=value``; the value is written as in TOML, but a plain word needs no quotes.
+    """Split ``name=value``; the value is written as in TOML, but a word needs no quotes, and .5 no zero before it.
 
     Raises
     ------
@@ -22,10 +23,12 @@ def parse_change(text: str) -> tuple[str, object]:
     name, sign, value = (part.strip() for part in text.partition("="))
     if not name or not sign or not value:
         raise ModelError(f"the change {text!r} is not of the form name=value, as in stage2.clearance=0.5")
-    try:
-        return name, tomllib.loads(f"value = {value}")["value"]
-    except (ValueError, RecursionError):
-        return name, value
+    for read in (lambda: tomllib.loads(f"value = {value}"), lambda: {"value": float(value)}):
+        with suppress(ValueError, RecursionError):
+            content = read()
+            if len(content) == 1:  # more of them come from a line break in the value
+                return name, content["value"]
+    return name, value
 
 
 def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source, dict[str, object], list[Problem]]:
@@ -69,7 +72,7 @@ def change_system(system: System, changes: Mapping[str, object], file: str) -> t
     try:
         system = system.at(known)
     except ModelError as error:
-        problems += [Problem(line, file=file) for line in str(error).splitlines()]
+        problems += [Problem(line, file=file) for line in dict.fromkeys(str(error).splitlines())]
     return system, problems
 
 

@@ -1,0 +1,77 @@
+"""The model file to begin with, and the examples: complete, valid, and what they say they are."""
+
+from pathlib import Path
+
+import pytest
+
+from gapwalk.errors import ModelError
+from gapwalk.model.source import parse_source
+from gapwalk.orbit import find_orbit
+from gapwalk.paper import case
+from gapwalk.study.file import check_study, read_study
+from gapwalk.study.template import template, write_template
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FILES = sorted(path.name for path in EXAMPLES.glob("*.toml"))
+
+
+def test_the_template_is_the_clutch_of_figure_13(tmp_path: Path) -> None:
+    path = tmp_path / "new.toml"
+    write_template(path)
+    study = read_study(path)
+    assert study.text == template()
+    assert study.system == case("13").at(frequency=2.0)
+    assert (study.options.begin, study.options.end) == (2.0, 0.15)
+
+
+def test_the_clutch_example_is_figure_13_too() -> None:
+    study = read_study(EXAMPLES / "clutch.toml")
+    assert study.system == case("13").at(frequency=2.0)
+    assert study.options == check_study(parse_source(template())).options
+
+
+def test_what_the_comments_of_the_template_offer_is_right() -> None:
+    text = template()
+    stages = text[text.index("# [[contact.stage]]") : text.index("# ---- The excitation")]
+    bare = "".join(line.removeprefix("#").removeprefix(" ") + "\n" for line in stages.splitlines())
+    lines = text.replace(stages, bare).splitlines()
+    short = ("clearance = 1.0  ", "stiffness = 1.0  ", "cubic = ", "side = ")
+    long = "\n".join(line for line in lines if not line.startswith(short)) + "\n"
+    long = long.replace("# frequency = 2.0", "frequency = 2.0")
+    system = check_study(parse_source(long)).system
+    assert [name for name in system.structure.names if name.endswith("clearance")] == [
+        "stage2.stage1.clearance",
+        "stage2.stage2.clearance",
+    ]
+    for parameter in ("stage2.clearance", "mean.q1", "harmonic1.amplitude", "stiffness.q1.q3"):
+        assert f'"{parameter}"' in text
+        assert case("13").structure.place(parameter)
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text("mine")
+    with pytest.raises(ModelError, match=r"model\.toml exists already"):
+        write_template(path)
+    assert path.read_text() == "mine"
+    write_template(path, overwrite=True)
+    assert path.read_text(encoding="utf-8") == template()
+
+
+def test_where_no_file_can_be_a_reason_is_given(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="cannot be written: No such file or directory"):
+        write_template(tmp_path / "none" / "model.toml")
+    with pytest.raises(ModelError, match="cannot be written"):
+        write_template(tmp_path, overwrite=True)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_an_example_can_be_started(name: str) -> None:
+    study = read_study(EXAMPLES / name)
+    assert study.title
+    orbit = find_orbit(study.system, study.options.period, study.options.start)
+    assert orbit.measure(study.options.measure) > 0
+
+
+def test_there_are_examples() -> None:
+    assert {"clutch.toml", "gear.toml", "stop.toml"} <= set(FILES)
