@@ -77,6 +77,8 @@ def test_two_clearances_may_change_places_in_one_change() -> None:
     assert system.at({"c.a.clearance": 3.0, "c.b.clearance": 4.0})["c.b.clearance"] == 4.0
     with pytest.raises(ModelError, match=r"c\.b\.clearance is 2\.0; it must exceed"):
         system.at({"c.a.clearance": 3.0})
+    with pytest.raises(ModelError, match=r"c\.b\.clearance is 1\.0; it must exceed"):
+        system.at({"c.b.clearance": 1.0})
 
 
 def test_equal_systems_are_equal_and_hash_alike() -> None:

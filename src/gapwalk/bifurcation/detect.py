@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
 from scipy.optimize import brentq
 
+from gapwalk.bifurcation.crossing import locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
 from gapwalk.bifurcation.stretch import Stretch
@@ -55,30 +57,23 @@ class Detector:
         The bifurcations to look for.
     grazing
         Whether to look for grazing points too.
-    state
-        What a detector before this one remembered.
     """
 
-    def __init__(
-        self,
-        corrector: Corrector,
-        kinds: tuple[Kind, ...] = BIFURCATIONS,
-        grazing: bool = True,
-        state: DetectorState | None = None,
-    ) -> None:
+    def __init__(self, corrector: Corrector, kinds: tuple[Kind, ...] = BIFURCATIONS, grazing: bool = True) -> None:
         self.corrector, self.kinds, self.grazing = corrector, kinds, grazing
-        state = state or DetectorState()
-        self._rates = dict(state.rates)
-        self._recent = {kind: list(state.recent.get(kind, ())) for kind in kinds}
+        self.restore(DetectorState())
 
     @property
     def state(self) -> DetectorState:
         """What it remembers now."""
         return DetectorState(dict(self._rates), {kind: tuple(zeros) for kind, zeros in self._recent.items()})
 
-    def inspect(
-        self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None
-    ) -> list[SpecialPoint]:
+    def restore(self, state: DetectorState) -> None:
+        """Remember what a detector remembered at an earlier time."""
+        self._rates = dict(state.rates)
+        self._recent = {kind: list(state.recent.get(kind, ())) for kind in self.kinds}
+
+    def inspect(self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None) -> list[SpecialPoint]:
         """The special points between two neighbouring points, in the order of the walk; `before` is the one before.
 
         Raises
@@ -97,13 +92,13 @@ class Detector:
         marks = [first.arclength, *(arclength for arclength, _ in found), last.arclength]
         special = []
         for index, (_, item) in enumerate(found):
-            before = stretch.at(_beside(marks, index + 1, -1)).instability
-            after = stretch.at(_beside(marks, index + 1, +1)).instability
+            before_it, after_it = (stretch.at(_beside(marks, index + 1, side)).instability for side in (-1, 1))
+            kind, contact = Kind.GRAZING, ""
             if isinstance(item, _Zero):
-                special.append(SpecialPoint(item.kind, item.point, before, after, item.uncertainty))
+                kind = item.kind
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
-                special.append(SpecialPoint(Kind.GRAZING, item.point, before, after, item.uncertainty, contact))
+            special.append(SpecialPoint(kind, item.point, before_it, after_it, item.uncertainty, contact))
         return special
 
     def _scan(self, kind: Kind, stretch: Stretch) -> list[_Zero]:
@@ -111,7 +106,7 @@ class Detector:
         known = self._recent[kind]
         zeros: list[_Zero] = []
         nodes = stretch.points
-        for a, b in zip(nodes[:-1], nodes[1:], strict=True):
+        for a, b in pairwise(nodes):
             zeros += self._search(kind, stretch, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
@@ -141,6 +136,8 @@ class Detector:
         root, report = brentq(
             function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False
         )
+        if kind is Kind.BRANCH_POINT:
+            return _Zero(kind, *locate_crossing(stretch, a, b, float(root)))
         point = stretch.at(float(root))
         neighbours = [abs(other.value - point.value) for other in stretch.points if other is not point]
         return _Zero(kind, point, min(neighbours, default=0.0) if report.converged else float("inf"))

@@ -12,7 +12,7 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState, check_range, first_point, scales_of
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
@@ -73,9 +73,9 @@ def directions(start: float, to: float | tuple[float, float]) -> tuple[int, ...]
 
 
 class TrailState(NamedTuple):
-    """Where a trail has come to; None for a walk that has not begun."""
+    """Where a trail has come to: its walk and its detector."""
 
-    walk: WalkState | None
+    walk: WalkState
     detector: DetectorState
 
 
@@ -111,9 +111,10 @@ class Trail(Iterator[Step]):
         equation = ShootingEquation(orbit.system, parameter, orbit.period, shooting or Shooting())
         corrector = Corrector(equation, scales_of(equation, orbit, within))
         self.first = first_point(equation, orbit, start, corrector, direction)
-        options, state = walk or WalkOptions(), resume or TrailState(None, DetectorState())
-        self.walk = Walk(equation, self.first, within, corrector, options, state.walk)
-        self.detector = Detector(corrector, state=state.detector)
+        self.walk = Walk(equation, self.first, within, corrector, walk or WalkOptions(), resume and resume.walk)
+        self.detector = Detector(corrector)
+        if resume is not None:
+            self.detector.restore(resume.detector)
 
     @property
     def state(self) -> TrailState:
@@ -126,9 +127,16 @@ class Trail(Iterator[Step]):
         return self.walk.end
 
     def __next__(self) -> Step:
+        state = self.state
         before, first = self.walk.previous, self.walk.point
-        point = next(self.walk)
-        return point, self.detector.inspect(first, point, before)
+        while True:
+            point = next(self.walk)
+            try:
+                return point, self.detector.inspect(first, point, before)
+            except NumericalError:
+                # no orbits lead from one point to the other: the step went astray, onto another branch
+                self.detector.restore(state.detector)
+                self.walk.go_back(state.walk, point)
 
 
 def _join(trails: list[Trail], walked: list[list[Step]]) -> Branch:
@@ -157,5 +165,3 @@ def _reversed(point: BranchPoint) -> BranchPoint:
 
 def _turned(special: SpecialPoint) -> SpecialPoint:
     return replace(special, point=_reversed(special.point), before=special.after, after=special.before)
-
-

@@ -28,9 +28,7 @@ class Graze(NamedTuple):
     uncertainty: float
 
 
-def find_grazing(
-    stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
-) -> list[Graze]:
+def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
     """All grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
 
     A change of the pattern between two points is halved until each grazing point stands alone. Two changes that undo
@@ -71,7 +69,7 @@ def _is_born_near_contact(first: Orbit, last: Orbit) -> bool:
 
 
 def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Whether an extremum of a deflection, seen at three points, may have touched its breakpoint between two of them."""
+    """Whether an extremum of a deflection, seen at three points, may have touched a breakpoint between the last two."""
     if before is None or first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from bisect import bisect_left
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
@@ -45,6 +46,16 @@ class Stretch:
         self._lengths.insert(index, arclength)
         return point
 
+    def insert_uncorrected(self, x: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """The point at an arclength, taken to be `x` as it is: for places where Newton's method is ill-posed."""
+        equation, scales = self.corrector.equation, self.corrector.scales
+        evaluation = equation.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
+        index = bisect_left(self._lengths, arclength)
+        point = self.corrector.point(Correction(x, evaluation, 0, 0.0, 0.0), self._points[index - 1].tangent, arclength)
+        self._points.insert(index, point)
+        self._lengths.insert(index, arclength)
+        return point
+
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
         """The point halfway between two points."""
         return self.at(0.5 * (first.arclength + last.arclength))
@@ -61,4 +72,3 @@ class Stretch:
         raise NumericalError(
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )
-

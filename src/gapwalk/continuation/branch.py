@@ -130,7 +130,7 @@ class Branch:
 
     def plot(self, measure: str = "half", **options: Any):
         """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes."""
-        from gapwalk.plot import plot_branch  # noqa: PLC0415  a convenience: pictures are not needed to walk
+        from gapwalk.plot import plot_branch
 
         return plot_branch(self, measure, **options)
 
@@ -139,7 +139,7 @@ class Branch:
 
         Needs pandas (``pip install gapwalk[dataframe]``).
         """
-        import pandas as pd  # noqa: PLC0415  optional
+        import pandas as pd
 
         names = measures or tuple(f"{kind}.{q}" for q in self.system.coordinates for kind in ("half", "max", "min"))
         columns: dict[str, Any] = {self.parameter: self.values}

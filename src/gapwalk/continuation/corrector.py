@@ -14,6 +14,7 @@ from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import Equation, Evaluation
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
+_POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
 
 
 class Correction(NamedTuple):
@@ -57,14 +58,12 @@ class Corrector:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales = scales[:-1]
 
-    def correct(
-        self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0
-    ) -> Correction | None:
+    def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0) -> Correction | None:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
 
-        Where the residual is below `trust`, one more step is taken without looking: it leaves about the square of the
-        residual. The evaluation then belongs to a point off by that residual, which serves where the point itself
-        must be exact and its multipliers to seven digits.
+        Where the residual is within the tolerance, or within `trust` if that is larger, one more step is taken
+        without looking: it leaves about the square of the residual. So the point is exact to rounding, and the
+        evaluation belongs to a point off by that residual; `trust` serves where its multipliers need no more digits.
 
         Each step solves the bordered system
 
@@ -78,22 +77,28 @@ class Corrector:
                 evaluation = self.equation.evaluate(unknowns, float(x[-1] * self.scales[-1]))
             except NumericalError:
                 return None
-            size = _largest(evaluation.residual)
-            scale = max(1.0, _largest(unknowns))
-            if size <= self.equation.tolerance * scale:
-                return Correction(x, evaluation, iteration, _length(x - guess), last)
-            if not size <= _LOST * before:
+            size, scale = _largest(evaluation.residual), max(1.0, _largest(unknowns))
+            solved = size <= self.equation.tolerance * scale
+            if not solved and not size <= _LOST * before:
                 return None
             right = np.zeros(len(x))
             right[:-1] -= evaluation.residual
             _, _, step, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
+            length = np.inf if singular else _length(step)
+            if solved:
+                x = x + step if length < _POLISH else x
+                return Correction(x, evaluation, iteration, _length(x - guess), last)
             if singular:
                 return None
-            last, before = _length(step), size
-            x = x + step
+            x, last, before = x + step, length, size
             if size <= trust * scale:
                 return Correction(x, evaluation, iteration + 1, _length(x - guess), last)
         return None
+
+    def refined(self, point: BranchPoint) -> BranchPoint:
+        """The same point with its multipliers and tangent evaluated exactly there, not at a point beside it."""
+        evaluation = self.equation.evaluate(point.x[:-1] * self._unknown_scales, point.value)
+        return self.point(Correction(point.x, evaluation, 0, 0.0, 0.0), point.tangent, point.arclength)
 
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Unit tangent at a point, pointing the way of `along`, and the determinant bordered by it."""

@@ -9,7 +9,7 @@ from gapwalk.continuation.point import BranchPoint
 
 
 def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:
-    """The cubic through two points with their tangents: `share` 0 is the first, 1 the second, beyond 1 ahead of both."""
+    """The cubic through two points with their tangents: `share` 0 is the first point, 1 the second, more lies ahead."""
     length, t = b.arclength - a.arclength, share
     return (
         (1 + 2 * t) * (1 - t) ** 2 * a.x

@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
-
+_ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _TRUST = 1e-7  # residual from which the next Newton step is exact to rounding
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
@@ -69,7 +68,8 @@ class Range:
         return self.low if value < self.low else self.high
 
 
-class WalkState(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class WalkState:
     """Where a walk has come to: its last two points, the next step, and the number of points so far."""
 
     previous: BranchPoint | None
@@ -131,6 +131,13 @@ class Walk(Iterator[BranchPoint]):
         self.count += 1
         return point
 
+    def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
+        """Return to an earlier state because a point yielded after it proved wrong, and go on with shorter steps."""
+        self.previous, self.point, self.count = state.previous, state.point, state.count
+        self.step = shorter_step(rejected.arclength - state.point.arclength)
+        self.end = None
+        self.rejected += 1
+
     def _advance(self) -> BranchPoint | None:
         """The next point; None, with `end` set, if there is none."""
         while True:
@@ -168,7 +175,12 @@ class Walk(Iterator[BranchPoint]):
         if correction.distance > 0.5 * self.step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
-        if _angle(self.point.tangent, point.tangent) > self.options.largest_turn:
+        turn = _angle(self.point.tangent, point.tangent)
+        if turn > self.options.largest_turn:
+            return None
+        # on a smooth curve the chord lies between the tangents; off to one side, the point is on another branch
+        along = chord / length
+        if _angle(self.point.tangent, along) + _angle(along, point.tangent) > turn + _ASIDE:
             return None
         return point
 
@@ -228,9 +240,7 @@ def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.flo
     return np.append(scales, within.high - within.low)
 
 
-def first_point(
-    equation: Equation, orbit: Orbit, value: float, corrector: Corrector, towards: float
-) -> BranchPoint:
+def first_point(equation: Equation, orbit: Orbit, value: float, corrector: Corrector, towards: float) -> BranchPoint:
     """The point of the branch at an orbit, heading `towards` larger (+1) or smaller (-1) values of the parameter.
 
     Raises

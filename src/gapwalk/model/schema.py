@@ -115,7 +115,7 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
         return source.problem(message, (*at, *path))
     path = tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
     owner = _owner(model, path)
-    if owner and path[-1] in owner.model_fields:  # of a default, pydantic tells the name and not the alias
+    if owner and path and path[-1] in owner.model_fields:  # of a default, pydantic tells the name and not the alias
         path = (*path[:-1], owner.model_fields[str(path[-1])].alias or path[-1])
     if kind == "missing":
         description = _fields(owner).get(str(path[-1]), "") if owner else ""

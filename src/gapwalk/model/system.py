@@ -122,7 +122,10 @@ class System:
 
     @classmethod
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
-        """A system from its structure and its flat vector of values, in the order of `structure.names`."""
+        """A system from its structure and its flat vector of values, in the order of `structure.names`.
+
+        It takes the vector as it is, makes it read-only, and checks nothing: for values that are known to be right.
+        """
         system = object.__new__(cls)
         system._set(structure, np.asarray(values, dtype=float))
         return system
@@ -267,5 +270,10 @@ def _value_problems(structure: Structure, values: NDArray[np.float64]):
 
 
 def _is_regular(mass: NDArray[np.float64]) -> bool:
-    singular = np.linalg.svd(mass, compute_uv=False)
+    sizes = np.abs(mass).max(axis=1)
+    if not sizes.all():
+        return False
+    # scaled first, so that a small inertia beside a large one is not taken for none
+    scaled = mass / np.sqrt(np.outer(sizes, sizes))
+    singular = np.linalg.svd(scaled, compute_uv=False)
     return bool(singular[-1] > 1e-13 * singular[0])

@@ -41,9 +41,7 @@ class Equations:
     def switches(self) -> tuple[tuple[int, int], ...]:
         """(contact, stage) of every switch; they are the run-time parameters after the coefficients."""
         return tuple(
-            (index, stage)
-            for index, contact in enumerate(self.layout.contacts)
-            for stage in range(len(contact.stages))
+            (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
         )
 
     @property

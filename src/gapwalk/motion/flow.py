@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import heyoka as hy
@@ -191,7 +192,7 @@ class Flow:
     def _sample_piecewise(self, coefficients, state, thetas):
         """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
         states, contacts = [np.asarray(state, dtype=float)], []
-        for start, stop in zip(thetas[:-1], thetas[1:], strict=True):
+        for start, stop in pairwise(thetas):
             arc = self.integrate(coefficients, states[-1], float(start), float(stop))
             states.append(arc.state)
             contacts += arc.contacts
@@ -202,7 +203,8 @@ class Flow:
         self._turns = []
         Flow.calls += 1
         self._integrator.time = start
-        self._integrator.reset_cooldowns()
+        if self.equations.switches:
+            self._integrator.reset_cooldowns()
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
         self._parameters[: len(active)] = coefficients[active]
@@ -227,7 +229,7 @@ class Flow:
             raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
         if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
             raise FlowError(f"the motion runs away to infinity {where}; is there a stiffness and a damping?")
-        raise FlowError(f"more than {_STEPS} integration steps in a forcing period, {where}: it is too stiff or runs away")
+        raise FlowError(f"more than {_STEPS} integration steps a forcing period, {where}: it is too stiff or runs away")
 
     def _arc(self, steps: int) -> Arc:
         size, state = self.size, self._state
@@ -239,9 +241,7 @@ class Flow:
         return Arc(state[:size].copy(), transition, sensitivity, self._board.log, steps)
 
 
-def flow_of(
-    system: System, parameter: str | None = None, *, transition: bool = False, survey: bool = False
-) -> Flow:
+def flow_of(system: System, parameter: str | None = None, *, transition: bool = False, survey: bool = False) -> Flow:
     """The compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters

@@ -89,10 +89,8 @@ class Switchboard:
             return True
         depths = self._depths(self._state[: self.n].tolist())
         return all(
-            [
-                (depth > 0.0) is closed or abs(depth) <= _NEAR * scale
-                for depth, closed, scale in zip(depths, self._inside, self._scales, strict=True)
-            ]
+            (depth > 0.0) is closed or abs(depth) <= _NEAR * scale
+            for depth, closed, scale in zip(depths, self._inside, self._scales, strict=True)
         )
 
     def _read_geometry(self, coefficients: NDArray) -> None:

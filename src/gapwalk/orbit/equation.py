@@ -39,11 +39,25 @@ class Equation(Protocol):
     above ask for no more.
     """
 
-    system: System
-    parameter: str | None
-    period: int
-    tolerance: float
-    """Largest residual, relative to the size of the unknowns, of a solution."""
+    @property
+    def system(self) -> System:
+        """The system, at whatever value of the parameter."""
+        ...
+
+    @property
+    def parameter(self) -> str | None:
+        """The named parameter that may vary."""
+        ...
+
+    @property
+    def period(self) -> int:
+        """m, forcing periods of the orbit."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Largest residual, relative to the size of the unknowns, of a solution."""
+        ...
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Residual and derivatives; a NumericalError where they do not exist."""

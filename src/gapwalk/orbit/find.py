@@ -80,5 +80,3 @@ def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArr
             return following
         state = following
     return state
-
-

@@ -58,4 +58,3 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
 def _fine_signal(orbit: Orbit, signal: str) -> NDArray[np.float64]:
     """A signal sampled finely enough that its largest sample is its maximum to about 1e-5."""
     return orbit.motion(8 * orbit.samples).signal(signal)
-

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.orbit.equation import Equation, Evaluation
 
+_RUNAWAY = 1e12  # size beyond which unknowns are no motion: an undamped resonance sends them there
+
 
 @dataclass(frozen=True, slots=True)
 class Newton:
@@ -41,14 +43,14 @@ def solve(
     evaluation = _evaluate(equation, unknowns, value)
     for _ in range(options.iterations):
         if is_solved(equation, unknowns, evaluation):
-            return unknowns, evaluation
+            return _polished(equation, unknowns, value, evaluation)
         step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
         unknowns, evaluation = _damped(equation, unknowns, value, evaluation, step, options.halvings)
     if is_solved(equation, unknowns, evaluation):
-        return unknowns, evaluation
+        return _polished(equation, unknowns, value, evaluation)
     raise ConvergenceError(
         f"no period-{equation.period} orbit found in {options.iterations} Newton iterations; the last residual is "
-        f"{np.abs(evaluation.residual).max():.3g}. Start from a settled transient (start = \"settle\"), or from a "
+        f'{np.abs(evaluation.residual).max():.3g}. Start from a settled transient (start = "settle"), or from a '
         "state nearer to the orbit, or at another parameter value"
     )
 
@@ -56,7 +58,21 @@ def solve(
 def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
     """Whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(1.0, float(np.abs(unknowns).max()))
+    if scale > _RUNAWAY:
+        return False
     return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale
+
+
+def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
+    """One step more, which leaves rounding errors alone, if it helps and if the orbit is an isolated one."""
+    try:
+        better = unknowns - np.linalg.solve(evaluation.by_unknowns, evaluation.residual)
+        trial = equation.evaluate(better, value)
+    except (np.linalg.LinAlgError, FlowError):
+        return unknowns, evaluation
+    if np.abs(trial.residual).max() < np.abs(evaluation.residual).max():
+        return better, trial
+    return unknowns, evaluation
 
 
 def _evaluate(equation: Equation, unknowns: NDArray[np.float64], value: float) -> Evaluation:

@@ -108,7 +108,8 @@ class Orbit:
         ----------
         name
             ``max``, ``min``, ``half`` (half the peak-to-peak), ``mean``, ``rms`` or ``h0``, ``h1``, ... (amplitude
-            of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``, ``rms.stage2``.
+            of a harmonic of W; ``h1/2`` for half of it), a dot, and a signal: ``half.q1``, ``max.q1''``,
+            ``rms.stage2``.
 
         Raises
         ------

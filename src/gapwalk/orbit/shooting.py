@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,9 +90,7 @@ class ShootingEquation:
         if count == 1:
             arc = self._flow.integrate(coefficients, unknowns, 0.0, knots[1], direction)
             return Evaluation(arc.state - unknowns, _jacobian([arc], size), arc.sensitivity, [arc])
-        arcs = [
-            self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)
-        ]
+        arcs = [self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)]
         residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
         by_parameter = None if direction is None else np.concatenate([_sensitivity(arc) for arc in arcs])
         return Evaluation(residual, _jacobian(arcs, size), by_parameter, arcs)
@@ -120,7 +119,7 @@ class ShootingEquation:
         """The states at the start of each segment on the motion from `state`, end to end."""
         system = self.system if system is None else system
         states, knots = [np.asarray(state, dtype=float)], self._knots[:-1]
-        for start, stop in zip(knots[:-1], knots[1:], strict=True):
+        for start, stop in pairwise(knots):
             states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
         return np.concatenate(states)
 
@@ -150,12 +149,10 @@ class ShootingEquation:
 
 
 def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
-    """The cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each.
-
-        [ P_1  -I        ]
-        [       P_2  -I  ]
-        [ -I        P_3  ]
-    """
+    """The cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each."""
+    # [ P_1  -I        ]
+    # [       P_2  -I  ]
+    # [ -I        P_3  ]
     count = len(arcs)
     if count == 1:
         matrix = _transition(arcs[0]).copy()

@@ -126,6 +126,12 @@ def close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) ->
             connection.close()
 
 
+def tidy(path: str | os.PathLike[str]) -> None:
+    """Make one file of a result whose writer was killed just before it would have done so."""
+    if any(os.path.exists(f"{os.fspath(path)}{suffix}") for suffix in _SIDE_FILES):
+        close_whole(path, open_to_write(path))
+
+
 @contextmanager
 def lock(path: str | os.PathLike[str]) -> Iterator[None]:
     """Keep other writers off a result file: a lock that ends with this process, however that ends.

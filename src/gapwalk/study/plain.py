@@ -6,8 +6,8 @@ Floats survive because Python writes the shortest text that reads back as the sa
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.continuation.branch import Kind
@@ -23,7 +23,8 @@ Plain = Any
 """What JSON can write."""
 
 
-class Progress(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Progress:
     """Where a walk has come to, but for its last two points: they are stored as points."""
 
     step: float
@@ -108,12 +109,12 @@ def end_of(plain: Plain) -> End:
 
 def plain_progress(progress: Progress) -> Plain:
     """Where a walk has come to."""
-    rates, recent = progress.detector
+    detector = progress.detector
     return {
         "step": progress.step,
         "count": progress.count,
-        "rates": {kind.value: float(rate) for kind, rate in rates.items()},
-        "recent": {kind.value: [float(zero) for zero in zeros] for kind, zeros in recent.items()},
+        "rates": {kind.value: float(rate) for kind, rate in detector.rates.items()},
+        "recent": {kind.value: [float(zero) for zero in zeros] for kind, zeros in detector.recent.items()},
     }
 
 

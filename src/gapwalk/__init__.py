@@ -1,0 +1,109 @@
+"""Walks the solution branches of vibrating systems with gaps."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gapwalk import errors, paper
+    from gapwalk.bifurcation.follow import follow
+    from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+    from gapwalk.continuation.options import WalkOptions
+    from gapwalk.continuation.point import BranchPoint
+    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.excitation import Harmonic
+    from gapwalk.model.system import System
+    from gapwalk.motion.motion import integrate
+    from gapwalk.orbit.find import find_orbit
+    from gapwalk.orbit.orbit import Orbit
+    from gapwalk.orbit.shooting import Shooting
+    from gapwalk.study.file import Study, read_study
+    from gapwalk.study.options import ResponseOptions
+    from gapwalk.study.result import Result, load
+    from gapwalk.study.run import run
+
+    __version__: str
+
+__all__ = [
+    "Branch",
+    "BranchPoint",
+    "Contact",
+    "DampingLaw",
+    "Harmonic",
+    "Kind",
+    "Orbit",
+    "ResponseOptions",
+    "Result",
+    "Shooting",
+    "Side",
+    "SpecialPoint",
+    "Stage",
+    "Study",
+    "System",
+    "WalkOptions",
+    "__version__",
+    "backlash",
+    "errors",
+    "find_orbit",
+    "follow",
+    "integrate",
+    "load",
+    "paper",
+    "read_study",
+    "run",
+]
+
+# Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
+_HOMES = {
+    "Branch": "continuation.branch",
+    "BranchPoint": "continuation.point",
+    "Contact": "model.contact",
+    "DampingLaw": "model.contact",
+    "Harmonic": "model.excitation",
+    "Kind": "continuation.branch",
+    "Orbit": "orbit.orbit",
+    "ResponseOptions": "study.options",
+    "Result": "study.result",
+    "Shooting": "orbit.shooting",
+    "Side": "model.contact",
+    "SpecialPoint": "continuation.branch",
+    "Stage": "model.contact",
+    "Study": "study.file",
+    "System": "model.system",
+    "WalkOptions": "continuation.options",
+    "backlash": "model.contact",
+    "find_orbit": "orbit.find",
+    "follow": "bifurcation.follow",
+    "integrate": "motion.motion",
+    "load": "study.result",
+    "read_study": "study.file",
+    "run": "study.run",
+}
+_MODULES = ("errors", "paper")
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        value: Any = _version()
+    elif name in _HOMES:
+        value = getattr(import_module(f"gapwalk.{_HOMES[name]}"), name)
+    elif name in _MODULES:
+        value = import_module(f"gapwalk.{name}")
+    else:
+        raise AttributeError(f"module 'gapwalk' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("gapwalk")
+    except PackageNotFoundError:  # run from the source tree without installation
+        return "0+unknown"

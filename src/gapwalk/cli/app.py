@@ -1,0 +1,228 @@
+"""The commands and their options; what they do is imported only when one of them runs, so that help comes at once."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from io import TextIOWrapper
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from gapwalk.cli.outcome import BAD_INPUT, guard, report_error
+
+app = App(
+    name="gapwalk",
+    help="Walks the solution branches of vibrating systems with gaps.",
+    help_format="plaintext",
+    version=lambda: __import__("gapwalk").__version__,
+)
+
+Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command of these arguments (by default those of the process), and return its exit code.
+
+    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 130: interrupted.
+    """
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without the letter Omega is no reason to fail
+    try:
+        code = app(words, exit_on_error=False, print_error="--json" not in words, result_action="return_value")
+    except CycloptsError as error:
+        if "--json" in words:
+            report_error(error, json=True)
+        return BAD_INPUT
+    return code if isinstance(code, int) else 0
+
+
+@app.command(sort_key=1)
+def new(file: Path, /, *, debug: Flag = False) -> int:
+    """Write a model file to begin with; its comments explain every key.
+
+    Parameters
+    ----------
+    file
+        The file to write, such as model.toml.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import new_file
+
+        return new_file(file)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=2)
+def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: Flag = False) -> int:
+    """Check a model file, and say what it describes or everything that is wrong with it.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    changes
+        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import check_file
+
+        return check_file(file, changes or [], json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=3)
+def run(
+    file: Path,
+    /,
+    *,
+    output: Path | None = None,
+    changes: Changes = None,
+    resume: Flag = False,
+    force: Flag = False,
+    json: Flag = False,
+    quiet: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Run the study of a model file: write its result, a picture (PNG and SVG) and tables (CSV).
+
+    Ctrl-C stops it with everything stored; --resume goes on from there, as if nothing had happened.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    output
+        The result file; by default named after the model file, with the ending .gapwalk. Picture and tables are
+        written beside it, over earlier ones.
+    changes
+        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+    resume
+        Go on with the result of an interrupted run.
+    force
+        Write over an existing result.
+    json
+        Print one JSON document.
+    quiet
+        Print nothing but errors.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.run import run_file
+
+        return run_file(file, output, changes or [], resume=resume, force=force, json=json, quiet=quiet)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=4)
+def show(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
+    """Show what a result file holds: branches, why they end, and special points.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import show_result
+
+        return show_result(result, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=5)
+def export(
+    result: Path,
+    /,
+    *,
+    format: Literal["csv", "png", "svg"] | None = None,
+    output: Path | None = None,
+    measure: str | None = None,
+    debug: Flag = False,
+) -> int:
+    """Write the tables or the picture of a result file.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    format
+        What to write; by default what the ending of the output says, or else csv.
+    output
+        The file to write, over an earlier one; by default named after the result. For csv, the special points stand in
+        a second file beside it.
+    measure
+        What the picture shows, as in max.q1; by default what the study says.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import export_result
+
+        return export_result(result, format, output, measure)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=6)
+def paper(
+    *figures: str,
+    list_: Annotated[bool, Parameter(name="--list", negative=(), show_default=False)] = False,
+    slope: Literal["reduced", "literal"] = "reduced",
+    damping: Literal["dissipative", "as-printed"] = "dissipative",
+    output: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compute frequency responses of the paper (Padmanabhan and Singh, 1995).
+
+    Parameters
+    ----------
+    figures
+        Figures, such as 13 or 20a.
+    list_
+        List the figures.
+    slope
+        How the slope of the second stage is read.
+    damping
+        How the impact damping is read.
+    output
+        The folder to write results, pictures and tables into; by default paper, or none with --json.
+    json
+        Print one JSON document; a list of them for several figures.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.paper import list_figures, run_figures
+
+        if list_:
+            return list_figures(json=json)
+        return run_figures(figures, slope, damping, output, json=json)
+
+    return guard(job, json=json, debug=debug)

@@ -1,0 +1,99 @@
+"""``gapwalk new``, ``check``, ``show`` and ``export``: what is done with files without computing anything."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from gapwalk.cli.outcome import DONE, print_json, printable
+from gapwalk.errors import ModelError
+
+
+def new_file(file: Path) -> int:
+    """Write the model file to begin with."""
+    from gapwalk.study.template import write_template
+
+    write_template(file)
+    print(f"wrote {file}; run it with\n    gapwalk run {shlex.quote(str(file))}")
+    return DONE
+
+
+def check_file(file: Path, changes: list[str], *, json: bool) -> int:
+    """Say what a model file describes."""
+    from gapwalk.cli.run import read_changed
+    from gapwalk.cli.screen import console
+    from gapwalk.study.plain import plain_options, plain_system
+
+    study = read_changed(file, changes)
+    system, options = study.system, study.options
+    if json:
+        print_json({"ok": True, "title": study.title, "system": plain_system(system), "study": plain_options(options)})
+        return DONE
+    screen, structure = console(), system.structure
+    lines = [
+        printable(study.title) or str(file),
+        f"  coordinates: {', '.join(system.coordinates)}",
+        f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
+        f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",
+        f"  study: response over {options.parameter} from {options.begin:g} to {options.end:g}, "
+        f"period {options.period}, showing {options.measure}",
+        "nothing is wrong with it",
+    ]
+    screen.print("\n".join(lines), soft_wrap=True)
+    return DONE
+
+
+def show_result(path: Path, *, json: bool) -> int:
+    """Show what a result file holds."""
+    from gapwalk.cli.run import print_heading
+    from gapwalk.cli.screen import console, print_result
+    from gapwalk.study.document import result_document
+    from gapwalk.study.result import load
+
+    result = load(path)
+    if json:
+        print_json(result_document(result, points=False))
+        return DONE
+    screen = console()
+    print_heading(screen, result.study)
+    state = "complete" if result.complete else "not complete: `gapwalk run` with --resume goes on with it"
+    versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    screen.print(f"{path}: {state}\ncomputed with {printable(versions)}", soft_wrap=True)
+    for name, value in result.study.changes:
+        screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
+    print_result(screen, result)
+    return DONE
+
+
+def export_result(path: Path, form: str | None, output: Path | None, measure: str | None) -> int:
+    """Write the tables or the picture of a result."""
+    from gapwalk.cli.run import table_paths
+    from gapwalk.study.export import export_csv
+    from gapwalk.study.result import load
+
+    form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
+    if form not in ("csv", "png", "svg"):
+        raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png or svg")
+    if output is not None and output.resolve() == path.resolve():
+        raise ModelError(f"{output} is the result itself; choose another name")
+    result = load(path)
+    if form == "csv":
+        if measure is not None:
+            raise ModelError("--measure concerns pictures; the tables hold all measures")
+        points, special_points = table_paths(path if output is None else output)
+        points = output or points
+        export_csv(result, points, special_points)
+        written = [points, special_points]
+    else:
+        from gapwalk.plot.response import save_response
+
+        picture = output or path.with_suffix(f".{form}")
+        save_response(result, *((picture, None) if form == "png" else (None, picture)), measure=measure)
+        written = [picture]
+    print(f"written: {', '.join(map(str, written))}")
+    return DONE
+
+
+def _contact(form) -> str:
+    stages = f"{len(form.stages)} stages, " if len(form.stages) > 1 else ""
+    return f"{form.name} ({stages}damping {form.damping.value})"

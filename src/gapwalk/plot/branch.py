@@ -1,0 +1,158 @@
+"""A branch over its parameter: stable and unstable parts, and its special points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.markers import MarkerStyle
+from matplotlib.transforms import Affine2D
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
+from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.legend import draw_legend
+from gapwalk.plot.pieces import Piece, pieces_of
+from gapwalk.plot.style import LINES, RC, SIZE, SYMBOLS, line_options, symbol_options
+from gapwalk.plot.words import full_measure, measure_words, parameter_words
+
+_MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
+_TICK = 7.0  # length of the tick at a grazing point, in points
+
+
+def plot_branch(branch: Branch, measure: str = "half", *, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw a branch over its parameter.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    measure
+        What is drawn: a measure (``"max.q1"``), a coordinate (``"q1"``: half its peak to peak) or ``"half"`` (that of
+        the first coordinate).
+    ax
+        Where to draw; by default in a new figure of pyplot.
+    **options
+        `labels`, `legend` and `closeup` of `plot_branches`.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
+    """
+    return plot_branches([branch], measure, ax=ax, **options)
+
+
+def plot_branches(
+    branches: Sequence[Branch],
+    measure: str = "half",
+    *,
+    ax: Axes | None = None,
+    labels: bool = True,
+    legend: bool = True,
+    closeup: bool = False,
+) -> Axes:
+    """Draw branches over the same parameter in one picture.
+
+    Parameters
+    ----------
+    branches, measure, ax
+        As in `plot_branch`.
+    labels
+        Whether the special points have their short names beside them.
+    legend
+        Whether to explain what is drawn.
+    closeup
+        Whether to enlarge, where there is room, the place where special points crowd.
+    """
+    first = branches[0]
+    measure = full_measure(measure, first.system.coordinates)
+    with mpl.rc_context(RC):
+        ax = _new_axes() if ax is None else ax
+        drawing = _Drawing(branches, measure)
+        drawing.draw_lines(ax)
+        ax.set_xlabel(parameter_words(first.parameter))
+        ax.set_ylabel(measure_words(measure))
+        ax.margins(x=0.02, y=0.06)
+        ax.autoscale_view()
+        ax.set_autoscale_on(False)  # what follows is placed for these limits
+        if legend:
+            draw_legend(ax, branches)
+        ax.figure.canvas.figure.draw_without_rendering()  # and for this layout
+        crowd = crowded_region(ax, drawing.places) if closeup else None
+        enlarged = draw_closeup(ax, crowd, drawing.curve) if crowd else None
+        drawing.draw_special_points(ax, labels, without=crowd if enlarged else None)
+        if enlarged:
+            drawing.draw_lines(enlarged)
+            drawing.draw_special_points(enlarged, labels)
+    return ax
+
+
+class _Drawing:
+    """What is drawn of some branches, in the whole picture and in a close-up alike."""
+
+    def __init__(self, branches: Sequence[Branch], measure: str) -> None:
+        self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
+        self.curve = np.concatenate([np.column_stack((piece.x, piece.y)) for piece in self.pieces])
+        self.special_points = [
+            (special, special.value, special.point.measure(measure))
+            for branch in branches
+            for special in branch.special_points
+        ]
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """Where the special points lie that have a symbol, shape (points, 2)."""
+        return np.array([(x, y) for special, x, y in self.special_points if special.kind is not Kind.GRAZING])
+
+    def draw_lines(self, ax: Axes) -> None:
+        for piece in self.pieces:
+            _draw_piece(ax, piece)
+
+    def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
+        """Draw the symbols, and labels but for those in a region."""
+        for special, x, y in self.special_points:
+            if special.kind is Kind.GRAZING:
+                _draw_tick(ax, x, y, self.curve)
+            else:
+                ax.plot(x, y, zorder=5, **symbol_options(special.kind))
+        if labels:
+            inside = Region(*ax.get_xlim(), *ax.get_ylim())
+            texts = [
+                Label(SYMBOLS[special.kind].label, x, y)
+                for special, x, y in self.special_points
+                if _is_labelled(special) and inside.holds(x, y) and not (without and without.holds(x, y))
+            ]
+            everything = np.array([(x, y) for _, x, y in self.special_points])
+            if texts:
+                place_labels(ax, texts, self.curve, everything)
+
+
+def _is_labelled(special: SpecialPoint) -> bool:
+    return bool(SYMBOLS[special.kind].label)
+
+
+def _new_axes() -> Axes:
+    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
+
+    return plt.subplots(figsize=SIZE, layout="constrained")[1]
+
+
+def _draw_piece(ax: Axes, piece: Piece) -> None:
+    marked = bool(LINES[piece.label].marker)
+    order = 2.5 if marked else 3
+    ax.plot(piece.x, piece.y, zorder=order, markevery=_MARKERS if marked else None, **line_options(piece.label))
+
+
+def _draw_tick(ax: Axes, x: float, y: float, curve: NDArray[np.float64]) -> None:
+    """A short tick across the curve."""
+    pixels = ax.transData.transform(curve)
+    here = int(np.argmin(np.hypot(*(pixels - ax.transData.transform((x, y))).T)))
+    before, after = pixels[max(here - 1, 0)], pixels[min(here + 1, len(pixels) - 1)]
+    across = MarkerStyle("|", transform=Affine2D().rotate(np.arctan2(*(after - before)[::-1])))
+    options = symbol_options(Kind.GRAZING) | {"marker": across, "markersize": _TICK}
+    ax.plot(x, y, zorder=4, **options)

@@ -1,0 +1,26 @@
+"""The legend: what the lines and symbols of a picture mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gapwalk.continuation.branch import Branch
+from gapwalk.plot.style import LINES, SYMBOLS, line_options, symbol_options
+
+
+def draw_legend(ax: Axes, branches: Sequence[Branch]) -> None:
+    """Explain the lines and symbols that occur: below the picture where it is alone in its figure, else inside."""
+    lines = [name for name in LINES if any(i.label == name for branch in branches for i in branch.instabilities)]
+    kinds = [kind for kind in SYMBOLS if any(branch.special(kind) for branch in branches)]
+    handles = [Line2D([], [], label=LINES[name].text, **line_options(name)) for name in lines]
+    handles += [Line2D([], [], label=SYMBOLS[kind].text, **symbol_options(kind)) for kind in kinds]
+    figure = ax.figure
+    if isinstance(figure, Figure) and len(figure.axes) == 1 and figure.get_constrained_layout():
+        columns = len(handles) if len(handles) < 5 else (len(handles) + 1) // 2
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.8, handlelength=3.0)
+    else:
+        ax.legend(handles=handles, loc="best", handlelength=3.0)

@@ -1,0 +1,60 @@
+"""A branch cut into pieces of one kind of stability each, exactly at its special points."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
+
+from gapwalk.continuation.branch import Branch
+
+_BETWEEN = 5  # parts into which the way from one point to the next is divided, so that it looks as smooth as it is
+_SAME = 1e-9  # arclength below which two points are one
+
+
+class Piece(NamedTuple):
+    """A stretch of a branch on which stability does not change.
+
+    Attributes
+    ----------
+    label
+        The kind of instability, see `Instability.label`.
+    x, y : shape (points,)
+        Parameter and measure. Neighbouring pieces share the point between them.
+    """
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+def pieces_of(branch: Branch, measure: str) -> list[Piece]:
+    """Cut a branch into pieces, in the order of the walk."""
+    nodes = [(point.arclength, point, point.instability.label, False) for point in branch.points]
+    nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
+    nodes.sort(key=lambda node: node[0])
+    s = np.array([arclength for arclength, *_ in nodes])
+    values = np.array([(point.value, point.measure(measure)) for _, point, *_ in nodes])
+    # A node begins its piece: a special point has the label of what follows it.
+    starts = [i for i in range(len(nodes)) if i == 0 or nodes[i][2] != nodes[i - 1][2]]
+    pieces = []
+    for start, end in zip(starts, [*starts[1:], len(nodes) - 1], strict=True):
+        if end > start or len(nodes) == 1:
+            special = [i for i in range(start, end + 1) if nodes[i][3] or i in (start, end)]
+            special = special if len(special) > 1 else [start, end]
+            curve = [_smooth(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)]
+            pieces.append(Piece(nodes[start][2], *np.concatenate(curve).T))
+    return pieces
+
+
+def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A smooth line through points between two special points; at a special point it may have a corner."""
+    apart = np.append(np.diff(s) > _SAME, True)
+    if np.count_nonzero(apart) < 3:
+        return values
+    s, values = s[apart], values[apart]
+    fine = np.interp(np.linspace(0, len(s) - 1, _BETWEEN * (len(s) - 1) + 1), np.arange(len(s)), s)
+    return Akima1DInterpolator(s, values, method="makima")(fine)

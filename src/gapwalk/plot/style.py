@@ -1,0 +1,127 @@
+"""The one style of all pictures: what a line, a marker and a colour mean.
+
+The colours are those of Okabe and Ito (2008), which people with any form of colour vision tell apart. Nothing is said
+by colour alone: every kind has a line style and a marker of its own, so a grey print can be read as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from gapwalk.continuation.branch import Kind
+
+BLACK, GREY = "#000000", "#6f6f6f"
+BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
+
+SIZE = (8.0, 4.8)
+"""Width and height of a picture, in inches."""
+
+DPI = 200
+
+RC: Any = {
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.5,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "savefig.dpi": DPI,
+    "svg.hashsalt": "gapwalk",  # the same result gives the same file
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LineStyle:
+    """How a part of a branch is drawn.
+
+    Parameters
+    ----------
+    text
+        What the legend calls it.
+    color, line, width
+        Of the line.
+    marker
+        Sparse, open and small; empty for none.
+    """
+
+    text: str
+    color: str
+    line: Any
+    width: float
+    marker: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolStyle:
+    """How a special point is drawn.
+
+    Parameters
+    ----------
+    text
+        What the legend calls it.
+    label
+        What stands beside it; empty for nothing.
+    marker, color, size
+        Of the symbol; it is filled and has a black edge.
+    """
+
+    text: str
+    label: str
+    marker: str
+    color: str
+    size: float
+
+
+LINES = {
+    "stable": LineStyle("stable", BLACK, "-", 1.7),
+    "below": LineStyle("unstable, beyond −1", VERMILLION, (0, (4.5, 1.6)), 1.3, "^"),
+    "above": LineStyle("unstable, beyond +1", BLUE, (0, (1.3, 1.3)), 1.5, "s"),
+    "pair": LineStyle("unstable, complex pair", GREEN, (0, (6, 1.5, 1.3, 1.5)), 1.4, "o"),
+}
+"""By the label of an instability, see `Instability.label`."""
+
+SYMBOLS = {
+    Kind.FOLD: SymbolStyle("fold (LP)", "LP", "o", BLUE, 4.8),
+    Kind.FLIP: SymbolStyle("flip (PD)", "PD", "D", VERMILLION, 4.3),
+    Kind.NEIMARK_SACKER: SymbolStyle("Neimark–Sacker (NS)", "NS", "*", GREEN, 8.0),
+    Kind.BRANCH_POINT: SymbolStyle("branch point (BP)", "BP", "P", PURPLE, 6.5),
+    Kind.GRAZING: SymbolStyle("grazing", "", "|", GREY, 7.0),
+}
+
+
+def line_options(label: str) -> dict[str, Any]:
+    """Options of a matplotlib line for a kind of instability."""
+    style = LINES[label]
+    return {
+        "color": style.color,
+        "linestyle": style.line,
+        "linewidth": style.width,
+        "marker": style.marker or None,
+        "markersize": 3.4,
+        "markerfacecolor": "white",
+        "markeredgewidth": 0.8,
+        "solid_capstyle": "butt",
+    }
+
+
+def symbol_options(kind: Kind) -> dict[str, Any]:
+    """Options of a matplotlib line for the symbol of a special point."""
+    style = SYMBOLS[kind]
+    return {
+        "linestyle": "none",
+        "marker": style.marker,
+        "markersize": style.size,
+        "markerfacecolor": style.color,
+        "markeredgecolor": style.color if kind is Kind.GRAZING else BLACK,
+        "markeredgewidth": 0.9 if kind is Kind.GRAZING else 0.6,
+    }

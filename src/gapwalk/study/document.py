@@ -1,0 +1,95 @@
+"""A result as plain JSON values, for other programs."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import Any
+
+from gapwalk.continuation.branch import Branch, SpecialPoint
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import End
+from gapwalk.orbit.floquet import Instability
+from gapwalk.study.result import Result
+
+KINDS = ("half", "max", "min")
+"""The measures of each coordinate that are given."""
+
+
+def result_document(result: Result, points: bool = True) -> dict[str, Any]:
+    """A result: branches, their points (if wanted), ends, and the special points of all branches."""
+    return {
+        "title": result.title,
+        "complete": result.complete,
+        "versions": dict(result.versions),
+        "parameters": dict(result.system.parameters),
+        "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
+        "special_points": special_documents(result),
+    }
+
+
+def branch_document(branch: Branch, number: int, points: bool = True) -> dict[str, Any]:
+    """One branch, numbered from 1; a special point refers to it by that number."""
+    document: dict[str, Any] = {
+        "id": number,
+        "period": branch.period,
+        "parameter": branch.parameter,
+        "ends": [end_document(end) for end in branch.ends],
+        "count": len(branch.points),
+    }
+    if points:
+        document["points"] = [point_document(point) for point in branch.points]
+    return document
+
+
+def special_documents(result: Result) -> list[dict[str, Any]]:
+    """The special points of all branches, in the order of the walks."""
+    return [
+        special_document(special, branch, number)
+        for number, branch in enumerate(result.branches, start=1)
+        for special in branch.special_points
+    ]
+
+
+def point_document(point: BranchPoint) -> dict[str, Any]:
+    """One point of a branch."""
+    return {
+        "parameter": point.value,
+        "stable": point.stable,
+        "instability": point.instability.label,
+        "measures": measures(point),
+        "contacts": point.orbit.pattern,
+    }
+
+
+def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict[str, Any]:
+    """One special point of the branch of that number. A value that does not exist is null."""
+    multiplier = special.multiplier
+    return {
+        "kind": special.kind.value,
+        "parameter": special.value,
+        "uncertainty": special.uncertainty if math.isfinite(special.uncertainty) else None,
+        "branch": number,
+        "period": branch.period,
+        "measures": measures(special.point),
+        "multiplier": [multiplier.real, multiplier.imag] if cmath.isfinite(multiplier) else None,
+        "stability": special.change,
+        "before": _instability(special.before),
+        "after": _instability(special.after),
+        "contact": special.contact or None,
+        "contacts": special.orbit.pattern,
+    }
+
+
+def end_document(end: End) -> dict[str, Any]:
+    """One end of a branch; `reason` is a word for programs, `text` the sentence for people."""
+    return {"reason": end.reason.name.lower().replace("_", "-"), "parameter": end.value, "text": str(end)}
+
+
+def measures(point: BranchPoint) -> dict[str, float]:
+    """Half the peak to peak, maximum and minimum of each coordinate."""
+    return {f"{kind}.{q}": point.measure(f"{kind}.{q}") for q in point.orbit.system.coordinates for kind in KINDS}
+
+
+def _instability(instability: Instability) -> dict[str, int]:
+    return {"above": instability.above, "below": instability.below, "pairs": instability.pairs}

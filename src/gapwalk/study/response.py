@@ -1,0 +1,147 @@
+"""The study of a response: one branch of periodic orbits over one parameter, from its first orbit on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from contextlib import nullcontext
+from types import FrameType
+
+from gapwalk.bifurcation.follow import Trail, TrailState, directions
+from gapwalk.continuation.walk import End, EndReason, WalkState
+from gapwalk.errors import NumericalError, StoreError
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.claim import earlier_result, versions
+from gapwalk.study.codec import PointCodec
+from gapwalk.study.database import lock
+from gapwalk.study.file import Study
+from gapwalk.study.result import Result, Stored, StoredWalk, is_complete
+from gapwalk.study.store import Report, Store, WalkFile, create_result
+
+INTERRUPTED = "interrupted"
+"""Detail of the end of a walk that was stopped by Ctrl-C."""
+
+_BRANCH = 1  # the number of the one branch of a response
+
+
+def run_response(
+    study: Study,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+) -> Result:
+    """Run the study of a response; parameters and errors as in `gapwalk.run`."""
+    with nullcontext() if output is None else lock(output):
+        earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
+        if earlier is None:
+            start = _find_start(study)
+            trail = _trail(study, start)
+            walk = StoredWalk(start, [trail.first], [], None, None)
+            stored = Stored(study, {_BRANCH: walk}, versions())
+            if output is not None:
+                create_result(output, study, start, trail.first, stored.versions)
+        else:
+            walk = earlier.walks[_BRANCH]
+            stored = earlier._replace(versions=versions(earlier.versions))
+            if report is not None:
+                _report_again(walk, report)
+            if is_complete(walk.end):
+                return earlier.result()
+            trail = _trail(study, walk.start, _state(walk))
+        with (
+            nullcontext()
+            if output is None
+            else Store(output, _walk_file(study, walk), stored.versions, report) as store
+        ):
+            end = _walk(trail, walk, store, report)
+        stored.walks[_BRANCH] = walk._replace(end=end)
+        return stored.result()
+
+
+def _find_start(study: Study) -> Orbit:
+    options = study.options
+    return find_orbit(study.system, options.period, options.start, shooting=options.shooting)
+
+
+def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
+    options = study.options
+    (direction,) = directions(options.begin, options.end)
+    return Trail(start, options.parameter, options.end, direction, options.walk, options.shooting, state)
+
+
+def _state(walk: StoredWalk) -> TrailState | None:
+    if walk.progress is None:
+        return None
+    if walk.progress.count != len(walk.points) - 1:
+        raise StoreError(f"the result has {len(walk.points)} points, but the walk had {walk.progress.count + 1}")
+    previous, point = walk.points[-2:]
+    return TrailState(WalkState(previous, point, walk.progress.step, walk.progress.count), walk.progress.detector)
+
+
+def _walk_file(study: Study, walk: StoredWalk) -> WalkFile:
+    codec = PointCodec(study.system, study.options.parameter, study.options.period, len(walk.points[0].x))
+    return WalkFile(codec, len(walk.points), len(walk.special_points), _BRANCH)
+
+
+def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> End:
+    """Walk to the end, and keep all points in `walk` and in the store."""
+    end = None
+    with _Interrupt() as interrupt:
+        try:
+            for point, special_points in trail:
+                walk.points.append(point)
+                walk.special_points.extend(special_points)
+                if store is not None:
+                    store.add(point, special_points, trail.state, trail.end)
+                elif report is not None:
+                    report(point, special_points)
+                if interrupt.asked and trail.end is None:
+                    end = End(EndReason.STOPPED, point.value, INTERRUPTED)
+                    break
+            end = end or trail.end
+        except NumericalError as error:
+            end = End(EndReason.STOPPED, walk.points[-1].value, str(error))
+        end = end or End(EndReason.STOPPED, walk.points[-1].value)
+        if store is not None:
+            store.finish(end)
+    return end
+
+
+def _report_again(walk: StoredWalk, report: Report) -> None:
+    """Report the points of a result that is resumed, each with the special points before it."""
+    rest = list(walk.special_points)
+    for point in walk.points[1:]:
+        before = [special for special in rest if special.point.arclength <= point.arclength]
+        del rest[: len(before)]
+        report(point, before)
+
+
+class _Interrupt:
+    """Ctrl-C while a branch is walked: the first one is noted, so that it stops between two points.
+
+    A second one is raised at once. Where Ctrl-C has a meaning of its own, or in another thread than the main one,
+    nothing is changed.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._replaced = False
+
+    def __enter__(self) -> _Interrupt:
+        in_main = threading.current_thread() is threading.main_thread()
+        if in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._note)
+            self._replaced = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._replaced:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,0 +1,170 @@
+"""Special points against other codes, closed forms, and walks with much smaller steps."""
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gapwalk.bifurcation import follow
+from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.model import Contact, Harmonic, Stage, System
+from gapwalk.orbit import find_orbit
+from gapwalk.paper import case, frequency_responses
+
+REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
+
+
+def response(figure: str, **options):
+    return follow(find_orbit(case(figure), frequency=2.0), "frequency", to=0.15, **options)
+
+
+@pytest.mark.parametrize("figure", ["12", "13"])
+def test_special_points_that_two_other_codes_agree_on(figure):
+    found = [special for special in response(figure).special_points if special.kind is not Kind.GRAZING]
+    assert len(found) == len(REFERENCE[figure])
+    for expected in REFERENCE[figure]:
+        special = min(found, key=lambda s: abs(s.value - expected["W"]) + 10 * (s.kind != expected["kind"]))
+        assert special.kind == expected["kind"]
+        assert special.value == pytest.approx(expected["W"], abs=1e-9)
+        # the fold at 0.42675 is given to six digits only
+        exact = 1e-9 if len(str(expected["half"])) > 10 else 2e-6
+        assert special.orbit.measure("half.q1") == pytest.approx(expected["half"], abs=exact)
+        assert special.orbit.measure("max.q1") == pytest.approx(expected["max"], abs=exact)
+        assert special.uncertainty < 1e-10
+
+
+@pytest.mark.parametrize("figure", frequency_responses())
+def test_every_frequency_response_of_the_paper_runs_through(figure):
+    branch = response(figure)
+    assert branch.ends[-1].reason is EndReason.RANGE
+    assert branch.points[-1].value == 0.15
+    for a, b in itertools.pairwise(branch.points):
+        assert np.linalg.norm(b.x - a.x) <= 1.05 * WalkOptions().largest_step
+    marks = sorted([p.arclength for p in branch.points] + [s.point.arclength for s in branch.special_points])
+    assert marks[0] == 0.0
+    changes_are_explained(branch)
+
+
+def changes_are_explained(branch):
+    """Every change of the count of unstable multipliers stands at a special point, and none stands there in vain."""
+    for a, b in itertools.pairwise(branch.points):
+        between = [s for s in branch.special_points if a.arclength < s.point.arclength <= b.arclength]
+        change = sum(s.after.total - s.before.total for s in between)
+        assert b.instability.total - a.instability.total == change
+        if not [s for s in between if s.kind is not Kind.GRAZING]:
+            assert a.instability.total == b.instability.total
+    for special in branch.special_points:
+        if special.kind in (Kind.FLIP, Kind.FOLD):
+            assert abs(special.after.total - special.before.total) == 1
+            assert special.multiplier == pytest.approx(-1.0 if special.kind is Kind.FLIP else 1.0, abs=1e-6)
+        if special.kind is Kind.NEIMARK_SACKER:
+            assert abs(special.after.total - special.before.total) == 2
+            assert abs(special.multiplier) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("figure", ["13", "15", "23b", "26b"])
+def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_steps(figure):
+    coarse = response(figure)
+    fine = response(figure, walk=WalkOptions(initial_step=2e-4, largest_step=2e-3))
+    assert len(fine.points) > 4 * len(coarse.points)
+    assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
+    assert [s.value for s in coarse.special_points] == pytest.approx([s.value for s in fine.special_points], abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", frequency_responses())
+def test_nothing_is_missed_or_invented_in_any_figure(figure):
+    coarse = response(figure)
+    fine = response(figure, walk=WalkOptions(initial_step=1e-4, largest_step=1e-3))
+    assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
+    assert [s.value for s in coarse.special_points] == pytest.approx([s.value for s in fine.special_points], abs=1e-9)
+
+
+def test_a_pair_of_grazing_points_within_one_step_is_found():
+    # an extremum is born by the breakpoint and leaves it at once: neither end of the step shows a trace of the pair
+    branch = response("23b")
+    pair = [s for s in branch.special(Kind.GRAZING) if 0.3126 < s.value < 0.3128]
+    assert len(pair) == 2
+    assert abs(pair[0].value - pair[1].value) < 2e-4
+    assert abs(pair[0].point.arclength - pair[1].point.arclength) < WalkOptions().largest_step / 4
+
+
+def preloaded(mean: float) -> System:
+    """A linear oscillator as long as its stage stays closed; no contact damping, so that the closed form holds."""
+    contact = Contact("gap", {"q1": 1.0}, (Stage(1.0),), {"q1": 0.9, "q3": -0.54})
+    return System(
+        ("q1", "q3"),
+        [[0.1, -0.6], [-0.06, 1.1]],
+        [[0.04, -0.04], [-0.04, 0.06]],
+        contacts=[contact],
+        mean={"q1": mean, "q3": 0.25},
+        harmonics=[Harmonic(0.25, {"q1": 1.0})],
+        frequency=2.0,
+    )
+
+
+def lowest_deflection(system: System, frequency: float) -> float:
+    """Least q1 of the steady motion with the stage closed all the time: static offset less the linear amplitude."""
+    d, e = np.array([0.9, -0.54]), np.array([1.0, 0.0])
+    closed = system.matrix("stiffness") + np.outer(d, e)
+    static = np.linalg.solve(closed, np.array([system["mean.q1"], 0.25]) + d * 1.0)
+    dynamic = closed - frequency**2 * np.eye(2) + 1j * frequency * system.matrix("damping")
+    return static[0] - abs(np.linalg.solve(dynamic, [0.25, 0.0])[0])
+
+
+@pytest.mark.parametrize("mean", [0.25, 0.5])
+def test_linear_motion_first_grazes_where_its_amplitude_uses_up_the_preload(mean):
+    system = preloaded(mean)
+    grid = np.linspace(2.0, 0.7, 500)
+    first = next(k for k, w in enumerate(grid) if lowest_deflection(system, w) < 1.0)
+    expected = brentq(lambda w: lowest_deflection(system, w) - 1.0, grid[first], grid[first - 1], xtol=1e-14)
+    branch = follow(find_orbit(system), "frequency", to=0.6)
+    first = branch.special(Kind.GRAZING)[0]
+    assert first.value == pytest.approx(expected, abs=1e-10)
+    assert first.contact == "gap +"
+    before = [p for p in branch.points if p.arclength < first.point.arclength]
+    assert all(p.orbit.pattern == "0+/0-" for p in before)
+
+
+def symmetric(frequency: float = 3.0) -> System:
+    """A symmetric gap with no mean load: its symmetric motions lose their symmetry at branch points."""
+    gap = Contact("gap", {"x": 1.0}, (Stage(0.5, 4.0),))
+    return System(("x",), [[0.2]], [[0.08]], contacts=[gap], harmonics=[Harmonic(1.0, {"x": 1.0})], frequency=frequency)
+
+
+def test_symmetry_breaking_is_a_branch_point_where_asymmetric_motions_are_born():
+    branch = follow(find_orbit(symmetric()), "frequency", to=0.3)
+    assert len(branch.special(Kind.BRANCH_POINT)) >= 3
+    assert len(branch.special(Kind.FOLD)) >= 4
+    changes_are_explained(branch)
+    breaking = branch.special(Kind.BRANCH_POINT)[0]
+    assert breaking.multiplier == pytest.approx(1.0, abs=1e-7)
+    assert breaking.uncertainty < 1e-9
+    again = follow(find_orbit(symmetric(2.5)), "frequency", to=0.8).special(Kind.BRANCH_POINT)[0]
+    assert again.value == pytest.approx(breaking.value, abs=1e-10)
+    assert abs(breaking.point.tangent[-1]) > 1e-2  # no fold
+    for point in branch.points[::20]:
+        motion = point.orbit.motion(64)
+        assert motion.q[32:64, 0] == pytest.approx(-motion.q[:32, 0], abs=1e-8)
+    # beyond it the symmetric motion is unstable, and the stable ones nearby are not symmetric; followed back, they
+    # turn at the branch point (a pitchfork is a fold of the asymmetric branch)
+    beside = find_orbit(symmetric(breaking.value - 0.01))
+    assert beside.stable
+    assert abs(beside.measure("mean.x")) > 1e-3
+    back = follow(beside, "frequency", to=breaking.value + 0.05)
+    nearest = min(abs(special.value - breaking.value) for special in back.special_points)
+    assert nearest < 1e-5
+
+
+def test_special_points_say_how_stability_changes():
+    branch = response("13")
+    flips = branch.special("flip")
+    assert [special.change for special in flips[:2]] == ["stable -> unstable(1)", "unstable(1) -> stable"]
+    hopf = branch.special(Kind.NEIMARK_SACKER)
+    assert [special.change for special in hopf] == ["stable -> unstable(2)", "unstable(2) -> stable"]
+    assert abs(hopf[0].multiplier) == pytest.approx(1.0, abs=1e-9)
+    assert hopf[0].multiplier.imag > 0
+    assert "flip at 1.331838029" in repr(flips[0])

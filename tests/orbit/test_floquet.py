@@ -1,0 +1,43 @@
+"""Multipliers of products, and their classification."""
+
+import numpy as np
+import pytest
+
+from gapwalk.orbit.floquet import Instability, classify, multipliers
+
+
+def test_pencil_gives_the_eigenvalues_of_the_product():
+    random = np.random.default_rng(3)
+    segments = [random.normal(size=(4, 4)) for _ in range(5)]
+    product = np.linalg.multi_dot(segments[::-1])
+    expected = np.linalg.eigvals(product)
+    found = multipliers(segments)
+    assert sorted(found, key=abs) == pytest.approx(sorted(expected, key=abs), rel=1e-9)
+    assert np.all(np.diff(np.abs(found)) <= 1e-12)
+
+
+def test_pencil_keeps_the_small_beside_the_huge():
+    # 8 segments, each stretching by 100 and shrinking by 1/2: the raw product has 1e16 beside 1/256
+    random = np.random.default_rng(5)
+    basis = [np.linalg.qr(random.normal(size=(2, 2)))[0] for _ in range(8)]
+    segments = [basis[(k + 1) % 8] @ np.diag([100.0, 0.5]) @ basis[k].T for k in range(8)]
+    found = multipliers(segments)
+    assert abs(found[0]) == pytest.approx(1e16, rel=1e-7)  # a pencil gives the large ones to eight digits
+    assert abs(found[1]) == pytest.approx(2.0**-8, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected", "label"),
+    [
+        ([0.5, -0.9, 0.1j, -0.1j], (0, 0, 0), "stable"),
+        ([1.2, 0.3], (1, 0, 0), "above"),
+        ([-1.2, 0.3], (0, 1, 0), "below"),
+        ([1 + 1j, 1 - 1j, 0.2], (0, 0, 1), "pair"),
+        ([-3.0, 2.0, 1 + 1j, 1 - 1j], (1, 1, 1), "below"),
+    ],
+)
+def test_classification(values, expected, label):
+    instability = classify(np.array(values, dtype=complex))
+    assert instability == Instability(*expected)
+    assert instability.label == label
+    assert instability.total == expected[0] + expected[1] + 2 * expected[2]

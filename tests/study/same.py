@@ -1,0 +1,46 @@
+"""Whether two results are equal bit for bit, in everything that they hold."""
+
+import numpy as np
+
+from gapwalk import Branch, BranchPoint, Orbit, Result
+
+
+def assert_same_result(one: Result, other: Result) -> None:
+    assert one.study == other.study
+    assert one.complete == other.complete
+    assert len(one.branches) == len(other.branches)
+    for a, b in zip(one.branches, other.branches, strict=True):
+        assert_same_branch(a, b)
+
+
+def assert_same_branch(one: Branch, other: Branch) -> None:
+    assert (one.parameter, one.period, one.ends) == (other.parameter, other.period, other.ends)
+    assert len(one.points) == len(other.points)
+    for a, b in zip(one.points, other.points, strict=True):
+        assert_same_point(a, b)
+    assert len(one.special_points) == len(other.special_points)
+    for a, b in zip(one.special_points, other.special_points, strict=True):
+        assert (a.kind, a.before, a.after, a.contact) == (b.kind, b.before, b.after, b.contact)
+        assert_same(a.uncertainty, b.uncertainty)
+        assert_same_point(a.point, b.point)
+
+
+def assert_same_point(one: BranchPoint, other: BranchPoint) -> None:
+    for name in ("value", "x", "tangent", "determinant", "arclength"):
+        assert_same(getattr(one, name), getattr(other, name))
+    assert_same_orbit(one.orbit, other.orbit)
+
+
+def assert_same_orbit(one: Orbit, other: Orbit) -> None:
+    assert one.system.structure == other.system.structure
+    assert_same(one.system.values, other.system.values)
+    assert (one.period, one.events, one.steps) == (other.period, other.events, other.steps)
+    for name in ("state", "multipliers", "residual", "extremes"):
+        assert_same(getattr(one, name), getattr(other, name))
+
+
+def assert_same(one, other) -> None:
+    assert type(one) is type(other)
+    one, other = np.asarray(one), np.asarray(other)
+    assert (one.dtype, one.shape) == (other.dtype, other.shape)
+    assert one.tobytes() == other.tobytes()
