@@ -108,7 +108,7 @@ def test_a_branch_that_turns_round_and_comes_back_says_so():
     # start between the folds of the main resonance on the upper part, heading up: it turns at the fold and returns
     down = follow(find_orbit(clutch(), frequency=1.9), "frequency", to=0.3)
     fold = next(special for special in down.special(Kind.FOLD) if special.value > 0.635)
-    upper = [p for p in down.points if p.arclength > fold.point.arclength and 0.5 < p.value < 0.63][0]
+    upper = next(p for p in down.points if p.arclength > fold.point.arclength and 0.5 < p.value < 0.63)
     back = follow(upper.orbit, "frequency", to=upper.value + 0.05)
     assert back.ends[-1].reason is EndReason.TURNED_BACK
     assert back.points[-1].value == pytest.approx(upper.value)

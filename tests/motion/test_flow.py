@@ -96,7 +96,7 @@ def test_sensitivities_agree_with_differences(system, seed, data):
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(system=random_systems(laws=(DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY)), seed=st.integers(0, 1000))
 def test_determinant_identity(system, seed):
-    """det Phi = exp(-integral of trace(M^-1 (C + sum d (df/dv) e'))) (Liouville), by quadrature of the sampled motion."""
+    """det Phi = exp(-integral of trace(M^-1 (C + sum d (df/dv) e'))) (Liouville), by quadrature of a sampled motion."""
     state = np.random.default_rng(seed).normal(size=2 * system.size)
     arc = flow_of(system, transition=True).integrate(coefficients_of(system), state)
     trace = np.trace(np.linalg.solve(system.matrix("mass"), system.matrix("damping"))) * 2 * np.pi / system.frequency

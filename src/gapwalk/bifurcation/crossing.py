@@ -2,64 +2,123 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.stretch import Stretch
 
 _NODES = 7
+_FEWEST = 5
 _NEAR = 0.08  # share of the window around the crossing from which no node is taken
-_NARROWING = (1.0, 0.2)  # windows, in lengths of the step, in which the crossing is located one after the other
+_NARROW = 0.2  # second window, in lengths of the first, which is the whole step
+_SURE = 1e-6  # spread of the zero, in windows, above which the surroundings are not smooth enough
 
 
-def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint, rough: float) -> tuple[BranchPoint, float]:
-    """The point between `a` and `b` where branches cross, and the uncertainty of its parameter value.
+@dataclass(frozen=True)
+class Crossing:
+    """The branch through a point where it crosses another, as polynomials in the arclength from there.
 
-    Near the crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
-    square root or worse. The branch itself is smooth, so points at some distance on both sides, which Newton's
-    method holds well, give the zero of the bordered determinant and the orbit there by interpolation.
-
-    Parameters
+    Attributes
     ----------
-    stretch
-        The stretch between two points of the walk.
-    a, b
-        The points between which the determinant changes its sign.
-    rough
-        Arclength near the zero.
+    arclength
+        Where they cross.
+    radius
+        Distance from there up to which the polynomials stand for the branch.
+    spread
+        Uncertainty of the arclength.
+    curve
+        One polynomial for each scaled variable.
     """
+
+    arclength: float
+    radius: float
+    spread: float
+    curve: tuple[Polynomial, ...]
+
+    def __contains__(self, arclength: object) -> bool:
+        return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius
+
+    def x(self, arclength: float) -> NDArray[np.float64]:
+        """Scaled unknowns and parameter at an arclength."""
+        return np.array([component(arclength - self.arclength) for component in self.curve])
+
+    def tangent(self, arclength: float) -> NDArray[np.float64]:
+        """Unit tangent at an arclength."""
+        slope = np.array([component(arclength - self.arclength) for component in self._slopes])
+        return slope / np.linalg.norm(slope)
+
+    @cached_property
+    def _slopes(self) -> tuple[Polynomial, ...]:
+        return tuple(component.deriv() for component in self.curve)
+
+
+def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing:
+    """Where, between `a` and `b`, the determinant of the bordered Jacobian changes its sign.
+
+    Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
+    square root or worse. The branch itself is smooth, so points at some distance on both sides, which Newton's
+    method holds well, give the zero of the determinant and the orbits near it by interpolation.
+
+    Raises
+    ------
+    NumericalError
+        If the branch is not smooth there (a contact grazes nearby), or too few points can be found.
+    """
+    window = b.arclength - a.arclength
+    rough = _fit_window(stretch, a, b, None, window)
+    return _fit_window(stretch, a, b, rough.arclength, _NARROW * window)
+
+
+def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, centre: float | None, window: float) -> Crossing:
+    middle = 0.5 * (a.arclength + b.arclength) if centre is None else centre
+    low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
+    nodes = _nodes(stretch, low, window, centre)
+    # how far along the chord the points stand: a parameter along which they are smooth, as their labels are not
     chord = (b.x - a.x) / (b.arclength - a.arclength)
-    unit = chord / float(chord @ chord)
-    root, length = rough, b.arclength - a.arclength
-    for share in _NARROWING:
-        window = share * length
-        nodes = _nodes(stretch, min(max(a.arclength, root - 0.5 * window), b.arclength - window), window, root)
-        # how far along the chord the points stand: a parameter along which they are smooth, as their labels are not
-        along = np.array([a.arclength + float((node.x - a.x) @ unit) for node in nodes]) - root
-        determinants = [node.determinant for node in nodes]
-        shift = _zero(along / window, determinants) * window
-        spread = abs(_zero(along[1:-1] / window, determinants[1:-1]) * window - shift)
-        root += shift
-    x = np.array([_fit((along - shift) / window, [node.x[i] for node in nodes])(0.0) for i in range(len(a.x))])
-    point = stretch.insert_uncorrected(x, root)
-    return point, abs(float(point.tangent[-1])) * spread
+    along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
+    places = (a.arclength + along - middle) / window
+    determinants = [node.determinant for node in nodes]
+    zero = _zero(places, determinants)
+    spread = abs(_zero(places[1:-1], determinants[1:-1]) - zero)
+    if not (spread < _SURE if centre is not None else spread < 0.1):
+        raise NumericalError("the branch is not smooth where it seems to cross another")
+    away = (places - zero) * window
+    curve = tuple(_polynomial(away, [node.x[i] for node in nodes]) for i in range(len(a.x)))
+    return Crossing(middle + zero * window, 0.3 * window, spread * window, curve)
 
 
-def _nodes(stretch: Stretch, low: float, window: float, centre: float) -> list[BranchPoint]:
+def _nodes(stretch: Stretch, low: float, window: float, centre: float | None) -> list[BranchPoint]:
     """Exact points of a window, denser towards its ends, none too near to its centre."""
-    places = low + window * 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
-    away = [float(place) for place in places if abs(place - centre) > _NEAR * window]
-    return [stretch.corrector.refined(stretch.at(place)) for place in away]
+    nodes = []
+    for place in low + window * 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1))):
+        if centre is None or abs(place - centre) > _NEAR * window:
+            try:
+                nodes.append(stretch.corrector.refined(stretch.at(float(place))))
+            except NumericalError:  # it happens to lie on the crossing
+                continue
+    if len(nodes) < _FEWEST:
+        raise NumericalError("too few orbits can be found where the branch seems to cross another")
+    return nodes
 
 
 def _zero(places: NDArray[np.float64], values: list[float]) -> float:
-    """The zero nearest to the origin of the polynomial through values at places."""
-    roots: NDArray[np.complex128] = _fit(places, values).roots()
+    """The zero of the polynomial through values at places that is nearest to the middle of their sign change."""
+    change = next((i for i in range(len(values) - 1) if values[i] * values[i + 1] <= 0.0), len(values) // 2)
+    middle = 0.5 * (places[change] + places[min(change + 1, len(places) - 1)])
+    roots: NDArray[np.complex128] = np.array(_polynomial(places, values).roots(), dtype=np.complex128)
     real = roots[np.abs(roots.imag) < 1e-6].real
-    return float(real[np.argmin(np.abs(real))]) if len(real) else 0.0
+    return float(real[np.argmin(np.abs(real - middle))]) if len(real) else float("nan")
 
 
-def _fit(places: NDArray[np.float64], values: list[float]) -> Polynomial:
-    return Polynomial.fit(places, values, len(places) - 1, domain=[-1.0, 1.0])
+def _polynomial(places: NDArray[np.float64], values: list[float]) -> Polynomial:
+    low, high = float(places.min()), float(places.max())
+    return Polynomial.fit(places, values, len(places) - 1, domain=[low, high])

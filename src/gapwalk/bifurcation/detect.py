@@ -15,13 +15,14 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from gapwalk.bifurcation.crossing import locate_crossing
+from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
 
 _DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
@@ -82,11 +83,13 @@ class Detector:
             If an orbit between the two cannot be found.
         """
         stretch = Stretch(self.corrector, first, last)
+        if Kind.BRANCH_POINT in self.kinds and first.determinant * last.determinant < 0.0:
+            _crossing(stretch, first, last)  # known first, so that the search for others steps over it
         grazes = find_grazing(stretch, before, first, last) if self.grazing else []
         zeros: list[_Zero] = []
         for kind in self.kinds:
             zeros += self._scan(kind, stretch)
-        found = [(zero.point.arclength, zero) for zero in zeros if is_genuine(zero.kind, zero.point)]
+        found = [(zero.point.arclength, zero) for zero in zeros if _is_genuine(zero, stretch)]
         found += [(graze.point.arclength, graze) for graze in grazes]
         found.sort(key=lambda item: item[0])
         marks = [first.arclength, *(arclength for arclength, _ in found), last.arclength]
@@ -130,17 +133,40 @@ class Detector:
         return left + self._search(kind, stretch, middle, b, _rate(kind, a, middle, known), known)
 
     def _locate(self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, known: list[float]) -> _Zero:
+        if kind is Kind.BRANCH_POINT:
+            crossing = _crossing(stretch, a, b)
+            if crossing is not None:
+                point = stretch.at(crossing.arclength)
+                return _Zero(kind, point, abs(float(point.tangent[-1])) * crossing.spread)
+
         def function(arclength: float) -> float:
             return _deflated(kind, stretch.at(arclength), known)
 
         root, report = brentq(
             function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False
         )
-        if kind is Kind.BRANCH_POINT:
-            return _Zero(kind, *locate_crossing(stretch, a, b, float(root)))
         point = stretch.at(float(root))
         neighbours = [abs(other.value - point.value) for other in stretch.points if other is not point]
         return _Zero(kind, point, min(neighbours, default=0.0) if report.converged else float("inf"))
+
+
+def _crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing | None:
+    """The crossing between two points, found now or before; None if the branch is not smooth enough for one."""
+    for crossing in stretch.crossings:
+        if a.arclength < crossing.arclength < b.arclength:
+            return crossing
+    try:
+        stretch.crossings.append(locate_crossing(stretch, a, b))
+    except NumericalError:
+        return None
+    return stretch.crossings[-1]
+
+
+def _is_genuine(zero: _Zero, stretch: Stretch) -> bool:
+    """Whether a zero is a bifurcation of its own: no neutral saddle, and no fold that is the vertex of a pitchfork."""
+    if zero.kind is Kind.FOLD:
+        return not any(abs(zero.point.arclength - crossing.arclength) < _FINEST for crossing in stretch.crossings)
+    return is_genuine(zero.kind, zero.point)
 
 
 def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:

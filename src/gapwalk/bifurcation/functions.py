@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.point import BranchPoint
 
-BIFURCATIONS = (Kind.FOLD, Kind.BRANCH_POINT, Kind.FLIP, Kind.NEIMARK_SACKER)
+BIFURCATIONS = (Kind.BRANCH_POINT, Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER)
 
 
 def value(kind: Kind, point: BranchPoint) -> float:

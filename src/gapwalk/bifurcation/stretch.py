@@ -5,9 +5,9 @@ from __future__ import annotations
 from bisect import bisect_left
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.bifurcation.crossing import Crossing
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
@@ -17,13 +17,15 @@ class Stretch:
     """The orbits between two neighbouring points of a walk, by scaled arclength.
 
     Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected on a
-    plane across their chord, so points grow cheaper as they grow denser.
+    plane across their chord, so points grow cheaper as they grow denser. Close to a crossing with another branch,
+    which is entered in `crossings` when it is found, they are interpolated instead.
     """
 
     def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
         self.corrector = corrector
         self._points = [first, last]
         self._lengths = [first.arclength, last.arclength]
+        self.crossings: list[Crossing] = []
 
     @property
     def points(self) -> list[BranchPoint]:
@@ -46,21 +48,14 @@ class Stretch:
         self._lengths.insert(index, arclength)
         return point
 
-    def insert_uncorrected(self, x: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """The point at an arclength, taken to be `x` as it is: for places where Newton's method is ill-posed."""
-        equation, scales = self.corrector.equation, self.corrector.scales
-        evaluation = equation.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
-        index = bisect_left(self._lengths, arclength)
-        point = self.corrector.point(Correction(x, evaluation, 0, 0.0, 0.0), self._points[index - 1].tangent, arclength)
-        self._points.insert(index, point)
-        self._lengths.insert(index, arclength)
-        return point
-
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
         """The point halfway between two points."""
         return self.at(0.5 * (first.arclength + last.arclength))
 
     def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
+        for crossing in self.crossings:
+            if arclength in crossing:
+                return self.corrector.uncorrected(crossing.x(arclength), crossing.tangent(arclength), arclength)
         chord = b.x - a.x
         length = float(np.linalg.norm(chord))
         share = (arclength - a.arclength) / (b.arclength - a.arclength)

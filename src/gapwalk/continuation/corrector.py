@@ -117,6 +117,15 @@ class Corrector:
         determinant = float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length
         return tangent / length, determinant
 
+    def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """The branch point at `x` as it is, for places where Newton's method is ill-posed."""
+        value = float(x[-1] * self.scales[-1])
+        unknowns = x[:-1] * self._unknown_scales
+        evaluation = self.equation.evaluate(unknowns, value)
+        determinant = float(np.linalg.det(self._bordered(evaluation, tangent)))
+        orbit = self.equation.orbit(unknowns, value, evaluation)
+        return BranchPoint(value, orbit, x, tangent, determinant, arclength)
+
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """The branch point of a correction."""
         x, evaluation = correction.x, correction.evaluation

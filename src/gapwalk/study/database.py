@@ -170,7 +170,7 @@ def explained(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn what SQLite and the system say about a result file into a StoreError."""
     try:
         yield
-    except (sqlite3.Error, OSError) as error:
+    except (sqlite3.Error, OSError, UnicodeError) as error:
         raise StoreError(_explain(os.fspath(path), error)) from error
 
 
@@ -219,7 +219,7 @@ def _explain(name: str, error: Exception) -> str:
     folder = os.path.dirname(os.path.abspath(name))
     if code == "SQLITE_NOTADB":
         return f"{name} is no result file of gapwalk"
-    if code.startswith("SQLITE_CORRUPT"):
+    if code.startswith("SQLITE_CORRUPT") or isinstance(error, UnicodeError):
         return f"{name} is damaged or cut short ({error})"
     if code.startswith(_LOCKED):
         return f"{name} is being written by another run; wait for its end, or stop it"

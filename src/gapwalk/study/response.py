@@ -36,35 +36,43 @@ def run_response(
 ) -> Result:
     """Run the study of a response; parameters and errors as in `gapwalk.run`."""
     with nullcontext() if output is None else lock(output):
-        earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
-        if earlier is None:
-            start = _find_start(study)
-            trail = _trail(study, start)
-            walk = StoredWalk(start, [trail.first], [], None, None)
-            stored = Stored(study, {_BRANCH: walk}, versions())
-            if output is not None:
-                create_result(output, study, start, trail.first, stored.versions)
-        else:
-            walk = earlier.walks[_BRANCH]
-            stored = earlier._replace(versions=versions(earlier.versions))
-            if report is not None:
-                _report_again(walk, report)
-            if is_complete(walk.end):
-                return earlier.result()
-            trail = _trail(study, walk.start, _state(walk))
-        with (
-            nullcontext()
-            if output is None
-            else Store(output, _walk_file(study, walk), stored.versions, report) as store
-        ):
-            end = _walk(trail, walk, store, report)
-        stored.walks[_BRANCH] = walk._replace(end=end)
+        stored, trail = _set_out(study, output, resume=resume, force=force)
+        walk = stored.walks[_BRANCH]
+        if report is not None:
+            _report_again(walk, report)
+        if trail is not None:
+            with _store(output, stored, report) as store:
+                end = _walk(trail, walk, store, report)
+            stored.walks[_BRANCH] = walk._replace(end=end)
         return stored.result()
 
 
-def _find_start(study: Study) -> Orbit:
+def _set_out(
+    study: Study, output: str | os.PathLike[str] | None, *, resume: bool, force: bool
+) -> tuple[Stored, Trail | None]:
+    """What there is before the walk, and the trail to walk; None if it was walked to its end already."""
+    earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
+    if earlier is not None:
+        walk = earlier.walks[_BRANCH]
+        if is_complete(walk.end):
+            return earlier, None
+        return earlier._replace(versions=versions(earlier.versions)), _trail(study, walk.start, _state(walk))
     options = study.options
-    return find_orbit(study.system, options.period, options.start, shooting=options.shooting)
+    start = find_orbit(study.system, options.period, options.start, shooting=options.shooting)
+    trail = _trail(study, start)
+    stored = Stored(study, {_BRANCH: StoredWalk(start, [trail.first], [], None, None)}, versions())
+    if output is not None:
+        create_result(output, study, start, trail.first, stored.versions)
+    return stored, trail
+
+
+def _store(output: str | os.PathLike[str] | None, stored: Stored, report: Report | None):
+    if output is None:
+        return nullcontext()
+    options, walk = stored.study.options, stored.walks[_BRANCH]
+    codec = PointCodec(stored.study.system, options.parameter, options.period, len(walk.points[0].x))
+    file = WalkFile(codec, len(walk.points), len(walk.special_points), _BRANCH)
+    return Store(output, file, stored.versions, report)
 
 
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
@@ -80,11 +88,6 @@ def _state(walk: StoredWalk) -> TrailState | None:
         raise StoreError(f"the result has {len(walk.points)} points, but the walk had {walk.progress.count + 1}")
     previous, point = walk.points[-2:]
     return TrailState(WalkState(previous, point, walk.progress.step, walk.progress.count), walk.progress.detector)
-
-
-def _walk_file(study: Study, walk: StoredWalk) -> WalkFile:
-    codec = PointCodec(study.system, study.options.parameter, study.options.period, len(walk.points[0].x))
-    return WalkFile(codec, len(walk.points), len(walk.special_points), _BRANCH)
 
 
 def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> End:

@@ -166,6 +166,8 @@ def _read(connection: sqlite3.Connection) -> Stored:
     ).fetchall()
     walks = {}
     for number, parameter, period, unknowns, start, start_events, state, end in rows:
+        if (number, parameter, period) != (len(walks) + 1, options.parameter, options.period):
+            raise ValueError("a branch does not belong to the study")
         codec = PointCodec(study.system, parameter, period, unknowns)
         walks[number] = StoredWalk(
             codec.unpack_orbit((start, start_events)),

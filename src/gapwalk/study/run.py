@@ -45,7 +45,7 @@ def run(
         written by another run, or cannot be written.
     ModelError
         If the study makes no sense.
-    ConvergenceError
+    NumericalError
         If no first orbit is found.
     """
     return run_response(study, output, resume=resume, force=force, report=report)

@@ -158,7 +158,7 @@ class Store:
 
 def create_result(
     path: str | os.PathLike[str], study: Study, start: Orbit, first: BranchPoint, versions: dict[str, str]
-) -> WalkFile:
+) -> None:
     """Make a result file with the first point of its one walk; what was there before is lost.
 
     A file of that name is at any moment either whole or not there.
@@ -195,7 +195,6 @@ def create_result(
             connection.close()
         remove(path)  # its log too, which must not be taken for that of the new file
         os.replace(new, path)
-    return replace(walk, count=1)
 
 
 def _write_points(connection: sqlite3.Connection, walk: WalkFile, points: list[BranchPoint]) -> None:
