@@ -286,10 +286,12 @@ def test_a_file_that_is_not_there(tmp_path) -> None:
         gw.run(stop_study(), tmp_path)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="may write everywhere")
 def test_a_folder_that_cannot_be_written(written) -> None:
     folder = written.parent
     folder.chmod(0o500)
+    if os.access(folder, os.W_OK):
+        folder.chmod(0o700)
+        pytest.skip("this user may write everywhere")
     try:
         assert gw.load(written).complete
         with pytest.raises(StoreError, match="folder cannot be written"):

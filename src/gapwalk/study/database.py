@@ -140,6 +140,7 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
     """
     name = f"{os.fspath(path)}-lock"
     with explained(path), _closed_on_error(sqlite3.connect(name, isolation_level=None, timeout=0)) as holder:
+        holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
         holder.execute("BEGIN EXCLUSIVE")
     try:
         yield
@@ -226,6 +227,8 @@ def _explain(name: str, error: Exception) -> str:
     if not os.path.isdir(folder):
         return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
     if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
+        if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):
+            return f"{name} cannot be opened in a folder that cannot be written; copy it and {name}-wal to another one"
         if not os.access(folder, os.W_OK):
             return f"{name} cannot be opened: its folder cannot be written; choose another place for the result"
         return f"{name} cannot be opened; look at its permissions ({error})"
