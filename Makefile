@@ -16,7 +16,7 @@ help:  ## show this list
 
 demo: $(STAMP)  ## walk the branches of the clutch example, into out/
 	@mkdir -p out
-	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk
+	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk --force
 
 test: check  ## lint, types and tests
 	MPLBACKEND=Agg $(PY) -m pytest

@@ -64,10 +64,7 @@ def test_every_file_says_what_it_is_for() -> None:
 
 
 def test_no_file_is_crowded() -> None:
-    lengths = {
-        file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines())
-        for file in FILES
-    }
+    lengths = {file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in FILES}
     crowded = {name: length for name, length in lengths.items() if length > MAX_LINES}
     assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
 

@@ -186,3 +186,28 @@ def test_work_of_one_period_does_not_grow():
     arc = flow_of(system, "frequency", transition=True).integrate(coefficients_of(system), state, direction=None)
     assert arc.steps <= 28
     assert len(arc.contacts) == 4
+
+
+@pytest.mark.parametrize("law", ["none", "hunt-crossley", "viscous"])
+def test_a_gap_of_no_width_switches_both_sides_at_once(law):
+    damping = {"none": {}, "viscous": {"viscous_damping": 0.1}}.get(law, {"impact_damping": 0.2})
+    contact = Contact("c", {"x": 1.0}, (Stage(0.0, 2.0, 0.5),), None, DampingLaw(law), **damping)
+    system = System(("x",), [[1.0]], [[0.1]], contacts=[contact], frequency=0.7)
+    arc = advance(system, [0.5, 0.0])
+    assert len(arc.contacts) >= 4
+    assert arc.state == pytest.approx(reference(system, [0.5, 0.0]), abs=1e-8)
+
+
+def test_two_equal_contacts_switch_at_the_same_time():
+    pair = [Contact(name, {"x": sign}, (Stage(0.1, 5.0),)) for name, sign in (("c", 1.0), ("d", -1.0))]
+    system = System(("x",), [[1.0]], [[0.1]], contacts=pair, frequency=0.7)
+    alone = System(("x",), [[1.0]], [[0.1]], contacts=[Contact("c", {"x": 1.0}, (Stage(0.1, 10.0),))], frequency=0.7)
+    assert advance(system, [0.5, 0.0]).state == pytest.approx(advance(alone, [0.5, 0.0]).state, abs=1e-11)
+
+
+def test_a_stage_without_stiffness_and_a_cubic_one_at_the_origin():
+    idle = Contact("c", {"x": 1.0}, (Stage(0.1, 0.0),))
+    duffing = Contact("c", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
+    for contact in (idle, duffing):
+        system = System(("x",), [[1.0]], [[0.1]], contacts=[contact], frequency=0.7)
+        assert advance(system, [0.5, 0.3]).state == pytest.approx(reference(system, [0.5, 0.3]), abs=1e-9)

@@ -8,9 +8,9 @@ from gapwalk import Contact, DampingLaw, Harmonic, ResponseOptions, Side, Stage,
 def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study:
     """An oscillator against a one-sided stop: some folds and grazing points over the frequency."""
     stop = Contact("stop", {"x": 1.0}, (Stage(1.0, 20.0, side=Side.POSITIVE),), None, DampingLaw.HUNT_CROSSLEY, 0.1)
-    system = System(
-        ["x"], [[1.0]], [[0.05]], contacts=[stop], harmonics=[Harmonic(0.2, {"x": 1.0})], frequency=0.7
-    ).at(changes)
+    system = System(["x"], [[1.0]], [[0.05]], contacts=[stop], harmonics=[Harmonic(0.2, {"x": 1.0})], frequency=0.7).at(
+        changes
+    )
     walk = WalkOptions(initial_step=min(0.002, largest_step), largest_step=largest_step)
     return Study(system, ResponseOptions("frequency", 0.7, end, "half.x", walk=walk), "A stop", "title = 'A stop'\n")
 

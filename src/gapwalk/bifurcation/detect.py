@@ -26,6 +26,7 @@ from gapwalk.errors import NumericalError
 
 _DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
+_NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EXACT = 1e-14  # arclength to which zeros are located
 
 
@@ -120,6 +121,8 @@ class Detector:
     ) -> list[_Zero]:
         """All zeros between two points, given the rate of change before them (if any) and the zeros known already."""
         length = b.arclength - a.arclength
+        if max(abs(value(kind, a)), abs(value(kind, b))) < _NOISE:
+            return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
         if at_a * at_b < 0.0:
             zero = self._locate(kind, stretch, a, b, known)

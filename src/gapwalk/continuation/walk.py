@@ -25,6 +25,7 @@ from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _TRUST = 1e-7  # residual from which the next Newton step is exact to rounding
+_REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
 
@@ -225,15 +226,16 @@ class Walk(Iterator[BranchPoint]):
 def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
     """Scales of the unknowns and of the parameter, shape (N + 1,).
 
-    The parameter in widths of its range. Positions in largest clearances (the natural length of a system with gaps;
-    without one, the size of the motion), velocities in that times the frequency, both divided among the unknowns and
-    set against the parameter so that an orbit that changes by a tenth of a clearance counts as 1 % of the range.
+    The parameter in widths of its range. Positions in largest clearances (the natural length of a system with gaps),
+    or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that times the
+    frequency. Both are divided among the unknowns and set against the parameter so that an orbit that changes by a
+    tenth of that length counts as 1 % of the range.
     """
     system = orbit.system
     clearances = [value for name, value in system.parameters.items() if name.endswith(".clearance")]
-    length = max(clearances, default=0.0)
-    if length <= 0.0:
-        length = float(np.abs(orbit.extremes[:, :2]).max()) or 1.0
+    amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
+    reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
+    length = max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
     unit = np.repeat([length, length * system.frequency], system.size)
     segments = len(equation.unknowns(orbit)) // (2 * system.size)
     scales = np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)

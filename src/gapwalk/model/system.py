@@ -255,6 +255,8 @@ def _value_problems(structure: Structure, values: NDArray[np.float64]):
             "an inertia. A system that can turn as a whole is written in relative coordinates"
         )
     for contact in structure.contacts:
+        if not values[structure.block(f"{contact.name}.deflection", n)].any():
+            yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
         for sign in (1, -1):
             inner = -math.inf
             for stage in contact.stages:

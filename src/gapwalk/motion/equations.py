@@ -27,27 +27,48 @@ class Equations:
         Where the coefficients stand.
     pattern : shape (number of coefficients,), bool
         Which of them take part; the others are zero.
+    directions
+        How many sensitivities along directions of the coefficients are wanted.
+
+    The run-time parameters are the components of the directions, one direction after the other, then the switches,
+    then the coefficients. The last of all, `1/W`, is in every equation, so the integrator has room for them all.
     """
 
     layout: CoefficientLayout
     pattern: NDArray[np.bool_]
+    directions: int = 0
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
-        """Slots of the coefficients that take part; coefficient ``active[i]`` is run-time parameter i."""
-        return np.flatnonzero(self.pattern)
+        """Slots of the coefficients that take part, in the order of their run-time parameters."""
+        return np.roll(np.flatnonzero(self.pattern), -1)
+
+    @cached_property
+    def _indices(self) -> dict[int, int]:
+        """Run-time parameter of each active slot."""
+        return {int(slot): self.first_coefficient + i for i, slot in enumerate(self.active)}
+
+    @property
+    def first_switch(self) -> int:
+        """Run-time parameter of the first switch."""
+        return self.directions * len(self.active)
+
+    @property
+    def first_coefficient(self) -> int:
+        """Run-time parameter of the first coefficient."""
+        return self.first_switch + len(self.switches)
 
     @cached_property
     def switches(self) -> tuple[tuple[int, int], ...]:
-        """(contact, stage) of every switch; they are the run-time parameters after the coefficients."""
+        """(contact, stage) of every switch."""
         return tuple(
             (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
         )
 
     @property
     def n_parameters(self) -> int:
-        """Run-time parameters without sensitivity directions: coefficients, then switches."""
-        return len(self.active) + len(self.switches)
+        """Number of run-time parameters."""
+        return self.first_coefficient + len(self.active)
 
     @cached_property
     def positions(self) -> list:
@@ -84,18 +105,17 @@ class Equations:
         return columns
 
     def direction(self, index: int) -> list:
-        """Equations of the sensitivity to the coefficients along a direction given at run time.
-
-        The direction's components are the run-time parameters behind those of the state equations.
-        """
+        """Equations of the sensitivity to the coefficients along a direction given at run time."""
         size = 2 * self.layout.structure.size
-        first = self.n_parameters + index * len(self.active)
+        first = index * len(self.active)
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
             terms = [linear]
-            for parameter in _parameter_indices(force, len(self.active)):
-                terms.append(hy.diff(force, hy.par[parameter]) * hy.par[first + parameter])
+            for parameter in _parameter_indices(force):
+                component = parameter - self.first_coefficient
+                if component >= 0:
+                    terms.append(hy.diff(force, hy.par[parameter]) * hy.par[first + component])
             forced.append((variable, hy.sum(terms)))
         return forced
 
@@ -121,10 +141,10 @@ class Equations:
         """Symbol of one coefficient, or the number 0 where it takes no part."""
         if not self.pattern[slot]:
             return hy.expression(0.0)
-        return hy.par[int(np.searchsorted(self.active, slot))]
+        return hy.par[self._indices[int(slot)]]
 
     def _switch(self, contact: int, stage: int) -> hy.expression:
-        return hy.par[len(self.active) + self.switches.index((contact, stage))]
+        return hy.par[self.first_switch + self.switches.index((contact, stage))]
 
     def _dot(self, slots, symbols) -> hy.expression:
         terms = [
@@ -223,7 +243,6 @@ def _first_stages(slots: ContactSlots) -> list[int]:
     return [signs.index(sign) for sign in (1, -1) if sign in signs]
 
 
-def _parameter_indices(expression, limit: int) -> list[int]:
-    """Indices of the coefficients on which an expression depends."""
-    indices = (int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression))
-    return sorted(index for index in indices if index < limit)
+def _parameter_indices(expression) -> list[int]:
+    """Indices of the run-time parameters on which an expression depends."""
+    return sorted(int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression))

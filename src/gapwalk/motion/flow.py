@@ -103,11 +103,10 @@ class Flow:
             hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
             for index, switch in enumerate(equations.switches)
         ]
-        n_parameters = equations.n_parameters + direction * len(equations.active)
         self._integrator = hy.taylor_adaptive(
             right_hand_sides,
             state=np.zeros(len(right_hand_sides)),
-            pars=np.zeros(n_parameters),
+            pars=np.zeros(equations.n_parameters),
             t_events=events,
             nt_events=[hy.nt_event(rate, self._note(k)) for k, (_, rate) in enumerate(equations.turning) if survey],
             tol=_TOLERANCE,
@@ -207,9 +206,9 @@ class Flow:
             self._integrator.reset_cooldowns()
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
-        self._parameters[: len(active)] = coefficients[active]
+        self._parameters[self.equations.first_coefficient :] = coefficients[active]
         if self.has_direction:
-            self._parameters[self.equations.n_parameters :] = 0.0 if direction is None else direction[active]
+            self._parameters[: len(active)] = 0.0 if direction is None else direction[active]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         board.start(coefficients, start, int(_EVENTS * periods))
@@ -224,11 +223,14 @@ class Flow:
 
     def _refuse(self, outcome, start: float) -> None:
         theta, state = self._integrator.time, self._state[: self.size]
-        where = f"at theta = {theta:.6g} (from {start:.6g}), in the state {_short(state)}"
+        where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._board.event_limit <= 0:
             raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
         if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
-            raise FlowError(f"the motion runs away to infinity {where}; is there a stiffness and a damping?")
+            raise FlowError(
+                f"the motion runs away to infinity within the time from theta = {start:.6g}; is there a stiffness, and "
+                "a damping that takes energy out?"
+            )
         raise FlowError(f"more than {_STEPS} integration steps a forcing period, {where}: it is too stiff or runs away")
 
     def _arc(self, steps: int) -> Arc:
@@ -263,7 +265,7 @@ def flow_of(system: System, parameter: str | None = None, *, transition: bool = 
 
 @lru_cache(maxsize=64)
 def _compile(structure: Structure, pattern: bytes, transition: bool, direction: bool, survey: bool) -> Flow:
-    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool))
+    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool), int(direction))
     return Flow(equations, transition=transition, direction=direction, survey=survey)
 
 

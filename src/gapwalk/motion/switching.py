@@ -13,7 +13,8 @@ from gapwalk.motion.forces import accelerations
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
-_ON = 1e-13  # relative distance at which a start counts as being on the breakpoint
+_ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
+_LATELY = 10 * COOLDOWN  # time within which a second event of a switch is an echo of the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 
 
@@ -54,7 +55,7 @@ class Switchboard:
         self._signs = self.signs.tolist()
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
         self._known = b""
-        self._first = len(equations.active)
+        self._first = equations.first_switch
         self._viscous = [self._is_viscous_edge(k, j) for k, j in equations.switches]
         self.log: list[ContactEvent] = []
         self.missed = 0
@@ -80,6 +81,7 @@ class Switchboard:
             if abs(depth) <= _ON * self._scales[switch]:
                 self._inside[switch] = self._heading(switch, theta) > 0.0
         self._parameters[self._first : self._first + self.count] = self._inside
+        self._changed = [theta] * self.count
 
     def is_right(self) -> bool:
         """Whether no crossing was missed: each event changed its switch, and all switches are right at the end."""
@@ -118,26 +120,44 @@ class Switchboard:
         wait = 10 * COOLDOWN
 
         def flip(integrator, _direction) -> bool:
-            velocity = 0.0
-            for i, factor in self._rate_rows[switch]:
-                velocity += factor * self._state.item(i)
-            before, theta = self._inside[switch], integrator.time
-            if velocity > self._speed or velocity < -self._speed:
-                inside = sign * velocity > 0.0
-                if inside is before and theta - self._theta > wait:
-                    self.missed += 1
-            else:
-                inside = self._after_touch(switch, velocity, theta)
-            if inside is not before:
-                self._parameters[place] = inside
-                self._inside[switch] = inside
-                self.log.append(ContactEvent(theta, switch, inside, velocity))
-                if viscous:
-                    self._jump(switch, 1.0 if inside else -1.0)
+            theta = integrator.time
+            if self._settle(switch, theta) and self.count > 1:
+                self._settle_twins(switch, theta)
             self.event_limit -= 1
             return self.event_limit > 0
 
         return flip
+
+    def _settle(self, switch: int, theta: float) -> bool:
+        """Set one switch for a motion on its breakpoint; whether that changes it."""
+        velocity = 0.0
+        for i, factor in self._rate_rows[switch]:
+            velocity += factor * self._state.item(i)
+        before = self._inside[switch]
+        if velocity > self._speed or velocity < -self._speed:
+            inside = self._signs[switch] * velocity > 0.0
+            if inside is before and theta - self._changed[switch] > _LATELY:
+                self.missed += 1
+        else:
+            inside = self._after_touch(switch, velocity, theta)
+        if inside is before:
+            return False
+        self._parameters[self._first + switch] = inside
+        self._inside[switch], self._changed[switch] = inside, theta
+        self.log.append(ContactEvent(theta, switch, inside, velocity))
+        if self._viscous[switch]:
+            self._jump(switch, 1.0 if inside else -1.0)
+        return True
+
+    def _settle_twins(self, switch: int, theta: float) -> None:
+        """Set the other switches whose breakpoints are crossed at the same time.
+
+        Of two events at one time the integrator reports one, and the other only if rounding leaves it a sign change:
+        the two sides of a gap of no width, two equal contacts, a symmetric system.
+        """
+        for other, depth in enumerate(self._depths(self._state[: self.n].tolist())):
+            if other != switch and abs(depth) <= _ON * self._scales[other] and theta - self._changed[other] > _LATELY:
+                self._settle(other, theta)
 
     def _is_viscous_edge(self, contact: int, stage: int) -> bool:
         """Whether the force jumps at this breakpoint: the innermost stage of a viscously damped contact."""
@@ -182,7 +202,7 @@ class Switchboard:
         shift = columns[:, :n] @ self._vectors[switch]
         for index in range(self._columns - size):
             direction = np.zeros_like(self._coefficients)
-            first = self.equations.n_parameters + index * len(self.equations.active)
+            first = index * len(self.equations.active)
             direction[self.equations.active] = self._parameters[first : first + len(self.equations.active)]
             shift[size + index] += direction[slots.deflection] @ self._state[:n]
             shift[size + index] -= slots.stages[stage].sign * direction[slots.stages[stage].clearance]

@@ -52,9 +52,12 @@ def pieces_of(branch: Branch, measure: str) -> list[Piece]:
 
 def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """A smooth line through points between two special points; at a special point it may have a corner."""
-    apart = np.append(np.diff(s) > _SAME, True)
-    if np.count_nonzero(apart) < 3:
-        return values
+    apart = (s - s[0] > _SAME) & (s[-1] - s > _SAME) & np.append(True, np.diff(s) > _SAME)
+    apart[[0, -1]] = True
     s, values = s[apart], values[apart]
+    if len(s) < 3:
+        return values
     fine = np.interp(np.linspace(0, len(s) - 1, _BETWEEN * (len(s) - 1) + 1), np.arange(len(s)), s)
-    return Akima1DInterpolator(s, values, method="makima")(fine)
+    line = Akima1DInterpolator(s, values, method="makima")(fine)
+    line[::_BETWEEN] = values  # not just to rounding: pieces meet in one point
+    return line

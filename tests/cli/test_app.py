@@ -1,0 +1,179 @@
+"""The commands that compute nothing, help, errors in words, and exit codes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import app, main
+from gapwalk.cli import files as cli_files
+from tests.study.studies import stop_study
+
+HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
+
+
+@pytest.fixture
+def result(tmp_path, monkeypatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    gw.run(stop_study(), "stop.gapwalk")
+    return "stop.gapwalk"
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"], [], ["frobnicate"]])
+def test_help_loads_nothing_heavy(words) -> None:
+    program = (
+        f"import sys; from gapwalk.cli import main; main({words!r}); "
+        f"loaded = [name for name in {HEAVY!r} if name in sys.modules]; sys.exit(f'loaded {{loaded}}' if loaded else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    program = f"import sys, gapwalk; sys.exit(any(name in sys.modules for name in {HEAVY!r}))"
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_public_names_are_there() -> None:
+    for name in gw.__all__:
+        assert getattr(gw, name) is not None
+        assert name in dir(gw)
+    assert gw.paper.case("13").size == 2
+    with pytest.raises(AttributeError, match="no attribute 'walk'"):
+        gw.walk  # noqa: B018
+
+
+def test_help_names_every_command(capsys) -> None:
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for name in ("new", "check", "run", "show", "export", "paper"):
+        assert name in text
+
+
+def test_the_version(capsys) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == gw.__version__
+
+
+def test_a_new_model_can_be_checked(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "model.toml"]) == 0
+    assert "gapwalk run model.toml" in capsys.readouterr().out
+    assert main(["check", "model.toml"]) == 0
+    assert "response over frequency from 2 to 0.15" in capsys.readouterr().out
+    assert main(["new", "model.toml"]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_check_says_what_is_wrong_in_words_and_in_json(model, capsys) -> None:
+    assert main(["check", str(model), "--set", "stop.clearance=-1", "--set", "study.to=soon"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "stop.clearance is -1" in captured.err
+    assert "study.to" in captured.err
+    assert main(["check", str(model), "--set", "clearance=1", "--json"]) == 2
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert "did you mean 'stop.clearance'" in error["problems"][0]["message"]
+    assert main(["check", str(model), "--set", "stop.clearance=0.5", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["ok"] is True
+    assert document["system"]["parameters"]["stop.clearance"] == 0.5
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["check", "nothing.toml"],
+        ["run", "nothing.toml"],
+        ["show", "nothing.gapwalk"],
+        ["show", "stop.toml"],
+        ["export", "stop.toml"],
+        ["run", "stop.toml", "--set", "clearance"],
+        ["run", "stop.toml", "--output", "stop.png"],
+        ["run", "stop.toml", "--output", "nowhere/stop.gapwalk"],
+        ["run", "stop.toml", "--resume", "--force", "--output", "x.gapwalk"],
+        ["run"],
+        ["run", "stop.toml", "--backwards"],
+        ["frobnicate"],
+        ["paper"],
+        ["paper", "99"],
+    ],
+)
+@pytest.mark.usefixtures("model")
+def test_bad_input_is_2_and_a_sentence_without_traceback(words, capsys) -> None:
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.strip()
+    assert "Traceback" not in captured.err
+
+
+@pytest.mark.parametrize("words", [["show", "nothing.gapwalk"], ["run", "stop.toml", "--backwards"]])
+@pytest.mark.usefixtures("model")
+def test_bad_input_is_one_document_with_json(words, capsys) -> None:
+    assert main([*words, "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+def test_a_bug_is_1_and_says_so(result, monkeypatch, capsys) -> None:
+    def fail(*_: object, **__: object) -> int:
+        raise ZeroDivisionError("by nothing")
+
+    monkeypatch.setattr(cli_files, "show_result", fail)
+    assert main(["show", result]) == 1
+    text = capsys.readouterr().err
+    assert "this is a bug in gapwalk, please report it: ZeroDivisionError: by nothing" in text
+    assert "Traceback" not in text
+    assert main(["show", result, "--debug"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_show_tells_what_a_result_is(result, capsys) -> None:
+    assert main(["show", result]) == 0
+    text = capsys.readouterr().out
+    for words in ("A stop", "complete", "heyoka", "2 fold, 2 grazing", "the end of the range was reached", "stop +"):
+        assert words in text
+    assert main(["show", result, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [special["kind"] for special in document["special_points"]] == ["grazing", "fold", "fold", "grazing"]
+
+
+def test_export_writes_tables_and_pictures(result, tmp_path, capsys) -> None:
+    assert main(["export", result]) == 0
+    assert (tmp_path / "stop-points.csv").stat().st_size > 1000
+    assert (tmp_path / "stop-special-points.csv").is_file()
+    assert main(["export", result, "--output", "high.svg", "--measure", "max.x"]) == 0
+    assert b"maximum" in (tmp_path / "high.svg").read_bytes()
+    assert main(["export", result, "--format", "png"]) == 0
+    assert (tmp_path / "stop.png").is_file()
+    capsys.readouterr()
+    for words in (["--output", "x.pdf"], ["--measure", "max.x"], ["--output", result], ["--output", "nowhere/x.png"]):
+        assert main(["export", result, *words]) == 2
+        assert capsys.readouterr().err.startswith("gapwalk: ")
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(result, command) -> None:
+    program = command("show", result)
+    program.stdout.close()
+    assert program.stderr.read() == ""
+    program.stderr.close()
+    assert program.wait() == 0
+
+
+def test_texts_of_a_file_cannot_command_the_terminal(tmp_path, capsys) -> None:
+    study = stop_study(end=0.72)
+    path = tmp_path / "evil.gapwalk"
+    gw.run(gw.Study(study.system, study.options, "\x1b[2J[bold]title[/bold]"), path)
+    assert main(["show", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "\x1b" not in text
+    assert "[bold]title[/bold]" in text
+
+
+def test_each_command_explains_each_option(capsys) -> None:
+    for name in ("new", "check", "run", "show", "export", "paper"):
+        assert main([name, "--help"]) == 0
+        assert "--debug" in capsys.readouterr().out
+    assert app.main is main
