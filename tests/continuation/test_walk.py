@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Trail, follow
+from gapwalk.bifurcation import Trail, depart, follow
 from gapwalk.continuation import EndReason, Kind, WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
@@ -83,10 +83,10 @@ def test_both_directions_from_a_start_give_the_branch_from_end_to_end():
 @pytest.mark.parametrize("stop", [1, 2, 17, 60])
 def test_a_stopped_walk_resumes_as_if_never_stopped(stop):
     orbit = find_orbit(clutch(), frequency=1.9)
-    undisturbed = list(Trail(orbit, "frequency", 0.6, -1))
-    first = Trail(orbit, "frequency", 0.6, -1)
+    undisturbed = list(Trail(depart(orbit, "frequency", 0.6, -1)))
+    first = Trail(depart(orbit, "frequency", 0.6, -1))
     begun = list(itertools.islice(first, stop))
-    resumed = begun + list(Trail(orbit, "frequency", 0.6, -1, resume=first.state))
+    resumed = begun + list(Trail(depart(orbit, "frequency", 0.6, -1), resume=first.state))
     assert len(resumed) == len(undisturbed)
     for (a, specials_a), (b, specials_b) in zip(resumed, undisturbed, strict=True):
         assert np.array_equal(a.x, b.x)

@@ -327,7 +327,7 @@ def test_a_file_cut_short(written, share) -> None:
         "UPDATE result SET value = replace(value, '\"x\"', '\"\"') WHERE key = 'system'",
         "UPDATE points SET data = zeroblob(80)",
         "UPDATE points SET count = 0",
-        "UPDATE points SET first = 5 WHERE first > 0",
+        "UPDATE points SET first = first + 1000 WHERE first > 0",
         "UPDATE points SET checksum = checksum + 1",
         "UPDATE points SET data = 'text'",
         "UPDATE special_point SET kind = 'surprise'",

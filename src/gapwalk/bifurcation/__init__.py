@@ -1,6 +1,20 @@
 """Where it changes: special points found and located along a branch."""
 
+from gapwalk.bifurcation.departure import Departure, depart, directions
 from gapwalk.bifurcation.detect import Detector
-from gapwalk.bifurcation.follow import Trail, follow
+from gapwalk.bifurcation.follow import follow, join, walk_out
+from gapwalk.bifurcation.switch import switch
+from gapwalk.bifurcation.trail import Trail, TrailState
 
-__all__ = ["Detector", "Trail", "follow"]
+__all__ = [
+    "Departure",
+    "Detector",
+    "Trail",
+    "TrailState",
+    "depart",
+    "directions",
+    "follow",
+    "join",
+    "switch",
+    "walk_out",
+]

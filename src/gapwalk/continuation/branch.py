@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     import pandas
 
 
+_VERTEX = 1e-3  # parameter component of the tangent below which a branch counts as turning
+
+
 class Kind(StrEnum):
     """What happens at a special point."""
 
@@ -69,6 +72,11 @@ class SpecialPoint:
     def multiplier(self) -> complex:
         """The multiplier that is critical here: nearest to +1, -1 or the unit circle; nan at a grazing point."""
         return critical_multiplier(self.kind, self.point.orbit.multipliers)
+
+    @property
+    def is_vertex(self) -> bool:
+        """Whether this is a branch point at which the branch turns round, because it branches off from the other."""
+        return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
 
     @property
     def change(self) -> str:

@@ -31,7 +31,7 @@ class BranchPoint:
     arclength
         Scaled arclength from the start of the walk.
     memo
-        Numbers derived from the point that are kept because they are asked for again and again.
+        What was derived from the point and is kept because it is asked for again and again.
     """
 
     value: float
@@ -40,7 +40,7 @@ class BranchPoint:
     tangent: NDArray[np.float64]
     determinant: float
     arclength: float
-    memo: dict[Any, float] = field(default_factory=dict, repr=False, compare=False)
+    memo: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def stable(self) -> bool:

@@ -19,7 +19,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
 from gapwalk.continuation.step import next_step, shorter_step
-from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.errors import ModelError
 from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
@@ -36,6 +36,8 @@ class EndReason(Enum):
     RANGE = "the end of the range was reached"
     TURNED_BACK = "the branch turned round and left the range on the side on which it had started"
     CLOSED = "the branch closed on itself"
+    BRANCHED = "the branch begins here, at a special point of another"
+    JOINED = "the branch joined the one that it branches off from"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
@@ -131,6 +133,10 @@ class Walk(Iterator[BranchPoint]):
         self.previous, self.point = self.point, point
         self.count += 1
         return point
+
+    def finish(self, last: BranchPoint, end: End) -> None:
+        """End the walk at a point before the one that was yielded last."""
+        self.point, self.end = last, end
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it proved wrong, and go on with shorter steps."""
@@ -240,23 +246,6 @@ def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.flo
     segments = len(equation.unknowns(orbit)) // (2 * system.size)
     scales = np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
     return np.append(scales, within.high - within.low)
-
-
-def first_point(equation: Equation, orbit: Orbit, value: float, corrector: Corrector, towards: float) -> BranchPoint:
-    """The point of the branch at an orbit, heading `towards` larger (+1) or smaller (-1) values of the parameter.
-
-    Raises
-    ------
-    ConvergenceError
-        If the orbit does not solve the equation.
-    """
-    x = np.append(equation.unknowns(orbit), value) / corrector.scales
-    correction = corrector.at_value(x, value)
-    if correction is None:
-        raise ConvergenceError(f"the start is no period-{equation.period} orbit at {equation.parameter} = {value:.10g}")
-    ahead = np.zeros(len(x))
-    ahead[-1] = towards
-    return corrector.point(correction, ahead, 0.0)
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:

@@ -116,8 +116,6 @@ class Switchboard:
 
     def callback(self, switch: int):
         """The function that the integrator calls at the events of one switch."""
-        place, sign, viscous = self._first + switch, self._signs[switch], self._viscous[switch]
-        wait = 10 * COOLDOWN
 
         def flip(integrator, _direction) -> bool:
             theta = integrator.time

@@ -58,9 +58,8 @@ class PointCodec:
         """The points of their bytes; a ValueError if they are not those of `count` points."""
         rows, events = self._tables(packed, self._point_width, count)
         n, taken, points = self.unknowns, 0, []
-        for row in rows:
-            value, determinant, arclength = row[:3].tolist()
-            orbit = self._orbit(row[3 + 2 * n :], value, events[taken:])
+        for row, (value, determinant, arclength) in zip(rows, rows[:, :3].tolist(), strict=True):
+            orbit = self._orbit(row[3 + 2 * n :], value, events, taken)
             taken += len(orbit.events)
             points.append(BranchPoint(value, orbit, row[3 : 3 + n], row[3 + n : 3 + 2 * n], determinant, arclength))
         if taken != len(events):
@@ -75,7 +74,7 @@ class PointCodec:
     def unpack_orbit(self, packed: Packed) -> Orbit:
         """That orbit; a ValueError if the bytes are not those of one."""
         rows, events = self._tables(packed, self._orbit_width, 1)
-        orbit = self._orbit(rows[0], float(self.system.values[self._place]), events)
+        orbit = self._orbit(rows[0], float(self.system.values[self._place]), events, 0)
         if len(orbit.events) != len(events):
             raise ValueError(f"{len(events)} contact events are stored where the orbit has {len(orbit.events)}")
         return orbit
@@ -92,39 +91,37 @@ class PointCodec:
             )
         )
 
-    def _orbit(self, row: NDArray[np.float64], value: float, events: NDArray[np.float64]) -> Orbit:
+    def _orbit(self, row: NDArray[np.float64], value: float, events: list[ContactEvent], first: int) -> Orbit:
         n = self.system.size
         residual, steps, count = row[:3].tolist()
-        if not (0 <= steps == int(steps) and 0 <= count == int(count) <= len(events)):
+        if not (0 <= steps == int(steps) and 0 <= count == int(count) <= len(events) - first):
             raise ValueError("the numbers of steps and of contact events of an orbit make no sense")
         orbit = Orbit(
             System.from_values(self.system.structure, self._values(value)),
             self.period,
             row[3 : 3 + 2 * n],
             row[3 + 2 * n : 3 + 6 * n].view(complex),
-            tuple(self._event(*event) for event in events[: int(count)].tolist()),
+            tuple(events[first : first + int(count)]),
             residual,
             int(steps),
         )
         orbit.__dict__["extremes"] = row[3 + 6 * n :].reshape(n, 4)  # where the cached property looks first
         return orbit
 
-    def _event(self, theta: float, switch: float, enters: float, velocity: float) -> ContactEvent:
-        if not (0 <= switch == int(switch) < self._switches and enters in (0.0, 1.0)):
-            raise ValueError("a contact event belongs to no contact")
-        return ContactEvent(theta, int(switch), bool(enters), velocity)
-
     def _values(self, value: float) -> NDArray[np.float64]:
         values = self.system.values.copy()
         values[self._place] = value
         return values
 
-    @staticmethod
-    def _tables(packed: Packed, width: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _tables(self, packed: Packed, width: int, count: int) -> tuple[NDArray[np.float64], list[ContactEvent]]:
         rows, events = (np.frombuffer(part, dtype="<f8").astype(float) for part in packed)
         if count < 1 or len(rows) != count * width or len(events) % 4:
             raise ValueError(f"{len(rows)} and {len(events)} numbers are stored where {count} points were promised")
-        return rows.reshape(count, width), events.reshape(-1, 4)
+        theta, switch, enters, velocity = events.reshape(-1, 4).T
+        if not np.isin(switch, np.arange(self._switches)).all() or not np.isin(enters, (0.0, 1.0)).all():
+            raise ValueError("a contact event belongs to no contact")
+        columns = (theta.tolist(), switch.astype(int).tolist(), enters.astype(bool).tolist(), velocity.tolist())
+        return rows.reshape(count, width), [ContactEvent(*event) for event in zip(*columns, strict=True)]
 
 
 def _bytes(rows: Sequence[object]) -> bytes:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from types import FrameType
 
-from gapwalk.bifurcation.follow import Trail, TrailState, directions
+from gapwalk.bifurcation import Trail, TrailState, depart, directions
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit
@@ -66,7 +66,9 @@ def _set_out(
     return stored, trail
 
 
-def _store(output: str | os.PathLike[str] | None, stored: Stored, report: Report | None):
+def _store(
+    output: str | os.PathLike[str] | None, stored: Stored, report: Report | None
+) -> AbstractContextManager[Store | None]:
     if output is None:
         return nullcontext()
     options, walk = stored.study.options, stored.walks[_BRANCH]
@@ -78,7 +80,8 @@ def _store(output: str | os.PathLike[str] | None, stored: Stored, report: Report
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
     options = study.options
     (direction,) = directions(options.begin, options.end)
-    return Trail(start, options.parameter, options.end, direction, options.walk, options.shooting, state)
+    departure = depart(start, options.parameter, options.end, direction, options.shooting)
+    return Trail(departure, options.walk, state)
 
 
 def _state(walk: StoredWalk) -> TrailState | None:

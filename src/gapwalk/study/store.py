@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import NamedTuple
 
-from gapwalk.bifurcation.follow import TrailState
+from gapwalk.bifurcation.trail import TrailState
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End

@@ -1,0 +1,1 @@
+"""How fast gapwalk is, each line beside SciPy in the same process: ``python -m benchmarks``."""

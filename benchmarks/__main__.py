@@ -1,0 +1,49 @@
+"""``python -m benchmarks``: measure, print one table, and write it as JSON if asked to."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: CPU time of one core on both sides
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmarks that were asked for."""
+    options = _parser().parse_args(arguments)
+
+    from rich.console import Console
+
+    from benchmarks.effort import FULL, QUICK
+    from benchmarks.table import as_json, as_table
+
+    effort = QUICK if options.quick else FULL
+    console, rows = Console(), []
+    for name, measure in _groups().items():
+        if name in options.only:
+            with console.status(f"measuring: {name}"):
+                rows += measure(effort)
+    console.print(as_table(rows))
+    if options.json is not None:
+        options.json.write_text(as_json(rows), encoding="utf-8")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    names = list(_groups())
+    parser.add_argument("only", nargs="*", default=names, help=f"what to measure: {', '.join(names)} (default: all)")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats and smaller systems")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file, too")
+    return parser
+
+
+def _groups() -> dict[str, Callable]:
+    from benchmarks import branch, compiling, growth, period
+
+    return {"period": period.rows, "branch": branch.rows, "compiling": compiling.rows, "growth": growth.rows}
+
+
+if __name__ == "__main__":
+    main()

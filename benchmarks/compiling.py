@@ -1,0 +1,84 @@
+"""How long a flow takes to compile: the first time ever, and from heyoka's cache on disk."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import heyoka as hy
+
+from benchmarks.clutch import ScipyClutch
+from benchmarks.effort import Effort
+from benchmarks.row import Row
+from benchmarks.stopwatch import cpu_seconds, fastest
+from gapwalk import find_orbit, paper
+from gapwalk.motion import flow as flows
+
+GROUP = "Compiling the flow of figure 13"
+_COLD = 3  # repeats; a compilation is long enough to measure with few
+
+Build = Callable[[], object]
+
+
+def rows(effort: Effort) -> list[Row]:
+    """Measure all lines."""
+    orbit = find_orbit(paper.case("13"), frequency=0.5)
+    system, clutch = orbit.system, ScipyClutch(orbit.system)
+    plain = fastest(lambda: clutch.period(orbit.state, 0.5), effort)
+    full = fastest(lambda: clutch.period_with_sensitivities(orbit.state, 0.5), effort)
+    repeats = min(effort.repeats, _COLD)
+    return [
+        *_rows("state", lambda: flows.flow_of(system), plain, repeats),
+        *_rows("all sensitivities", lambda: flows.flow_of(system, "frequency", transition=True), full, repeats),
+    ]
+
+
+def cold_seconds(build: Build, repeats: int = 1) -> float:
+    """CPU seconds to build and compile a flow as on a machine that has never seen it."""
+    with _disk_cache(None):
+        return _least(build, repeats)
+
+
+def warm_seconds(build: Build, repeats: int = _COLD) -> float:
+    """CPU seconds to build a flow whose compiled code is in a cache on disk, one of our own."""
+    with tempfile.TemporaryDirectory() as folder, _disk_cache(folder):
+        _least(build, 1)
+        return _least(build, repeats)
+
+
+def _rows(what: str, build: Build, period: float, repeats: int) -> list[Row]:
+    cold, warm = cold_seconds(build, repeats), warm_seconds(build)
+    note = f"cold, it takes as long as {cold / period:.0f} forcing periods by SciPy"
+    counts = {"periods by SciPy": cold / period}
+    return [Row(GROUP, f"{what}, cold", cold), Row(GROUP, f"{what}, from the cache", warm, counts=counts, note=note)]
+
+
+def _least(build: Build, repeats: int) -> float:
+    least = float("inf")
+    for _ in range(repeats):
+        _forget()
+        least = min(least, cpu_seconds(build))
+    return least
+
+
+def _forget() -> None:
+    """Empty gapwalk's cache of flows and heyoka's cache of compiled code, both of this process."""
+    flows._compile.cache_clear()
+    hy.llvm_state.clear_memcache()
+
+
+@contextmanager
+def _disk_cache(folder: str | None) -> Iterator[None]:
+    """Within it heyoka keeps compiled code in this folder, or nowhere."""
+    state = hy.llvm_state
+    enabled, path = state.get_diskcache_enabled(), state.get_diskcache_path()
+    state.set_diskcache_enabled(folder is not None)
+    if folder is not None:
+        state.set_diskcache_path(folder)
+    try:
+        yield
+    finally:
+        state.set_diskcache_path(path)
+        state.set_diskcache_enabled(enabled)
+        _forget()

@@ -1,0 +1,31 @@
+"""How much the benchmark does: everything, or a quick look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How often things are repeated, and how large they get.
+
+    Parameters
+    ----------
+    repeats
+        Measurements of which the least counts; a baseline that takes longer is repeated less often.
+    burst
+        CPU seconds that one measurement of something short lasts.
+    sizes
+        Degrees of freedom of the chains.
+    walk_to
+        Where the walk beside SciPy's ends; it begins at 0.9.
+    """
+
+    repeats: int = 25
+    burst: float = 0.01
+    sizes: tuple[int, ...] = (2, 5, 10, 20, 50)
+    walk_to: float = 0.8
+
+
+FULL = Effort()
+QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.87)

@@ -1,0 +1,70 @@
+"""The rows as a table for people, and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+from itertools import groupby
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.row import Row, Target
+
+_HEADINGS = ("what", "gapwalk", "baseline", "ratio", "target", "reached")
+
+
+def as_table(rows: Sequence[Row]) -> Table:
+    """All rows under the headings of their groups."""
+    table = Table(title="CPU time, the least of several repeats", title_justify="left")
+    for heading in _HEADINGS:
+        table.add_column(heading, justify="left" if heading == "what" else "right")
+    for group, members in groupby(rows, key=lambda row: row.group):
+        table.add_section()
+        table.add_row(f"[bold]{group}[/bold]")
+        for row in members:
+            table.add_row(*cells(row))
+            if row.note:
+                table.add_row(f"    [dim]{row.note}[/dim]")
+    return table
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """The texts of one row."""
+    baseline = "" if row.baseline is None else f"{duration(row.baseline)} [dim]({row.against})[/dim]"
+    ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
+    targets = ", ".join(_wanted(target) for target in row.targets)
+    reached = ", ".join("[green]yes[/green]" if each else "[red]no[/red]" for each in row.reached)
+    return f"  {row.what}", duration(row.seconds), baseline, ratio, targets, reached
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds * 1e6:.3g} us"
+
+
+def as_json(rows: Sequence[Row]) -> str:
+    """All rows, and the machine in general terms."""
+    machine: dict[str, Any] = {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "heyoka")},
+    }
+    return json.dumps({"machine": machine, "rows": [row.as_dict() for row in rows]}, indent=2) + "\n"
+
+
+def _wanted(target: Target) -> str:
+    match target.kind:
+        case "seconds":
+            return f"<= {duration(target.limit)}"
+        case "ratio":
+            return f">= {target.limit:g} x"
+        case _:
+            return f"{target.limit:g} points"

@@ -1,0 +1,60 @@
+"""Period-doubled branches: how far an orbit is from repeating after half its period, and where that distance vanishes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.predictor import hermite
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit.orbit import Orbit
+
+MERGED = 1e-7
+"""Relative distance between the halves of an orbit below which it has half the period."""
+_CLOSE = 1e-2  # relative distance between the halves below which an orbit is close to one of half the period
+
+
+def halves_apart(orbit: Orbit) -> NDArray[np.float64]:
+    """State after half the period less the state at the start, shape (2n,), relative to the size of the state.
+
+    Zero on an orbit of half the period; it passes through zero, from one sign to the other, where a period-doubled
+    branch passes through its parent.
+    """
+    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+    half = flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state
+    return (half - orbit.state) / (1.0 + float(np.abs(orbit.state).max()))
+
+
+def has_merged(point: BranchPoint) -> bool:
+    """Whether the orbit of a point has half its period: it lies on the parent branch."""
+    return float(np.abs(_apart(point)).max()) < MERGED
+
+
+def is_close(point: BranchPoint) -> bool:
+    """Whether the orbit of a point nearly repeats after half its period."""
+    return float(np.abs(_apart(point)).max()) < _CLOSE
+
+
+def passes_parent(first: BranchPoint, last: BranchPoint) -> bool:
+    """Whether the halves of the orbit change places between two neighbouring points."""
+    a, b = _apart(first), _apart(last)
+    return float(a @ b) < 0.0 and min(float(np.abs(a).max()), float(np.abs(b).max())) < 10 * _CLOSE
+
+
+def value_at_parent(first: BranchPoint, last: BranchPoint, scale: float) -> float:
+    """The parameter where the halves coincide between two points, or just beyond them, by interpolation."""
+    a, b = float(np.linalg.norm(_apart(first))), float(np.linalg.norm(_apart(last)))
+    if passes_parent(first, last):
+        share = a / (a + b)
+    else:
+        share = a / (a - b) if a > b else 1.0
+    return float(hermite(first, last, min(share, 2.0))[-1]) * scale
+
+
+def _apart(point: BranchPoint) -> NDArray[np.float64]:
+    known = point.memo.get("halves apart")
+    if known is None:
+        known = point.memo["halves apart"] = halves_apart(point.orbit)
+    return known

@@ -1,0 +1,132 @@
+"""The trail: a walk with its special points, step by step, that can be stopped after any step and resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from gapwalk.bifurcation.departure import Departure
+from gapwalk.bifurcation.detect import Detector, DetectorState
+from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_at_parent
+from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
+from gapwalk.errors import NumericalError
+
+_AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
+
+Step = tuple[BranchPoint, list[SpecialPoint]]
+"""A new point of a branch, and the special points between it and the one before."""
+
+
+class TrailState(NamedTuple):
+    """Where a trail has come to: its walk and its detector."""
+
+    walk: WalkState
+    detector: DetectorState
+
+
+class Trail(Iterator[Step]):
+    """One direction of a branch as it is walked: yields each point with the special points before it.
+
+    Parameters
+    ----------
+    departure
+        Where it begins, and which way.
+    walk
+        Options of the walk.
+    resume
+        `state` of a trail from the same departure that was stopped.
+    """
+
+    def __init__(self, departure: Departure, walk: WalkOptions | None = None, resume: TrailState | None = None) -> None:
+        self.departure, self.first = departure, departure.first
+        options = walk or WalkOptions()
+        self.walk = Walk(
+            departure.equation, departure.first, departure.within, departure.corrector, options, resume and resume.walk
+        )
+        self.detector = Detector(departure.corrector)
+        if resume is not None:
+            self.detector.restore(resume.detector)
+
+    @property
+    def state(self) -> TrailState:
+        """Where the trail has come to; a trail made with it as `resume` goes on as if never stopped."""
+        return TrailState(self.walk.state, self.detector.state)
+
+    @property
+    def end(self) -> End | None:
+        """Where and why the walk ended; None while it goes on."""
+        return self.walk.end
+
+    def __next__(self) -> Step:
+        state = self.state
+        before, first = self.walk.previous, self.walk.point
+        while True:
+            try:
+                point = next(self.walk)
+            except StopIteration:
+                self._end_at_parent(before, first)
+                raise
+            try:
+                joined = self._joins_parent(first, point)
+                step = self._until_vertex(point, self._inspect(first, point, before))
+            except NumericalError:
+                if self._joins_parent(first, point):
+                    joined, step = True, (point, [])
+                else:
+                    # no orbits lead from one point to the other: the step went astray, onto another branch
+                    self.detector.restore(state.detector)
+                    self.walk.go_back(state.walk, point)
+                    continue
+            if joined and (self.walk.end is None or self.walk.end.reason is not EndReason.JOINED):
+                return self._last_step(first, point, step)
+            return step
+
+    def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
+        """The special points of a step; of the first step of a branch that begins at another, from just beyond there.
+
+        All test functions vanish where such a branch begins.
+        """
+        if first is self.first and self.departure.singular:
+            ahead = min(_AHEAD, 0.05 * point.arclength)
+            corrector = self.departure.corrector
+            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
+            if correction is None:
+                return []
+            first, before = corrector.point(correction, first.tangent, ahead), None
+        return self.detector.inspect(first, point, before)
+
+    def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
+        """The step, cut off where the branch joins the one that it branches off from.
+
+        There it turns round, and what follows is the same motion again: shifted by a forcing period beyond a flip,
+        mirrored beyond a loss of symmetry.
+        """
+        for number, each in enumerate(special):
+            if each.is_vertex:
+                self.walk.finish(each.point, End(EndReason.JOINED, each.value))
+                return each.point, special[:number]
+        return point, special
+
+    def _joins_parent(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Whether a period-doubled branch meets its parent in a step."""
+        if point.orbit.period % 2 or (first is self.first and self.departure.singular):
+            return False
+        return has_merged(point) or passes_parent(first, point)
+
+    def _last_step(self, first: BranchPoint, point: BranchPoint, step: Step) -> Step:
+        """The step to the parent where the meeting could not be located as a branch point."""
+        value = value_at_parent(first, point, float(self.departure.corrector.scales[-1]))
+        low, high = sorted((first.value, point.value))
+        self.walk.finish(first, End(EndReason.JOINED, value))
+        inside = [each for each in step[1] if low <= each.value <= high and not is_close(each.point)]
+        return first, inside
+
+    def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
+        """Give a walk that got stuck just before its parent its true reason."""
+        stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+        if stuck and before is not None and last.orbit.period % 2 == 0 and is_close(last):
+            value = value_at_parent(before, last, float(self.departure.corrector.scales[-1]))
+            self.walk.finish(last, End(EndReason.JOINED, value))
