@@ -20,8 +20,9 @@ def assert_same_branch(one: Branch, other: Branch) -> None:
         assert_same_point(a, b)
     assert len(one.special_points) == len(other.special_points)
     for a, b in zip(one.special_points, other.special_points, strict=True):
-        assert (a.kind, a.before, a.after, a.contact) == (b.kind, b.before, b.after, b.contact)
+        assert (a.kind, a.before, a.after, a.contact, a.nature) == (b.kind, b.before, b.after, b.contact, b.nature)
         assert_same(a.uncertainty, b.uncertainty)
+        assert_same(a.judged, b.judged)
         assert_same_point(a.point, b.point)
 
 

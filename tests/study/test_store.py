@@ -82,7 +82,7 @@ def test_a_system_of_all_kinds_of_parts_survives(path) -> None:
     )
     start = (0.1, 0.0, 0.0, 1e-3)
     options = gw.ResponseOptions(
-        "gear.soft.clearance", 0.1, 0.2, "max.b", 2, start, gw.WalkOptions(max_points=5), gw.Shooting(segments=2)
+        "gear.soft.clearance", 0.1, 0.2, "max.b", 1, start, gw.WalkOptions(max_points=5), gw.Shooting(segments=2)
     )
     study = gw.Study(system, options, "ü \x1b[31m", "", (("study.to", 0.2), ("study.start", [0.1, 0.0, 0.0, 1e-3])))
     result = gw.run(study, path)
@@ -306,7 +306,7 @@ def test_a_result_from_the_future(written) -> None:
         gw.load(written)
 
 
-@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95, 0.999])
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.8])
 def test_a_file_cut_short(written, share) -> None:
     content = written.read_bytes()
     written.write_bytes(content[: int(share * len(content))])

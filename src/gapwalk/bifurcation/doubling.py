@@ -1,4 +1,4 @@
-"""Period-doubled branches: how far an orbit is from repeating after half its period, and where that distance vanishes."""
+"""Period-doubled branches: how far an orbit is from repeating after half its period, and where that vanishes."""
 
 from __future__ import annotations
 
@@ -46,10 +46,8 @@ def passes_parent(first: BranchPoint, last: BranchPoint) -> bool:
 def value_at_parent(first: BranchPoint, last: BranchPoint, scale: float) -> float:
     """The parameter where the halves coincide between two points, or just beyond them, by interpolation."""
     a, b = float(np.linalg.norm(_apart(first))), float(np.linalg.norm(_apart(last)))
-    if passes_parent(first, last):
-        share = a / (a + b)
-    else:
-        share = a / (a - b) if a > b else 1.0
+    between = passes_parent(first, last)
+    share = a / (a + b) if between else a / max(a - b, 0.5 * a)
     return float(hermite(first, last, min(share, 2.0))[-1]) * scale
 
 

@@ -101,11 +101,12 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
     """The point between `first` and `last` where the deflection just reaches the breakpoint of a switch."""
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     where = _shortest_visit(richer.orbit, switch)
-    tracked = {"theta": where}
+    tracked, depths = {"theta": where}, {}
 
     def depth(arclength: float) -> float:
-        tracked["theta"], value = _extremal_depth(stretch.at(arclength).orbit, switch, tracked["theta"])
-        return value
+        if arclength not in depths:  # once for each place: the extremum that is tracked moves on
+            tracked["theta"], depths[arclength] = _extremal_depth(stretch.at(arclength).orbit, switch, tracked["theta"])
+        return depths[arclength]
 
     low, high = first.arclength, last.arclength
     if depth(richer.arclength) * depth(fewer.arclength) < 0:

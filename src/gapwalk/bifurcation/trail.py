@@ -8,6 +8,7 @@ from typing import NamedTuple
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_at_parent
+from gapwalk.bifurcation.nature import with_nature
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
@@ -96,7 +97,9 @@ class Trail(Iterator[Step]):
             if correction is None:
                 return []
             first, before = corrector.point(correction, first.tangent, ahead), None
-        return self.detector.inspect(first, point, before)
+        neighbours = (first.value, point.value)
+        parameter = self.departure.equation.parameter or ""
+        return [with_nature(each, parameter, neighbours) for each in self.detector.inspect(first, point, before)]
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

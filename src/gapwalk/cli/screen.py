@@ -117,7 +117,7 @@ def special_point_table(result: Result) -> Table:
     table.add_column(f"half {coordinate}", justify="right")
     table.add_column("multiplier", justify="right")
     table.add_column("stability")
-    table.add_column("contact")
+    table.add_column("nature or contact")
     for number, branch in enumerate(result.branches, start=1):
         for special in branch.special_points:
             table.add_row(
@@ -127,7 +127,7 @@ def special_point_table(result: Result) -> Table:
                 f"{special.point.measure(f'half.{coordinate}'):#.8g}",
                 multiplier_text(special.multiplier),
                 special.change,
-                printable(special.contact),
+                printable(special.nature or special.contact),
             )
     return table
 

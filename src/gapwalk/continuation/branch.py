@@ -49,6 +49,11 @@ class SpecialPoint:
         Bound on the error of its parameter value, from the bracket in which it was located.
     contact
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
+    nature
+        ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or ``subcritical`` for a
+        flip; empty for other kinds, or where it could not be told.
+    judged
+        Amplitude of the doubled motion, in units of the state, up to which a flip's nature was seen to hold.
     """
 
     kind: Kind
@@ -57,6 +62,8 @@ class SpecialPoint:
     after: Instability
     uncertainty: float
     contact: str = ""
+    nature: str = ""
+    judged: float = 0.0
 
     @property
     def value(self) -> float:

@@ -51,6 +51,8 @@ TABLES = (
     value REAL NOT NULL, -- of the parameter
     uncertainty REAL NOT NULL,
     contact TEXT NOT NULL,
+    nature TEXT NOT NULL,
+    judged REAL NOT NULL,
     before TEXT NOT NULL, -- multipliers beyond +1, beyond -1, complex pairs outside the unit circle
     after TEXT NOT NULL,
     data BLOB NOT NULL,

@@ -76,6 +76,8 @@ def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict
         "stability": special.change,
         "before": _instability(special.before),
         "after": _instability(special.after),
+        "nature": special.nature or None,
+        "judged": special.judged,
         "contact": special.contact or None,
         "contacts": special.orbit.pattern,
     }

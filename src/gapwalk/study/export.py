@@ -69,7 +69,16 @@ def special_points_csv(result: Result) -> str:
     """
     coordinates = result.system.coordinates
     header = ["branch", "period", "kind", result.options.parameter, "uncertainty", "before", "after"]
-    header += ["unstable.before", "unstable.after", "re.multiplier", "im.multiplier", "contact", "contacts"]
+    header += [
+        "unstable.before",
+        "unstable.after",
+        "re.multiplier",
+        "im.multiplier",
+        "nature",
+        "judged",
+        "contact",
+        "contacts",
+    ]
     return _table(
         [*header, *_measure_names(coordinates)],
         (
@@ -84,6 +93,8 @@ def special_points_csv(result: Result) -> str:
                 special.before.total,
                 special.after.total,
                 *(("", "") if np.isnan(special.multiplier) else (special.multiplier.real, special.multiplier.imag)),
+                special.nature,
+                special.judged,
                 special.contact,
                 special.orbit.pattern,
                 *_measures(special.point),

@@ -198,14 +198,14 @@ def _read_points(connection: sqlite3.Connection, branch: int, codec: PointCodec)
 def _read_special_points(connection: sqlite3.Connection, branch: int, codec: PointCodec) -> list[SpecialPoint]:
     special_points = []
     rows = connection.execute(
-        "SELECT kind, uncertainty, contact, before, after, data, events, checksum FROM special_point "
+        "SELECT kind, uncertainty, contact, nature, judged, before, after, data, events, checksum FROM special_point "
         "WHERE branch = ? ORDER BY number",
         (branch,),
     )
-    for kind, uncertainty, contact, before, after, data, events, expected in rows:
+    for kind, uncertainty, contact, nature, judged, before, after, data, events, expected in rows:
         (point,) = codec.unpack(_checked(data, events, expected), 1)
         sides = (_instability(json.loads(before)), _instability(json.loads(after)))
-        special_points.append(SpecialPoint(Kind(kind), point, *sides, uncertainty, contact))
+        special_points.append(SpecialPoint(Kind(kind), point, *sides, uncertainty, contact, nature, judged))
     return special_points
 
 

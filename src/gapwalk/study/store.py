@@ -209,7 +209,7 @@ def _write_special_points(connection: sqlite3.Connection, walk: WalkFile, specia
     for number, special in enumerate(special_points, start=walk.special_count):
         packed = walk.codec.pack([special.point])
         connection.execute(
-            "INSERT INTO special_point VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "INSERT INTO special_point VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 walk.branch,
                 number,
@@ -217,6 +217,8 @@ def _write_special_points(connection: sqlite3.Connection, walk: WalkFile, specia
                 special.value,
                 special.uncertainty,
                 special.contact,
+                special.nature,
+                special.judged,
                 json.dumps(special.before),
                 json.dumps(special.after),
                 *packed,

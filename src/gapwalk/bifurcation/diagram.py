@@ -1,0 +1,192 @@
+"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.walk import End, EndReason
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import Orbit
+
+_MEETING = 2e-3  # relative distance, in parameter and state, within which an end is at a special point
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a branch begins on another: the other's name, and which of its special points."""
+
+    parent: str
+    special: int
+
+
+@dataclass(frozen=True)
+class Limb:
+    """One branch of a diagram and its place in the tree.
+
+    Attributes
+    ----------
+    name
+        Such as ``P2-3``: the third branch of period 2.
+    branch
+        The branch.
+    begins
+        Where it begins on another branch; None for one that was found by itself.
+    joins
+        Where it ends on another branch; None where it ends otherwise.
+    """
+
+    name: str
+    branch: Branch
+    begins: Origin | None = None
+    joins: Origin | None = None
+
+    @property
+    def period(self) -> int:
+        """m, forcing periods of its orbits."""
+        return self.branch.period
+
+    @property
+    def origins(self) -> tuple[Origin, ...]:
+        """The one or two special points of other branches that it is attached to."""
+        return tuple(origin for origin in (self.begins, self.joins) if origin is not None)
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """Successive period doublings: flips that follow one another from a branch to its child and grandchild.
+
+    Attributes
+    ----------
+    limbs
+        Names of the branches on which the flips lie.
+    values
+        The parameter at each flip.
+    """
+
+    limbs: tuple[str, ...]
+    values: tuple[float, ...]
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """Ratios of successive intervals between the flips; they tend to 4.669... (Feigenbaum 1978)."""
+        steps = np.diff(self.values)
+        return tuple(float(ratio) for ratio in steps[:-1] / steps[1:])
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """All branches that were found over a range of one parameter.
+
+    Attributes
+    ----------
+    parameter
+        Name of the parameter.
+    within
+        The range.
+    limbs
+        The branches, in the order in which they were accepted.
+    complete
+        False if the work was stopped before its end.
+    notes
+        What could not be done, in sentences.
+    """
+
+    parameter: str
+    within: tuple[float, float]
+    limbs: tuple[Limb, ...] = ()
+    complete: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The branches."""
+        return tuple(limb.branch for limb in self.limbs)
+
+    def __getitem__(self, name: str) -> Limb:
+        """The limb of one name."""
+        return next(limb for limb in self.limbs if limb.name == name)
+
+    def children(self, name: str) -> tuple[Limb, ...]:
+        """The limbs that begin or end on the branch of one name."""
+        return tuple(limb for limb in self.limbs if any(origin.parent == name for origin in limb.origins))
+
+    @cached_property
+    def cascades(self) -> tuple[Cascade, ...]:
+        """All successions of three or more flips, longest first."""
+        found = [
+            cascade
+            for limb in self.limbs
+            for index, special in enumerate(limb.branch.special_points)
+            if special.kind is Kind.FLIP and limb.begins is None
+            for cascade in [_cascade(self, limb, index)]
+            if len(cascade.values) >= 3
+        ]
+        return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
+
+    def with_branch(self, branch: Branch, begins: Origin | None = None) -> Diagram:
+        """The diagram with one more branch, its end tied to the special point at which it joins another."""
+        count = sum(limb.period == branch.period for limb in self.limbs) + 1
+        limb = Limb(f"P{branch.period}-{count}", branch, begins)
+        if branch.ends[-1].reason is EndReason.JOINED:
+            limb = _tied(self, limb)
+        return replace(self, limbs=(*self.limbs, limb))
+
+    def __repr__(self) -> str:
+        low, high = self.within
+        periods = sorted({limb.period for limb in self.limbs})
+        counts = ", ".join(f"{sum(limb.period == m for limb in self.limbs)} of period {m}" for m in periods)
+        return f"Diagram({self.parameter} from {low:g} to {high:g}, branches: {counts or 'none'})"
+
+
+def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
+    """Whether as many accepted branches as there can be already begin or end at a special point."""
+    return sum(each == origin for limb in diagram.limbs for each in limb.origins) >= needed
+
+
+def _tied(diagram: Diagram, limb: Limb) -> Limb:
+    """The limb with its end tied to the special point that it joins, if that is on a known branch."""
+    branch = limb.branch
+    value, orbit = branch.ends[-1].value, branch.points[-1].orbit
+    nearest: tuple[float, Origin, SpecialPoint] | None = None
+    for other in (*diagram.limbs,):
+        if branch.period not in (other.period, 2 * other.period):
+            continue
+        wanted = Kind.FLIP if branch.period == 2 * other.period else Kind.BRANCH_POINT
+        for index, special in enumerate(other.branch.special_points):
+            if special.kind is wanted and abs(special.value - value) <= _MEETING * (1.0 + abs(value)):
+                distance = abs(special.value - value) + _state_distance(special.orbit, orbit)
+                if distance <= 50 * _MEETING and (nearest is None or distance < nearest[0]):
+                    nearest = (distance, Origin(other.name, index), special)
+    if nearest is None:
+        return limb
+    _, origin, special = nearest
+    end = End(EndReason.JOINED, special.value, f"{origin.parent}, at its {special.kind.value}")
+    return replace(limb, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
+
+
+def _state_distance(parent: Orbit, child: Orbit) -> float:
+    """Least relative distance of the child's state from the parent's states a forcing period apart."""
+    states = stroboscopic(parent)
+    return float(np.abs(states - child.state).max(axis=1).min()) / (1.0 + float(np.abs(child.state).max()))
+
+
+def _cascade(diagram: Diagram, limb: Limb, index: int) -> Cascade:
+    """The flips that follow one another from one flip on, always the next one along the child."""
+    names, values = [limb.name], [limb.branch.special_points[index].value]
+    while True:
+        origin = Origin(limb.name, index)
+        child = next(
+            (each for each in diagram.limbs if origin in each.origins and each.period == 2 * limb.period), None
+        )
+        if child is None:
+            return Cascade(tuple(names), tuple(values))
+        flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
+        if not flips:
+            return Cascade(tuple(names), tuple(values))
+        limb, index = child, flips[0] if child.begins == origin else flips[-1]
+        names.append(limb.name)
+        values.append(limb.branch.special_points[index].value)

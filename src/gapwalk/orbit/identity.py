@@ -1,0 +1,41 @@
+"""When two orbits are the same motion: equal up to a shift by whole forcing periods, or by traversing it twice."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit.orbit import Orbit
+
+SAME = 1e-6
+"""Distance of two states, relative to their size, within which they count as equal."""
+
+
+def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
+    """The states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
+    states = [orbit.state]
+    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+    for _ in range(orbit.period - 1):
+        states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD).state)
+    return np.array(states)
+
+
+def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
+    """The smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
+    states = stroboscopic(orbit)
+    near = _distances(states, orbit.state) <= tolerance
+    return next((k for k in range(1, orbit.period) if orbit.period % k == 0 and near[k]), orbit.period)
+
+
+def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
+    """Whether two orbits of the same system are the same motion, begun at different forcing periods perhaps."""
+    if a.period != b.period:
+        return False
+    return bool(np.any(_distances(stroboscopic(a), b.state) <= tolerance))
+
+
+def _distances(states: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
+    scale = 1.0 + float(np.abs(state).max())
+    return np.abs(states - state).max(axis=1) / scale

@@ -1,0 +1,123 @@
+"""Branch switching: doubled branches that close on their parents, broken symmetry, super- and subcritical flips."""
+
+import numpy as np
+import pytest
+
+from gapwalk.bifurcation import Trail, follow, switch, walk_out
+from gapwalk.continuation import EndReason, Kind
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit import find_orbit
+from gapwalk.orbit.identity import is_same, true_period
+from gapwalk.paper import case
+from tests.bifurcation.test_special_points import symmetric
+
+RANGE = (0.15, 2.0)
+
+
+@pytest.fixture(scope="module")
+def parent():
+    return follow(find_orbit(case("13"), frequency=2.0), "frequency", to=0.15)
+
+
+def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):
+    flips = parent.special(Kind.FLIP)
+    reached = {}
+    for flip in flips:
+        (departure,) = switch(flip, "frequency", RANGE)
+        loop = walk_out([departure])
+        assert loop.period == 2
+        assert [end.reason for end in loop.ends] == [EndReason.BRANCHED, EndReason.JOINED]
+        reached[flip.value] = loop.ends[-1].value
+    values = sorted(flip.value for flip in flips)
+    assert sorted(reached.values()) == pytest.approx(values, abs=1e-6)
+    for begin, end in reached.items():  # and back
+        back = min(reached, key=lambda value: abs(value - end))
+        assert reached[back] == pytest.approx(begin, abs=1e-6)
+
+
+def test_orbits_of_a_doubled_branch_repeat_after_two_periods_and_not_after_one(parent):
+    loop = walk_out(switch(parent.special(Kind.FLIP)[0], "frequency", RANGE))
+    for point in loop.points[2:-2:5]:
+        assert true_period(point.orbit) == 2
+        flow, coefficients = flow_of(point.orbit.system), coefficients_of(point.orbit.system)
+        end = flow.integrate(coefficients, point.orbit.state, 0.0, 2 * PERIOD).state
+        assert end == pytest.approx(point.orbit.state, abs=1e-8)
+
+
+def test_criticality_agrees_with_the_side_on_which_stable_doubled_motions_are(parent):
+    natures = {round(flip.value, 3): flip.nature for flip in parent.special(Kind.FLIP)}
+    assert natures[1.332] == natures[0.799] == natures[0.654] == "supercritical"
+    assert natures[1.229] == natures[0.390] == "subcritical"
+    for flip in parent.special(Kind.FLIP):
+        assert flip.judged > 1e-3
+        loop = walk_out(switch(flip, "frequency", RANGE))
+        born = loop.points[2]
+        # the parent is unstable on one side only; a supercritical child is there, and stable
+        here = [p for p in parent.points if abs(p.value - flip.value) < 0.05]
+        side = np.sign(born.value - flip.value)
+        beside = min(
+            (p for p in here if np.sign(p.value - flip.value) == side), key=lambda p: abs(p.value - flip.value)
+        )
+        assert (not beside.stable) == (flip.nature == "supercritical")
+        assert born.stable == (flip.nature == "supercritical")
+
+
+def test_folds_say_to_which_side_they_open(parent):
+    for fold in parent.special(Kind.FOLD):
+        near = [p.value for p in parent.points if abs(p.arclength - fold.point.arclength) < 0.02]
+        assert fold.nature == ("opens to lower values" if np.mean(near) < fold.value else "opens to higher values")
+
+
+def test_a_broken_symmetry_is_left_in_both_directions_by_mirror_images():
+    branch = follow(find_orbit(symmetric()), "frequency", to=0.5)
+    breaking = branch.special(Kind.BRANCH_POINT)[0]
+    departures = switch(breaking, "frequency", (0.5, 3.0))
+    assert len(departures) == 2
+    sides = [walk_out([departure]) for departure in departures]
+    for side in sides:
+        assert len(side.points) > 5
+        assert abs(side.points[3].measure("mean.x")) > 1e-4
+    one, other = (side.points[1] for side in sides)
+    mirrored = find_orbit(one.orbit.system, start=_half_later(other.orbit))
+    assert one.measure("mean.x") == pytest.approx(-other.measure("mean.x"), rel=0.2)
+    assert mirrored.measure("mean.x") * one.measure("mean.x") > 0
+
+
+def _half_later(orbit):
+    """The mirror image of a motion of a symmetric system: its negative, half a period later."""
+    flow = flow_of(orbit.system)
+    return -flow.integrate(coefficients_of(orbit.system), orbit.state, 0.0, PERIOD / 2).state
+
+
+def test_a_doubled_branch_resumes_as_if_never_stopped(parent):
+    (departure,) = switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)
+    whole = list(Trail(departure))
+    first = Trail(departure)
+    begun = [next(first) for _ in range(9)]
+    rest = list(Trail(switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)[0], resume=first.state))
+    assert [p.value for p, _ in begun + rest] == [p.value for p, _ in whole]
+
+
+@pytest.mark.parametrize("kind", [Kind.FOLD, Kind.NEIMARK_SACKER, Kind.GRAZING])
+def test_there_is_nothing_to_switch_to_elsewhere(parent, kind):
+    with pytest.raises(ModelError, match="switch at a flip or at a branch point"):
+        switch(parent.special(kind)[0], "frequency", RANGE)
+
+
+def test_a_range_without_the_special_point_is_refused(parent):
+    with pytest.raises(ModelError, match="outside the range"):
+        switch(parent.special(Kind.FLIP)[0], "frequency", (0.2, 0.5))
+
+
+def test_identity_of_orbits_up_to_a_shift():
+    orbit = find_orbit(case("13"), 2, frequency=0.72)
+    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+    later = flow.integrate(coefficients, orbit.state, 0.0, PERIOD).state
+    assert is_same(orbit, find_orbit(orbit.system, 2, start=later))
+    once = find_orbit(case("13"), 1, frequency=0.72, start=0.5 * (orbit.state + later))
+    assert not is_same(orbit, once)
+    twice = find_orbit(case("13"), 2, frequency=0.72, start=once.state)
+    assert true_period(twice) == 1
+    assert true_period(orbit) == 2
