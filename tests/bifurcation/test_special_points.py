@@ -69,7 +69,7 @@ def changes_are_explained(branch):
 def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_steps(figure):
     coarse = response(figure)
     fine = response(figure, walk=WalkOptions(initial_step=2e-4, largest_step=2e-3))
-    assert len(fine.points) > 4 * len(coarse.points)
+    assert len(fine.points) > 3 * len(coarse.points)
     assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
     assert [s.value for s in coarse.special_points] == pytest.approx([s.value for s in fine.special_points], abs=1e-9)
 
@@ -126,7 +126,7 @@ def test_linear_motion_first_grazes_where_its_amplitude_uses_up_the_preload(mean
     assert first.value == pytest.approx(expected, abs=1e-10)
     assert first.contact == "gap +"
     before = [p for p in branch.points if p.arclength < first.point.arclength]
-    assert all(p.orbit.pattern == "0+/0-" for p in before)
+    assert all(p.orbit.pattern == "closed+" for p in before)
 
 
 def symmetric(frequency: float = 3.0) -> System:

@@ -190,5 +190,5 @@ def test_work_of_the_main_job_does_not_grow():
     orbit = find_orbit(clutch(), frequency=1.9)
     Flow.calls = 0
     branch = follow(orbit, "frequency", to=0.15)
-    assert len(branch.points) < 260
-    assert Flow.calls < 1400
+    assert len(branch.points) < 340
+    assert Flow.calls < 1650

@@ -57,7 +57,7 @@ def test_state_agrees_with_an_independent_integrator(law):
     assert advance(system, STATE).state == pytest.approx(reference(system, STATE, max_step=0.005), abs=2e-7)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(system=random_systems(), seed=st.integers(0, 1000))
 def test_random_systems_agree_with_an_independent_integrator(system, seed):
     state = np.random.default_rng(seed).normal(size=2 * system.size)
@@ -67,7 +67,7 @@ def test_random_systems_agree_with_an_independent_integrator(system, seed):
     assert advance(system, state, stop).state == pytest.approx(expected, abs=2e-6 * (1 + np.abs(expected).max()))
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(system=random_systems(), seed=st.integers(0, 1000), data=st.data())
 def test_sensitivities_agree_with_differences(system, seed, data):
     state = np.random.default_rng(seed).normal(size=2 * system.size)
@@ -93,7 +93,7 @@ def test_sensitivities_agree_with_differences(system, seed, data):
     assert arc.transition == pytest.approx(np.array(columns).T, abs=tolerance)
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(system=random_systems(laws=(DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY)), seed=st.integers(0, 1000))
 def test_determinant_identity(system, seed):
     """det Phi = exp(-integral of trace(M^-1 (C + sum d (df/dv) e'))) (Liouville), by quadrature of a sampled motion."""

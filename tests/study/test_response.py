@@ -81,7 +81,7 @@ def test_ctrl_c_stops_between_two_points_without_a_file_too() -> None:
     result = gw.run(stop_study(), report=report)
     assert not result.complete
     assert len(result.branches[0].points) == 11
-    assert str(result.branches[0].ends[-1]).endswith("(interrupted)")
+    assert "interrupted" in str(result.branches[0].ends[-1])
     assert signal.getsignal(signal.SIGINT) is before
 
 
@@ -116,7 +116,7 @@ def test_a_failure_on_the_way_keeps_what_was_found(tmp_path, monkeypatch) -> Non
         patch.setattr(response, "Trail", FailingTrail)
         result = gw.run(study, path)
     end = result.branches[0].ends[-1]
-    assert (end.reason, end.detail) == (EndReason.STOPPED, "no orbit found between here and there")
+    assert (end.reason, end.detail) == (EndReason.FAILED, "no orbit found between here and there")
     assert len(result.branches[0].points) == 31
     assert not result.complete
     assert_same_result(result, gw.load(path))

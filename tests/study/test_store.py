@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import gapwalk as gw
+from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study import store
@@ -138,7 +139,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
 
     stopped = gw.run(study, path, report=report)
     assert not stopped.complete
-    assert stopped.branches[0].ends[-1].detail == "interrupted"
+    assert stopped.branches[0].ends[-1].reason is EndReason.INTERRUPTED
     assert len(stopped.branches[0].points) <= after + 2
     assert_same_result(stopped, gw.load(path))
     assert os.listdir(path.parent) == [path.name]

@@ -43,12 +43,23 @@ def passes_parent(first: BranchPoint, last: BranchPoint) -> bool:
     return float(a @ b) < 0.0 and min(float(np.abs(a).max()), float(np.abs(b).max())) < 10 * _CLOSE
 
 
-def value_at_parent(first: BranchPoint, last: BranchPoint, scale: float) -> float:
-    """The parameter where the halves coincide between two points, or just beyond them, by interpolation."""
-    a, b = float(np.linalg.norm(_apart(first))), float(np.linalg.norm(_apart(last)))
-    between = passes_parent(first, last)
-    share = a / (a + b) if between else a / max(a - b, 0.5 * a)
-    return float(hermite(first, last, min(share, 2.0))[-1]) * scale
+def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float:
+    """The parameter where the halves coincide between two points, by the cubic through them."""
+    a, b = _size(first), _size(last)
+    return float(hermite(first, last, a / (a + b))[-1]) * scale
+
+
+def value_ahead(before: BranchPoint, last: BranchPoint) -> float:
+    """The parameter where the halves will coincide, just beyond two points.
+
+    There the branch turns: with the distance between the halves linear in arclength, the parameter is quadratic in it.
+    """
+    a, b = _size(before) ** 2, _size(last) ** 2
+    return last.value if a <= b else (a * last.value - b * before.value) / (a - b)
+
+
+def _size(point: BranchPoint) -> float:
+    return float(np.linalg.norm(_apart(point)))
 
 
 def _apart(point: BranchPoint) -> NDArray[np.float64]:

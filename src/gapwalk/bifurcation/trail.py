@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.detect import Detector, DetectorState
-from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_at_parent
+from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.bifurcation.nature import with_nature
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
@@ -71,19 +71,18 @@ class Trail(Iterator[Step]):
                 self._end_at_parent(before, first)
                 raise
             try:
-                joined = self._joins_parent(first, point)
+                if self._is_doubled(first) and has_merged(point):
+                    raise NumericalError("the step went onto the parent branch")
                 step = self._until_vertex(point, self._inspect(first, point, before))
             except NumericalError:
-                if self._joins_parent(first, point):
-                    joined, step = True, (point, [])
-                else:
-                    # no orbits lead from one point to the other: the step went astray, onto another branch
-                    self.detector.restore(state.detector)
-                    self.walk.go_back(state.walk, point)
-                    continue
-            if joined and (self.walk.end is None or self.walk.end.reason is not EndReason.JOINED):
-                return self._last_step(first, point, step)
-            return step
+                # no orbits lead from one point to the other: the step went astray, onto another branch
+                if before is not None and self._is_doubled(first) and is_close(first):
+                    self.walk.finish(first, End(EndReason.JOINED, value_ahead(before, first)))
+                    return first, []
+                self.detector.restore(state.detector)
+                self.walk.go_back(state.walk, point)
+                continue
+            return self._until_parent(first, step)
 
     def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
         """The special points of a step; of the first step of a branch that begins at another, from just beyond there.
@@ -113,23 +112,23 @@ class Trail(Iterator[Step]):
                 return each.point, special[:number]
         return point, special
 
-    def _joins_parent(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Whether a period-doubled branch meets its parent in a step."""
-        if point.orbit.period % 2 or (first is self.first and self.departure.singular):
-            return False
-        return has_merged(point) or passes_parent(first, point)
+    def _is_doubled(self, point: BranchPoint) -> bool:
+        """Whether a point may be near the parent of a period-doubled branch, and is not its beginning."""
+        return point.orbit.period % 2 == 0 and not (point is self.first and self.departure.singular)
 
-    def _last_step(self, first: BranchPoint, point: BranchPoint, step: Step) -> Step:
-        """The step to the parent where the meeting could not be located as a branch point."""
-        value = value_at_parent(first, point, float(self.departure.corrector.scales[-1]))
-        low, high = sorted((first.value, point.value))
+    def _until_parent(self, first: BranchPoint, step: Step) -> Step:
+        """The step, cut off where a doubled branch passes its parent and that was not located as a branch point."""
+        point, special = step
+        joined = self.walk.end is not None and self.walk.end.reason is EndReason.JOINED
+        if joined or not self._is_doubled(first) or not passes_parent(first, point):
+            return step
+        value = value_between(first, point, float(self.departure.corrector.scales[-1]))
         self.walk.finish(first, End(EndReason.JOINED, value))
-        inside = [each for each in step[1] if low <= each.value <= high and not is_close(each.point)]
-        return first, inside
+        low, high = sorted((first.value, point.value))
+        return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
 
     def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
         """Give a walk that got stuck just before its parent its true reason."""
         stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
-        if stuck and before is not None and last.orbit.period % 2 == 0 and is_close(last):
-            value = value_at_parent(before, last, float(self.departure.corrector.scales[-1]))
-            self.walk.finish(last, End(EndReason.JOINED, value))
+        if stuck and before is not None and self._is_doubled(last) and is_close(last):
+            self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))

@@ -12,7 +12,6 @@ from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.plot.response import save_response
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study import response
 from gapwalk.study.changes import parse_change
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv
@@ -79,15 +78,15 @@ def table_paths(output: Path) -> tuple[Path, Path]:
 def exit_code(result: Result) -> int:
     """0 if every branch was walked to a proper end, 130 after an interruption, 3 if the numerics gave up."""
     ends = [end for branch in result.branches for end in branch.ends]
-    if any(end.reason is EndReason.STOPPED and end.detail == response.INTERRUPTED for end in ends):
+    if any(end.reason is EndReason.INTERRUPTED for end in ends):
         return INTERRUPTED
-    return FAILED if any(end.reason in (EndReason.STEP, EndReason.STOPPED) for end in ends) else DONE
+    return FAILED if any(end.reason.is_failure or end.reason is EndReason.STOPPED for end in ends) else DONE
 
 
 def say_why_it_failed(result: Result) -> None:
     """Say on stderr where and why a walk gave up."""
     for branch in result.branches:
-        if branch.ends[-1].reason in (EndReason.STEP, EndReason.STOPPED):
+        if branch.ends[-1].reason.is_failure:
             print(f"gapwalk: {printable(str(branch.ends[-1]))}", file=sys.stderr)
 
 

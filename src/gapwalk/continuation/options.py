@@ -26,7 +26,7 @@ class WalkOptions:
 
     initial_step: float = 0.002
     smallest_step: float = 1e-9
-    largest_step: float = 0.02
+    largest_step: float = 0.01
     largest_turn: float = 0.35
     iterations: int = 3
     max_points: int = 20_000

@@ -41,6 +41,18 @@ class EndReason(Enum):
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
+    INTERRUPTED = "the walk was interrupted"
+    FAILED = "the numerics failed"
+
+    @property
+    def is_final(self) -> bool:
+        """Whether a walk that ended so cannot go on."""
+        return self not in (EndReason.STOPPED, EndReason.INTERRUPTED, EndReason.FAILED)
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether a walk ended so because the numerics gave up."""
+        return self in (EndReason.STEP, EndReason.FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +257,8 @@ def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.flo
     unit = np.repeat([length, length * system.frequency], system.size)
     segments = len(equation.unknowns(orbit)) // (2 * system.size)
     scales = np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
-    return np.append(scales, within.high - within.low)
+    # powers of two, so that scaling rounds nothing: a walk from 2.0 begins at 2.0, not at 1.9999999999999998
+    return np.exp2(np.round(np.log2(np.append(scales, within.high - within.low))))
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:

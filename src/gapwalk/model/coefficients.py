@@ -179,3 +179,34 @@ class ParameterLine:
         values[self._place] = complex(value, _STEP)
         both: NDArray[np.complex128] = layout_of(self.system.structure).compute(values)
         return both.real.copy(), both.imag / _STEP
+
+
+@dataclass(frozen=True)
+class ParameterPlane:
+    """The systems that differ from one another by the values of two named parameters."""
+
+    system: System
+    names: tuple[str, str]
+
+    @cached_property
+    def _places(self) -> tuple[int, int]:
+        first, second = self.names
+        return self.system.structure.place(first), self.system.structure.place(second)
+
+    def system_at(self, first: float, second: float) -> System:
+        """The system of the plane at one value of each parameter; unlike `System.at`, it trusts the values."""
+        values = self.system.values.copy()
+        values[list(self._places)] = first, second
+        return System.from_values(self.system.structure, values)
+
+    def coefficients(self, first: float, second: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The coefficients at one value of each parameter, and their derivatives by the two, one in each row."""
+        values = self.system.values.astype(complex)
+        values[list(self._places)] = first, second
+        compute, slopes = layout_of(self.system.structure).compute, []
+        for place in self._places:
+            values[place] += 1j * _STEP
+            both: NDArray[np.complex128] = compute(values)
+            slopes.append(both.imag / _STEP)
+            values[place] -= 1j * _STEP
+        return both.real.copy(), np.array(slopes)

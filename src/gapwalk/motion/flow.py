@@ -43,8 +43,8 @@ class Arc(NamedTuple):
         Positions, then velocities, at the end.
     transition : shape (2n, 2n), or None
         Derivative of the final state by the initial one.
-    sensitivity : shape (2n,), or None
-        Derivative of the final state along the direction of coefficients.
+    sensitivity : shape (2n,), or (2n, k), or None
+        Derivative of the final state along the direction of coefficients, or along each of k > 1 directions.
     contacts : list of ContactEvent
         The crossings of breakpoints, in order.
     steps : int
@@ -75,8 +75,8 @@ class Flow:
         The equations to compile.
     transition
         Whether to integrate the state transition matrix.
-    direction
-        Whether to integrate the sensitivity along a direction of the coefficients too.
+    directions
+        Number of directions of the coefficients along which to integrate the sensitivity too.
     survey
         Whether to integrate the positions and their squares, and to note where coordinates and deflections turn.
     """
@@ -85,19 +85,19 @@ class Flow:
     """Number of integrations in this process, for tests of work done."""
 
     def __init__(
-        self, equations: Equations, *, transition: bool = False, direction: bool = False, survey: bool = False
+        self, equations: Equations, *, transition: bool = False, directions: int = 0, survey: bool = False
     ) -> None:
         self.equations = equations
         self.size = 2 * equations.layout.structure.size
-        self.has_transition, self.has_direction = transition, direction
+        self.has_transition, self.directions = transition, directions
         right_hand_sides = list(equations.state)
         if transition:
             right_hand_sides += equations.fundamental()
-        if direction:
-            right_hand_sides += equations.direction(0)
+        for index in range(directions):
+            right_hand_sides += equations.direction(index)
         if survey:
             right_hand_sides += equations.integrals()
-        self._columns = self.size * transition + direction
+        self._columns = self.size * transition + directions
         self._board = Switchboard(equations)
         events = [
             hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
@@ -138,7 +138,8 @@ class Flow:
         start, stop
             Theta at the start and at the end, in radians; ``stop > start``.
         direction
-            The direction of coefficients along which the sensitivity is wanted; needs a flow compiled with one.
+            The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
+            needs a flow compiled with as many.
 
         Raises
         ------
@@ -207,8 +208,9 @@ class Flow:
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
         self._parameters[self.equations.first_coefficient :] = coefficients[active]
-        if self.has_direction:
-            self._parameters[: len(active)] = 0.0 if direction is None else direction[active]
+        if self.directions:
+            components = 0.0 if direction is None else direction[..., active].ravel()
+            self._parameters[: self.equations.first_switch] = components
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
         board.start(coefficients, start, int(_EVENTS * periods))
@@ -238,35 +240,37 @@ class Flow:
         transition = sensitivity = None
         if self.has_transition:
             transition = state[size : size * (1 + size)].reshape(size, size).T.copy()
-        if self.has_direction:
+        if self.directions == 1:
             sensitivity = state[-size:].copy()
+        elif self.directions:
+            sensitivity = state[-size * self.directions :].reshape(self.directions, size).T.copy()
         return Arc(state[:size].copy(), transition, sensitivity, self._board.log, steps)
 
 
-def flow_of(system: System, parameter: str | None = None, *, transition: bool = False, survey: bool = False) -> Flow:
+def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
     """The compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters
     ----------
     system
         The system.
-    parameter
-        A named parameter along which the sensitivity will be asked for.
+    *parameters
+        The named parameters to which the sensitivity will be asked for.
     transition
         Whether the state transition matrix is wanted too.
     survey
         Whether the flow is to survey orbits; see `Flow.survey`.
     """
     pattern = coefficients_of(system) != 0.0
-    if parameter is not None:
+    for parameter in parameters:
         pattern |= ParameterLine(system, parameter).coefficients(system[parameter])[1] != 0.0
-    return _compile(system.structure, pattern.tobytes(), transition, parameter is not None, survey)
+    return _compile(system.structure, pattern.tobytes(), transition, len(parameters), survey)
 
 
 @lru_cache(maxsize=64)
-def _compile(structure: Structure, pattern: bytes, transition: bool, direction: bool, survey: bool) -> Flow:
-    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool), int(direction))
-    return Flow(equations, transition=transition, direction=direction, survey=survey)
+def _compile(structure: Structure, pattern: bytes, transition: bool, directions: int, survey: bool) -> Flow:
+    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool), directions)
+    return Flow(equations, transition=transition, directions=directions, survey=survey)
 
 
 def _short(state: NDArray[np.float64]) -> str:

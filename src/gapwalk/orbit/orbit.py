@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import Motion, sample, switch_names
@@ -16,6 +17,8 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure
 from gapwalk.orbit.survey import Survey, survey
+
+_SIGNS = {1: "+", -1: "-"}
 
 
 @dataclass(frozen=True)
@@ -64,10 +67,13 @@ class Orbit:
         counts = Counter(event.switch for event in self.events if event.enters)
         return tuple(counts[index] for index in range(len(switch_names(self.system))))
 
-    @property
+    @cached_property
     def pattern(self) -> str:
-        """The contact pattern: impacts on each side in one full period, such as ``3+/1-``."""
-        return pattern_text(self.system, self.closings)
+        """The contact pattern: impacts on each side in one full period, such as ``3+/1-``.
+
+        ``open`` for a contact that is never met, ``closed+`` or ``closed-`` for one that never opens.
+        """
+        return _pattern(self)
 
     def motion(self, samples: int | None = None) -> Motion:
         """One full period, sampled evenly with `samples` a forcing period (by default as many as it needs)."""
@@ -127,14 +133,27 @@ class Orbit:
         )
 
 
-def pattern_text(system: System, closings: tuple[int, ...]) -> str:
-    """Closings of each switch as text; only the innermost stage of each side counts as an impact."""
-    impacts: dict[tuple[str, int], int] = {}
-    for (contact, _, side), count in zip(switch_names(system), closings, strict=True):
-        impacts.setdefault((contact, side), count)
+def _pattern(orbit: Orbit) -> str:
+    """The contacts of an orbit as text; only the innermost stage of each side counts as an impact."""
+    names = switch_names(orbit.system)
     texts = []
-    for contact in dict.fromkeys(name for name, _ in impacts):
-        sides = [(side, count) for (name, side), count in impacts.items() if name == contact]
-        text = "/".join(f"{count}{'+' if side > 0 else '-'}" for side, count in sides)
-        texts.append(text if len(system.structure.contacts) == 1 else f"{contact} {text}")
+    for contact in orbit.system.structure.contacts:
+        innermost: dict[int, int] = {}
+        for switch, (name, _, side) in enumerate(names):
+            if name == contact.name:
+                innermost.setdefault(side, switch)
+        if any(orbit.closings[switch] for switch in innermost.values()):
+            text = "/".join(f"{orbit.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())
+        else:
+            held = [side for side, switch in innermost.items() if _is_inside(orbit, contact, names[switch])]
+            text = f"closed{_SIGNS[held[0]]}" if held else "open"
+        texts.append(text if len(orbit.system.structure.contacts) == 1 else f"{contact.name} {text}")
     return ", ".join(texts)
+
+
+def _is_inside(orbit: Orbit, contact: ContactForm, name: tuple[str, str, int]) -> bool:
+    """Whether a stage is closed at the start of an orbit."""
+    system, (_, stage, side) = orbit.system, name
+    deflection = system.values[system.structure.block(f"{contact.name}.deflection", system.size)]
+    clearance = system[f"{contact.name}.{stage}.clearance" if len(contact.stages) > 1 else f"{contact.name}.clearance"]
+    return side * float(deflection @ orbit.state[: system.size]) > clearance

@@ -136,7 +136,8 @@ class ShootingEquation:
 
     @cached_property
     def _flow(self) -> Flow:
-        return flow_of(self.system, self.parameter, transition=True)
+        names = () if self.parameter is None else (self.parameter,)
+        return flow_of(self.system, *names, transition=True)
 
     @cached_property
     def _fixed(self) -> NDArray[np.float64]:

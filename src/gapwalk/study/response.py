@@ -20,7 +20,6 @@ from gapwalk.study.file import Study
 from gapwalk.study.result import Result, Stored, StoredWalk, is_complete
 from gapwalk.study.store import Report, Store, WalkFile, create_result
 
-INTERRUPTED = "interrupted"
 """Detail of the end of a walk that was stopped by Ctrl-C."""
 
 _BRANCH = 1  # the number of the one branch of a response
@@ -106,11 +105,11 @@ def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | 
                 elif report is not None:
                     report(point, special_points)
                 if interrupt.asked and trail.end is None:
-                    end = End(EndReason.STOPPED, point.value, INTERRUPTED)
+                    end = End(EndReason.INTERRUPTED, point.value)
                     break
             end = end or trail.end
         except NumericalError as error:
-            end = End(EndReason.STOPPED, walk.points[-1].value, str(error))
+            end = End(EndReason.FAILED, walk.points[-1].value, str(error))
         end = end or End(EndReason.STOPPED, walk.points[-1].value)
         if store is not None:
             store.finish(end)

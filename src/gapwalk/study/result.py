@@ -148,7 +148,7 @@ def branch_of(
 
 def is_complete(end: End | None) -> bool:
     """Whether a walk with this end cannot go on."""
-    return end is not None and end.reason is not EndReason.STOPPED
+    return end is not None and end.reason.is_final
 
 
 def _read(connection: sqlite3.Connection) -> Stored:
