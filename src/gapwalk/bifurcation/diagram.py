@@ -114,6 +114,10 @@ class Diagram:
         """The limbs that begin or end on the branch of one name."""
         return tuple(limb for limb in self.limbs if any(origin.parent == name for origin in limb.origins))
 
+    def depth(self, limb: Limb) -> int:
+        """How many branches lie between a limb and one that was found by itself."""
+        return 0 if limb.begins is None else 1 + self.depth(self[limb.begins.parent])
+
     @cached_property
     def cascades(self) -> tuple[Cascade, ...]:
         """All successions of three or more flips, longest first."""

@@ -24,7 +24,7 @@ from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
-_TRUST = 1e-7  # residual from which the next Newton step is exact to rounding
+_TRUST = 1e-7  # residual from which the next Newton step is exact to rounding, with exact derivatives
 _REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
@@ -110,6 +110,8 @@ class Walk(Iterator[BranchPoint]):
         Steps.
     resume
         Where a walk that was stopped had come to: it goes on as if it had never been stopped.
+    trust
+        Residual from which the next Newton step is exact to rounding; 0 where the derivatives are approximate.
     """
 
     def __init__(
@@ -120,8 +122,10 @@ class Walk(Iterator[BranchPoint]):
         corrector: Corrector,
         options: WalkOptions,
         resume: WalkState | None = None,
+        trust: float = _TRUST,
     ) -> None:
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
+        self.trust = trust
         self.origin = first
         state = resume or WalkState(None, first, options.initial_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
@@ -181,7 +185,7 @@ class Walk(Iterator[BranchPoint]):
         """The correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         for guess in ahead(self.previous, self.point, self.step):
-            correction = self.corrector.correct(guess, self.point.tangent, _TRUST)
+            correction = self.corrector.correct(guess, self.point.tangent, self.trust)
             point = None if correction is None else self._accepted(correction)
             if point is not None:
                 break
@@ -242,12 +246,18 @@ class Walk(Iterator[BranchPoint]):
 
 
 def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,).
+    """Scales of the unknowns and of the parameter, shape (N + 1,): of states as in `state_scales`, and of the range."""
+    segments = len(equation.unknowns(orbit)) // (2 * orbit.system.size)
+    return powers_of_two(np.append(state_scales(orbit, segments), within.high - within.low))
 
-    The parameter in widths of its range. Positions in largest clearances (the natural length of a system with gaps),
-    or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that times the
-    frequency. Both are divided among the unknowns and set against the parameter so that an orbit that changes by a
-    tenth of that length counts as 1 % of the range.
+
+def state_scales(orbit: Orbit, segments: int = 1) -> NDArray[np.float64]:
+    """Scales of the states at the start of each segment, one after the other, shape (2n segments,).
+
+    A parameter is measured in widths of its range. Positions in largest clearances (the natural length of a system
+    with gaps), or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that
+    times the frequency. Both are divided among the unknowns and set against the parameter so that an orbit that
+    changes by a tenth of that length counts as 1 % of the range.
     """
     system = orbit.system
     clearances = [value for name, value in system.parameters.items() if name.endswith(".clearance")]
@@ -255,10 +265,12 @@ def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.flo
     reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
     length = max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
     unit = np.repeat([length, length * system.frequency], system.size)
-    segments = len(equation.unknowns(orbit)) // (2 * system.size)
-    scales = np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
-    # powers of two, so that scaling rounds nothing: a walk from 2.0 begins at 2.0, not at 1.9999999999999998
-    return np.exp2(np.round(np.log2(np.append(scales, within.high - within.low))))
+    return np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
+
+
+def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scales that round nothing: a walk from 2.0 begins at 2.0, not at 1.9999999999999998."""
+    return np.exp2(np.round(np.log2(scales)))
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:

@@ -28,6 +28,7 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 100_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
 _EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
+_ASIDE = 0.01  # shift of parameters that shows which coefficients they can reach together
 _COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
 
 if hasattr(hy, "set_logger_level_critical"):
@@ -264,6 +265,10 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     pattern = coefficients_of(system) != 0.0
     for parameter in parameters:
         pattern |= ParameterLine(system, parameter).coefficients(system[parameter])[1] != 0.0
+    if len(parameters) > 1:  # the product of two that are both zero has no slope along either
+        moved = system.values.copy()
+        moved[[system.structure.place(parameter) for parameter in parameters]] += _ASIDE
+        pattern |= layout_of(system.structure).compute(moved) != 0.0
     return _compile(system.structure, pattern.tobytes(), transition, len(parameters), survey)
 
 
