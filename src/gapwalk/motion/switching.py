@@ -105,7 +105,16 @@ class Switchboard:
         self._offsets = (self.signs * coefficients[self._breaks]).tolist()
         self._scales = [1.0 + abs(offset) for offset in self._offsets]
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
+        self._twins = [self._possible_twins(switch) for switch in range(self.count)]
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
+
+    def _possible_twins(self, switch: int) -> tuple[int, ...]:
+        """The switches that may change at the same time: those of other contacts, and of the same breakpoint."""
+        contact, offset = self.equations.switches[switch][0], self._offsets[switch]
+        others = enumerate(zip(self.equations.switches, self._offsets, strict=True))
+        return tuple(
+            other for other, ((k, _), place) in others if other != switch and (k != contact or place == offset)
+        )
 
     def _depths(self, positions: list[float]) -> list[float]:
         """How far the motion is inside each stage (> 0) or outside it (< 0)."""
@@ -119,7 +128,7 @@ class Switchboard:
 
         def flip(integrator, _direction) -> bool:
             theta = integrator.time
-            if self._settle(switch, theta) and self.count > 1:
+            if self._settle(switch, theta) and self._twins[switch]:
                 self._settle_twins(switch, theta)
             self.event_limit -= 1
             return self.event_limit > 0
@@ -153,8 +162,10 @@ class Switchboard:
         Of two events at one time the integrator reports one, and the other only if rounding leaves it a sign change:
         the two sides of a gap of no width, two equal contacts, a symmetric system.
         """
-        for other, depth in enumerate(self._depths(self._state[: self.n].tolist())):
-            if other != switch and abs(depth) <= _ON * self._scales[other] and theta - self._changed[other] > _LATELY:
+        depths = self._depths(self._state[: self.n].tolist())
+        for other in self._twins[switch]:
+            near = abs(depths[other]) <= _ON * self._scales[other]
+            if near and theta - self._changed[other] > _LATELY:
                 self._settle(other, theta)
 
     def _is_viscous_edge(self, contact: int, stage: int) -> bool:

@@ -1,0 +1,213 @@
+"""Whether an orbit lies on a branch, and which orbits of a branch exist at one value of its parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import End, EndReason
+from gapwalk.model.system import System
+from gapwalk.orbit.identity import SAME, stroboscopic
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+
+_BULGE = 0.15  # how far a segment may reach beyond the values at its ends, as a share of its length
+_BESIDE = 0.1  # distance from a segment's cubic, as a share of its length, beyond which an orbit is not on it
+_SHARES = np.linspace(0.0, 1.0, 33)
+
+
+def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
+    """Whether an orbit is one of those of a branch, begun at a later forcing period perhaps.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    orbit
+        The orbit; if its system differs from the branch's by more than the branch's parameter, it is not on it.
+    tolerance
+        Distance of two states, relative to their size, within which they count as equal.
+
+    Notes
+    -----
+    Many orbits are compared with one branch faster by `Curve(branch).holds`.
+    """
+    return Curve(branch).holds(orbit, tolerance)
+
+
+class Curve:
+    """A branch as a curve in the space of unknowns and parameter: the cubics between its points and their tangents.
+
+    Folds are among its points, so that values between a fold and the points beside it are covered too. A branch that
+    ends where it joins another one is continued up to there.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    """
+
+    def __init__(self, branch: Branch) -> None:
+        self.branch = branch
+        points = _knots(branch)
+        self._scales = _scales(points)
+        knots = [(point.x, point.tangent, point.arclength) for point in points]
+        if len(knots) > 1:
+            beyond = [_meeting(knots[-2:], branch.ends[-1], self._scales[-1])]
+            before = [_meeting(knots[1::-1], branch.ends[0], self._scales[-1])]
+            knots = [knot for knot in (*before, *knots, *beyond) if knot is not None]
+        self._x, self._tangents = np.array([knot[0] for knot in knots]), np.array([knot[1] for knot in knots])
+        self._lengths = np.diff([knot[2] for knot in knots])
+        self._values = self._x[:, -1]
+        segments = (self._x.shape[1] - 1) // (2 * branch.system.size)
+        equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(segments))
+        self._corrector = Corrector(equation, self._scales)
+
+    def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
+        """Whether an orbit lies on the branch; see `lies_on`.
+
+        The branch is corrected onto the plane through the orbit and across the cubic beside it, not at the orbit's
+        value: that is well-posed at folds too, where two orbits of the branch are close to each other.
+        """
+        if not self._shares_line(orbit.system):
+            return False
+        value = orbit.system[self.branch.parameter] / self._scales[-1]
+        near = self._bracketing(value)
+        if not len(near):
+            return False
+        return any(self._passes(orbit, state, value, near, tolerance) for state in stroboscopic(orbit))
+
+    def orbits_at(self, value: float) -> list[Orbit]:
+        """The orbits of the branch at one value of its parameter, in the order of the walk.
+
+        One so close to a fold that Newton's method at a fixed value fails is left out.
+        """
+        found: list[Orbit] = []
+        scaled = value / self._scales[-1]
+        for segment in self._bracketing(scaled):
+            for share in self._crossings(int(segment), scaled):
+                guess = self._cubic(int(segment), np.array([share]))[0][0]
+                correction = self._corrector.at_value(guess, value)
+                if correction is None:
+                    continue
+                equation = self._corrector.equation
+                orbit = equation.orbit(correction.x[:-1] * self._scales[:-1], value, correction.evaluation)
+                if not any(_distance(orbit.state, other.state) <= SAME for other in found):
+                    found.append(orbit)
+        return found
+
+    def _shares_line(self, system: System) -> bool:
+        """Whether a system differs from the branch's by the value of the branch's parameter at most."""
+        own = self.branch.system
+        if system.structure != own.structure:
+            return False
+        others = np.ones(len(own.values), dtype=bool)
+        others[own.structure.place(self.branch.parameter)] = False
+        return np.array_equal(system.values[others], own.values[others])
+
+    def _bracketing(self, value: float) -> NDArray[np.intp]:
+        """Segments that may pass the (scaled) value; a segment bends beyond its ends by a share of its length."""
+        margin = _BULGE * self._lengths + 1e-12
+        low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
+        return np.flatnonzero((low - margin <= value) & (value <= high + margin))
+
+    def _passes(
+        self, orbit: Orbit, state: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
+    ) -> bool:
+        """Whether one of the segments passes through a state at a value."""
+        size = len(state)
+        target = np.append(state / self._scales[:size], value)
+        for segment in segments:
+            curve, slopes = self._cubic(int(segment), _SHARES)
+            away = np.linalg.norm(np.hstack((curve[:, :size], curve[:, -1:])) - target, axis=1)
+            nearest = int(np.argmin(away))
+            if away[nearest] > (_BESIDE + 0.5 / len(_SHARES)) * self._lengths[segment]:
+                continue
+            goal = target if len(curve[0]) == size + 1 else self._spread(orbit, state, value)
+            normal = slopes[nearest] / np.linalg.norm(slopes[nearest])
+            guess = curve[nearest] + ((goal - curve[nearest]) @ normal) * normal
+            correction = self._corrector.correct(guess, normal)
+            if correction is None:
+                continue
+            off = (correction.x - goal) * self._scales
+            if abs(correction.x[-1] - value) <= tolerance and np.abs(off[:size]).max() <= tolerance * _size(state):
+                return True
+        return False
+
+    def _spread(self, orbit: Orbit, state: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+        """The point of the curve's space that belongs to a state, where shooting is done in segments."""
+        unknowns = self._corrector.equation.unknowns(replace(orbit, state=state, period=self.branch.period))
+        return np.append(unknowns / self._scales[:-1], value)
+
+    def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points of a segment's cubic at some shares of its length, and the slopes there (not of unit length)."""
+        ends = slice(segment, segment + 2)
+        return _cubic(self._x[ends], self._tangents[ends], self._lengths[segment], shares)
+
+    def _crossings(self, segment: int, value: float) -> Iterator[float]:
+        """Shares at which a segment's cubic takes the value."""
+        a, b = self._values[segment], self._values[segment + 1]
+        length = self._lengths[segment]
+        p, q = length * self._tangents[segment, -1], length * self._tangents[segment + 1, -1]
+        roots = np.roots([2 * a - 2 * b + p + q, -3 * a + 3 * b - 2 * p - q, p, a - value])
+        shares = np.sort(roots[np.abs(roots.imag) < 1e-6].real)
+        yield from shares[(shares >= -1e-9) & (shares <= 1.0 + 1e-9)].tolist()
+
+
+Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
+"""A point of the curve, the unit tangent there, and its arclength."""
+
+
+def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
+    """Points and slopes of the cubic through two points with their tangents; shares beyond 0 ... 1 lie outside."""
+    (a, b), (p, q), t = x, length * np.asarray(tangents), shares[:, None]
+    points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
+    slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
+    return points, slopes
+
+
+def _meeting(knots: list[Knot], end: End, scale: float) -> Knot | None:
+    """The point, beyond the last of two knots, at which a branch joins another; None if it does not or is there."""
+    (a, p, start), (b, q, stop) = knots
+    step, gap = b[-1] - a[-1], end.value / scale - b[-1]
+    if end.reason is not EndReason.JOINED or step * gap <= 0.0:
+        return None
+    share = 1.0 + min(float(gap / step), 1.0)
+    points, slopes = _cubic((a, b), np.sign(stop - start) * np.array((p, q)), abs(stop - start), np.array([share]))
+    tangent = np.sign(stop - start) * slopes[0] / np.linalg.norm(slopes[0])
+    return points[0], tangent, start + share * (stop - start)
+
+
+def _knots(branch: Branch) -> list[BranchPoint]:
+    """The points of a branch and its folds in the order of their arclength, none twice."""
+    points = sorted(
+        [*branch.points, *(fold.point for fold in branch.special(Kind.FOLD))], key=lambda point: point.arclength
+    )
+    knots = points[:1]
+    for point in points[1:]:
+        if point.arclength - knots[-1].arclength > 1e-12:
+            knots.append(point)
+    return knots
+
+
+def _scales(points: list[BranchPoint]) -> NDArray[np.float64]:
+    """The scales with which a branch was walked: unknowns and parameter divided by their scaled values."""
+    size = len(points[0].orbit.state)
+    physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
+    scaled = np.abs([np.append(point.x[:size], point.x[-1]) for point in points]).sum(axis=0)
+    scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
+    return np.append(np.tile(scales[:-1], (len(points[0].x) - 1) // size), scales[-1])
+
+
+def _size(state: NDArray[np.float64]) -> float:
+    return 1.0 + float(np.abs(state).max())
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.abs(a - b).max()) / _size(b)

@@ -1,0 +1,205 @@
+"""The whole diagram: follow a branch, switch at every flip and branch point, search for what is not attached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from gapwalk.bifurcation.departure import depart, directions
+from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
+from gapwalk.bifurcation.follow import walk_out
+from gapwalk.bifurcation.membership import lies_on
+from gapwalk.bifurcation.switch import switch
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.workers import Workers, workers
+
+Report = Callable[[Diagram, Limb], None]
+"""Called with the diagram and the branch that was added to it last."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagramOptions:
+    """How far a diagram goes.
+
+    Parameters
+    ----------
+    max_period
+        Longest period, in forcing periods, of branches to switch to.
+    max_branches
+        Branches after which it stops, and says so.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    """
+
+    max_period: int = 8
+    max_branches: int = 200
+    workers: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("max_period", "max_branches"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1")
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One branch to walk, from an orbit (both ways) or from a special point (one way)."""
+
+    start: Orbit | SpecialPoint
+    parameter: str
+    within: tuple[float, float]
+    way: int
+    walk: WalkOptions | None
+    shooting: Shooting | None
+
+
+def diagram(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    start: str | Orbit | Sequence[float] = "settle",
+    period: int = 1,
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    shooting: Shooting | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Diagram:
+    """The tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
+
+    Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
+    shift of whole forcing periods are the same orbit. Ctrl-C ends the work and keeps what there is.
+
+    Parameters
+    ----------
+    system
+        The system; the first orbit is sought at its value of the parameter.
+    parameter, to
+        Name of the parameter, and the range.
+    start, period
+        Where the first branch starts: an orbit, or as in `find_orbit`.
+    options, walk, shooting
+        How far the diagram goes; options of the walk and of the method.
+    report
+        Called with each branch as it is accepted.
+    resume
+        A diagram of the same request that was stopped: its branches are kept, and the rest is added.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter or a range that does not hold the start.
+    ConvergenceError
+        If no first orbit is found.
+    """
+    options = options or DiagramOptions()
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, shooting=shooting)
+    low, high = sorted((float(to[0]), float(to[1])))
+    directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
+    grower = _Grower(resume or Diagram(parameter, (low, high)), options, walk, shooting, report)
+    try:
+        with workers(options.workers) as hands:
+            grower.plant([orbit], hands)
+    except KeyboardInterrupt:
+        return grower.diagram
+    return replace(grower.diagram, complete=not grower.truncated)
+
+
+class _Grower:
+    """Grows one diagram, generation by generation."""
+
+    def __init__(self, empty: Diagram, options: DiagramOptions, walk, shooting, report: Report | None) -> None:
+        self.diagram, self.options, self.walk, self.shooting = empty, options, walk, shooting
+        self.report = report
+        self.truncated = False
+        self._tried: set[tuple[Origin, int]] = set()
+
+    def plant(self, orbits: Sequence[Orbit], hands: Workers) -> None:
+        """Add the branches through orbits that were found by themselves, and all that grows from them."""
+        pieces = [self._piece(orbit, 0) for orbit in orbits]
+
+        def is_new(index: int) -> bool:
+            return not self._full() and not any(lies_on(known, orbits[index]) for known in self.diagram.branches)
+
+        hands.run(_walk_piece, pieces, lambda index, branch: self._accept(branch, None), is_new)
+        depth = 0
+        while generation := [limb for limb in self.diagram.limbs if self.diagram.depth(limb) == depth]:
+            self._branch_off(generation, hands)
+            depth += 1
+
+    def _branch_off(self, generation: list[Limb], hands: Workers) -> None:
+        """Walk away from every flip and branch point of one generation of branches."""
+        buds = [bud for limb in generation for bud in _buds(limb, self.options.max_period)]
+        buds = [bud for bud in buds if (bud[0], bud[2]) not in self._tried]
+        self._tried.update((origin, way) for origin, _, way in buds)
+        pieces = [self._piece(special, way) for _, special, way in buds]
+
+        def is_new(index: int) -> bool:
+            origin, special, _ = buds[index]
+            return not self._full() and not is_attached(self.diagram, origin, 1 if special.kind is Kind.FLIP else 2)
+
+        def accept(index: int, branch: Branch | str) -> None:
+            if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.diagram.branches):
+                return
+            self._accept(branch, buds[index][0])
+
+        hands.run(_walk_piece, pieces, accept, is_new)
+
+    def _accept(self, branch: Branch | str, origin: Origin | None) -> None:
+        if isinstance(branch, str):
+            self.diagram = replace(self.diagram, notes=(*self.diagram.notes, branch))
+            return
+        self.diagram = self.diagram.with_branch(branch, origin)
+        if self.report is not None:
+            self.report(self.diagram, self.diagram.limbs[-1])
+
+    def _full(self) -> bool:
+        if len(self.diagram.limbs) < self.options.max_branches:
+            return False
+        if not self.truncated:
+            self.truncated = True
+            note = f"stopped at max_branches = {self.options.max_branches}; there are more"
+            self.diagram = replace(self.diagram, notes=(*self.diagram.notes, note))
+        return True
+
+    def _piece(self, start: Orbit | SpecialPoint, way: int) -> _Piece:
+        return _Piece(start, self.diagram.parameter, self.diagram.within, way, self.walk, self.shooting)
+
+
+def _buds(limb: Limb, max_period: int) -> list[tuple[Origin, SpecialPoint, int]]:
+    """The special points of a branch from which others leave, and which of their directions."""
+    buds = []
+    for index, special in enumerate(limb.branch.special_points):
+        if special.kind is Kind.FLIP and 2 * limb.period <= max_period:
+            buds.append((Origin(limb.name, index), special, 0))
+        if special.kind is Kind.BRANCH_POINT:
+            buds += [(Origin(limb.name, index), special, way) for way in (0, 1)]
+    return buds
+
+
+def _walk_piece(piece: _Piece) -> Branch | str:
+    """Walk one branch; a sentence instead if that cannot be done."""
+    try:
+        if isinstance(piece.start, Orbit):
+            start = piece.start.system[piece.parameter]
+            ways = directions(start, piece.within)
+            departures = [depart(piece.start, piece.parameter, piece.within, way, piece.shooting) for way in ways]
+        else:
+            departures = [switch(piece.start, piece.parameter, piece.within, piece.shooting)[piece.way]]
+        return walk_out(departures, piece.walk)
+    except NumericalError as error:
+        value = piece.start.value if isinstance(piece.start, SpecialPoint) else piece.start.system[piece.parameter]
+        return f"the branch that leaves {value:.10g} could not be walked: {error}"
+
+
+def _is_same_branch(known: Branch, branch: Branch) -> bool:
+    """Whether a branch is one that is known: it begins where that ends, and its middle lies on it."""
+    return known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)
