@@ -64,7 +64,7 @@ def test_quiet_says_nothing(model, capsys) -> None:
 
 
 def test_a_walk_that_gives_up_is_3(model, capsys) -> None:
-    words = ["--set", "study.walk.smallest_step=0.02", "--set", "study.walk.initial_step=0.02"]
+    words = ["--set", "study.walk.smallest_step=0.01", "--set", "study.walk.initial_step=0.01"]
     assert main(["run", str(model), *words, "--set", "study.walk.largest_turn=0.01"]) == 3
     captured = capsys.readouterr()
     assert "the step became smaller than the smallest allowed" in captured.err
