@@ -4,28 +4,39 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: CPU time of one core on both sides
 
+_WIDTH = 140  # columns, where the output is no terminal
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmarks that were asked for."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    for name in options.only:
+        if name not in _groups():
+            parser.error(f"there is nothing called {name!r} to measure; write one of {', '.join(_groups())}")
 
     from rich.console import Console
 
     from benchmarks.effort import FULL, QUICK
-    from benchmarks.table import as_json, as_table
+    from benchmarks.table import as_json, as_table, notes
 
     effort = QUICK if options.quick else FULL
     console, rows = Console(), []
+    if not console.is_terminal:
+        console = Console(width=_WIDTH)
     for name, measure in _groups().items():
         if name in options.only:
-            with console.status(f"measuring: {name}"):
-                rows += measure(effort)
+            print(f"measuring: {name}", file=sys.stderr)  # no spinner: its thread would be measured too
+            rows += measure(effort)
     console.print(as_table(rows))
+    for note in notes(rows):
+        console.print(note, style="dim", highlight=False)
     if options.json is not None:
         options.json.write_text(as_json(rows), encoding="utf-8")
 

@@ -66,5 +66,6 @@ class ScipyChain:
         def gap(_: float, y: NDArray[np.float64]) -> float:
             return y[last] - _GAP
 
-        stages = [Stage(free, [Exit(gap, rising=True, leads_to=1)]), Stage(closed, [Exit(gap, rising=False, leads_to=0)])]
+        closing, opening = Exit(gap, rising=True, leads_to=1), Exit(gap, rising=False, leads_to=0)
+        stages = [Stage(free, [closing]), Stage(closed, [opening])]
         return integrate(stages, int(state[last] > _GAP), state, 2.0 * math.pi)

@@ -30,7 +30,12 @@ def rows(effort: Effort) -> list[Row]:
     repeats = min(effort.repeats, _COLD)
     return [
         *_rows("state", lambda: flows.flow_of(system), plain, repeats),
-        *_rows("all sensitivities", lambda: flows.flow_of(system, "frequency", transition=True), full, repeats),
+        *_rows(
+            "state, transition matrix, one parameter",
+            lambda: flows.flow_of(system, "frequency", transition=True),
+            full,
+            repeats,
+        ),
     ]
 
 
@@ -49,9 +54,9 @@ def warm_seconds(build: Build, repeats: int = _COLD) -> float:
 
 def _rows(what: str, build: Build, period: float, repeats: int) -> list[Row]:
     cold, warm = cold_seconds(build, repeats), warm_seconds(build)
-    note = f"cold, it takes as long as {cold / period:.0f} forcing periods by SciPy"
     counts = {"periods by SciPy": cold / period}
-    return [Row(GROUP, f"{what}, cold", cold), Row(GROUP, f"{what}, from the cache", warm, counts=counts, note=note)]
+    note = f"as long as {cold / period:.0f} of these forcing periods take SciPy"
+    return [Row(GROUP, f"{what}: cold", cold, counts=counts, note=note), Row(GROUP, f"{what}: from the cache", warm)]
 
 
 def _least(build: Build, repeats: int) -> float:

@@ -28,4 +28,4 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.87)
+QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85)

@@ -10,7 +10,7 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row
 from benchmarks.stopwatch import fastest, side_by_side
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.motion.flow import flow_of
 
 GROUP = "One forcing period of a chain of masses with one stop"
 _SETTLE = 60  # forcing periods, so that the stop is met as in steady motion
@@ -44,8 +44,8 @@ def measure_chain(size: int, effort: Effort) -> list[Row]:
     what, counts = f"{size} masses", {"equations": 2 * size, "contact events": len(ours().contacts)}
     equations = {"equations": 2 * size * (2 * size + 1)}
     return [
-        Row(GROUP, f"{what}: state", state, baseline, "DOP853, events", counts=counts),
-        Row(GROUP, f"{what}: with transition matrix", transition, counts=equations),
-        Row(GROUP, f"{what}: compile state, cold", cold_seconds(lambda: flow_of(system))),
-        Row(GROUP, f"{what}: compile the other, cold", cold_seconds(lambda: flow_of(system, transition=True))),
+        Row(GROUP, f"{what}: state", state, baseline, "DOP853", counts=counts),
+        Row(GROUP, f"{what}: state, transition matrix", transition, counts=equations),
+        Row(GROUP, f"{what}: compile the first, cold", cold_seconds(lambda: flow_of(system))),
+        Row(GROUP, f"{what}: compile the second, cold", cold_seconds(lambda: flow_of(system, transition=True))),
     ]

@@ -51,7 +51,7 @@ def measure_transition(orbit: Orbit, effort: Effort) -> Row:
         return clutch.period_with_sensitivities(orbit.state, _FREQUENCY, by_frequency=False)
 
     _check(ours().transition, theirs().transition)
-    return _row("state, 4 x 4 transition matrix", *side_by_side([ours, theirs], effort))
+    return _row("state, transition matrix", *side_by_side([ours, theirs], effort))
 
 
 def measure_both(orbit: Orbit, effort: Effort) -> Row:
@@ -68,7 +68,7 @@ def measure_both(orbit: Orbit, effort: Effort) -> Row:
     _check(ours().transition, theirs().transition)
     _check(ours().sensitivity, theirs().by_frequency)
     targets = (Target(60e-6), Target(100.0, "ratio"))
-    return _row("the same, and by one parameter", *side_by_side([ours, theirs], effort), targets)
+    return _row("state, transition matrix, one parameter", *side_by_side([ours, theirs], effort), targets)
 
 
 def _line(orbit: Orbit) -> ParameterLine:
@@ -76,7 +76,7 @@ def _line(orbit: Orbit) -> ParameterLine:
 
 
 def _row(what: str, ours: float, theirs: float, targets: tuple[Target, ...] = ()) -> Row:
-    return Row(GROUP, what, ours, theirs, "DOP853, events", targets)
+    return Row(GROUP, what, ours, theirs, "DOP853", targets)
 
 
 def _check(ours, theirs) -> None:

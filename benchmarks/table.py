@@ -21,15 +21,19 @@ def as_table(rows: Sequence[Row]) -> Table:
     """All rows under the headings of their groups."""
     table = Table(title="CPU time, the least of several repeats", title_justify="left")
     for heading in _HEADINGS:
-        table.add_column(heading, justify="left" if heading == "what" else "right")
+        is_text = heading == "what"
+        table.add_column(heading, justify="left" if is_text else "right", no_wrap=is_text)
     for group, members in groupby(rows, key=lambda row: row.group):
         table.add_section()
         table.add_row(f"[bold]{group}[/bold]")
         for row in members:
             table.add_row(*cells(row))
-            if row.note:
-                table.add_row(f"    [dim]{row.note}[/dim]")
     return table
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """The remarks, each with the row to which it belongs."""
+    return [f"{row.group}, {row.what}: {row.note}." for row in rows if row.note]
 
 
 def cells(row: Row) -> tuple[str, ...]:

@@ -99,7 +99,9 @@ def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, centre: float 
 def _nodes(stretch: Stretch, low: float, window: float, centre: float | None) -> list[BranchPoint]:
     """Exact points of a window, denser towards its ends, none too near to its centre."""
     nodes = []
-    for place in low + window * 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1))):
+    shares = 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
+    ends = (stretch.points[0].arclength, stretch.points[-1].arclength)
+    for place in np.clip(low + window * shares, *ends):  # rounding must not lead beyond the ends
         if centre is None or abs(place - centre) > _NEAR * window:
             try:
                 nodes.append(stretch.corrector.refined(stretch.at(float(place))))

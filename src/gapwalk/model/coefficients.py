@@ -203,10 +203,10 @@ class ParameterPlane:
         """The coefficients at one value of each parameter, and their derivatives by the two, one in each row."""
         values = self.system.values.astype(complex)
         values[list(self._places)] = first, second
-        compute, slopes = layout_of(self.system.structure).compute, []
-        for place in self._places:
-            values[place] += 1j * _STEP
-            both: NDArray[np.complex128] = compute(values)
-            slopes.append(both.imag / _STEP)
-            values[place] -= 1j * _STEP
-        return both.real.copy(), np.array(slopes)
+        layout, first_place, second_place = layout_of(self.system.structure), *self._places
+        values[first_place] += 1j * _STEP
+        by_first: NDArray[np.complex128] = layout.compute(values)
+        values[first_place] = first
+        values[second_place] += 1j * _STEP
+        by_second: NDArray[np.complex128] = layout.compute(values)
+        return by_first.real.copy(), np.array((by_first.imag, by_second.imag)) / _STEP

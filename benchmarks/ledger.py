@@ -1,0 +1,132 @@
+"""Where the time of figure 13's branch goes, and how often each part is called: ``python -m benchmarks.ledger``.
+
+The parts are wrapped by clocks, each of which counts its own time only, not that of the parts that it calls. The
+clocks cost something too, about a third of a microsecond a call, so the shares are good to a few per cent.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+from unittest.mock import patch
+
+from rich.console import Console
+from rich.table import Table
+
+from gapwalk import find_orbit, follow, paper
+from gapwalk.bifurcation import detect, grazing, trail
+from gapwalk.bifurcation.detect import Detector
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.walk import Walk
+from gapwalk.motion import flow as flows
+from gapwalk.motion.flow import Flow
+from gapwalk.motion.switching import Switchboard
+from gapwalk.orbit import orbit as orbits
+from gapwalk.orbit import shooting
+from gapwalk.orbit.shooting import ShootingEquation
+
+_REPEATS = 7
+
+# (part, where it stands, its name); what stands nowhere here counts for the part that calls it.
+PARTS = (
+    ("heyoka", Flow, "_run"),
+    ("around each flow call", Flow, "integrate"),
+    ("residual and Jacobian", ShootingEquation, "evaluate"),
+    ("Newton's method and tangent", Corrector, "correct"),
+    ("Newton's method and tangent", Corrector, "tangent"),
+    ("records of points", Corrector, "point"),
+    ("records of points", ShootingEquation, "orbit"),
+    ("multipliers", shooting, "multipliers"),
+    ("the walk", Walk, "__next__"),
+    ("detection", Detector, "inspect"),
+    ("detection", Detector, "_scan"),
+    ("locating zeros", Detector, "_locate"),
+    ("doubt of grazing", detect, "find_grazing"),
+    ("locating grazing", grazing, "_locate"),
+    ("surveys", orbits, "survey"),
+    ("nature of flips", trail, "with_nature"),
+)
+
+# parts whose flow calls are counted, apart from those that stand within another of them
+STAGES = ("the walk", "detection", "locating zeros", "locating grazing", "surveys", "nature of flips")
+
+
+class Ledger:
+    """Own time in seconds, calls, and flow calls by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+        self.flow_calls: Counter[str] = Counter()
+        self._inner = [0.0]
+        self._stages = ["the rest"]
+
+    def clock(self, part: str, function: Callable) -> Callable:
+        """The function with a clock around it."""
+
+        def clocked(*args: Any, **options: Any) -> Any:
+            if part == "heyoka":
+                self.flow_calls[self._stages[-1]] += 1
+            self._stages.append(part if part in STAGES else self._stages[-1])
+            self._inner.append(0.0)
+            start = time.perf_counter()
+            try:
+                return function(*args, **options)
+            finally:
+                spent = time.perf_counter() - start
+                self.seconds[part] += spent - self._inner.pop()
+                self.calls[part] += 1
+                self._inner[-1] += spent
+                self._stages.pop()
+
+        return clocked
+
+
+def measure() -> Ledger:
+    """The ledger of the fastest of several walks."""
+    orbit = find_orbit(paper.case("13"), frequency=1.9)
+    ledgers = []
+    for _ in range(_REPEATS):
+        ledger = Ledger()
+        with ExitStack() as stack:
+            for owner, name in ((Switchboard, "callback"), (Flow, "_note")):
+                stack.enter_context(patch.object(owner, name, _clocked_callback(ledger, getattr(owner, name))))
+            flows._compile.cache_clear()  # so that flows are made with these callbacks
+            for part, owner, name in PARTS:
+                stack.enter_context(patch.object(owner, name, ledger.clock(part, getattr(owner, name))))
+            follow(orbit, "frequency", to=1.7)  # makes the flows
+            for counts in (ledger.seconds, ledger.calls, ledger.flow_calls):
+                counts.clear()
+            start = time.perf_counter()
+            follow(orbit, "frequency", to=0.15)
+            ledger.seconds["the rest"] += time.perf_counter() - start - sum(ledger.seconds.values())
+        ledgers.append(ledger)
+    flows._compile.cache_clear()
+    return min(ledgers, key=lambda each: sum(each.seconds.values()))
+
+
+def as_table(ledger: Ledger) -> Table:
+    """The ledger for people."""
+    table = Table("part", "share", "ms", "calls", "us a call", "flow calls of this stage")
+    whole = sum(ledger.seconds.values())
+    for part, seconds in ledger.seconds.most_common():
+        calls, flow_calls = ledger.calls[part], ledger.flow_calls[part]
+        each = f"{seconds / calls * 1e6:.1f}" if calls else ""
+        count, flow_count = (str(number or "") for number in (calls, flow_calls))
+        table.add_row(part, f"{seconds / whole:.0%}", f"{seconds * 1e3:.1f}", count, each, flow_count)
+    table.add_row("all", "", f"{whole * 1e3:.1f}", "", "", str(sum(ledger.flow_calls.values())))
+    return table
+
+
+def _clocked_callback(ledger: Ledger, make: Callable) -> Callable:
+    def made(*args: Any) -> Callable:
+        return ledger.clock("callbacks", make(*args))
+
+    return made
+
+
+if __name__ == "__main__":
+    Console(width=100).print(as_table(measure()))

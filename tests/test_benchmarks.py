@@ -1,0 +1,79 @@
+"""The benchmarks run and say what they should; no times are asserted here."""
+
+import json
+
+import pytest
+
+from benchmarks import period
+from benchmarks.__main__ import main
+from benchmarks.chain import ScipyChain, chain
+from benchmarks.clutch import ScipyClutch
+from benchmarks.effort import Effort
+from benchmarks.row import Row, Target
+from benchmarks.table import as_json, as_table, cells, duration, notes
+from gapwalk import find_orbit, paper
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import flow_of
+
+LEAST = Effort(repeats=1, burst=0.0)
+
+
+def test_the_cheapest_line_has_all_that_a_line_must_have():
+    row = period.measure_state(find_orbit(paper.case("13"), frequency=0.5), LEAST)
+    assert row.what == "state"
+    assert row.seconds > 0
+    assert row.ratio == row.baseline / row.seconds
+    assert [target.kind for target in row.targets] == ["seconds", "ratio"]
+    assert len(row.reached) == 2
+    assert len(cells(row)) == len(as_table([row]).columns)
+    (told,) = json.loads(as_json([row]))["rows"]
+    assert set(told) == {
+        "group", "what", "seconds", "baseline", "against", "ratio", "targets", "reached", "counts", "note",
+    }  # fmt: skip
+
+
+def test_the_command_prints_a_table_and_writes_json(tmp_path, capsys):
+    main(["period", "--quick", "--json", str(tmp_path / "rows.json")])
+    printed = capsys.readouterr().out
+    for word in ("gapwalk", "baseline", "ratio", "target", "reached", "DOP853"):
+        assert word in printed
+    written = json.loads((tmp_path / "rows.json").read_text(encoding="utf-8"))
+    assert len(written["rows"]) == 3
+    assert {"processor", "cores", "python", "heyoka", "scipy"} <= set(written["machine"])
+
+
+def test_an_unknown_group_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        main(["speed"])
+    assert "nothing called 'speed' to measure; write one of period, branch" in capsys.readouterr().err
+
+
+def test_targets_are_judged():
+    row = Row(
+        "g", "w", 2e-5, 4e-3, targets=(Target(3e-5), Target(1e-5), Target(150.0, "ratio"), Target(300.0, "ratio"))
+    )
+    assert row.reached == (True, False, True, False)
+    assert Row("g", "w", 1.0, targets=(Target(100.0, "ratio"),)).reached == (False,)
+    assert Row("g", "w", 1.0, counts={"special points found": 13}, targets=(Target(14, "found"),)).reached == (False,)
+    assert notes([row, Row("g", "w", 1.0, note="n")]) == ["g, w: n."]
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(2e-5, "20 us"), (0.0123, "12.3 ms"), (3.456, "3.46 s")])
+def test_durations_are_told_in_their_unit(seconds, text):
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize("frequency", [0.5, 0.62, 1.3])
+def test_the_baseline_of_the_clutch_is_the_same_motion(frequency):
+    orbit = find_orbit(paper.case("13"), frequency=frequency)
+    found = ScipyClutch(orbit.system).period_with_sensitivities(orbit.state, frequency)
+    flow = flow_of(orbit.system, transition=True)
+    assert found.state == pytest.approx(orbit.state, abs=1e-7)
+    expected = flow.integrate(coefficients_of(orbit.system), orbit.state).transition
+    assert found.transition == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_baseline_of_the_chain_is_the_same_motion():
+    orbit = find_orbit(chain(3))
+    assert orbit.events
+    assert ScipyChain(3).period(orbit.state) == pytest.approx(orbit.state, abs=1e-7)
