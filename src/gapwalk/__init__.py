@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper
+    from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
+    from gapwalk.bifurcation.switch import switch
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
@@ -18,20 +20,27 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
-    from gapwalk.study.file import Study, read_study
-    from gapwalk.study.options import ResponseOptions
-    from gapwalk.study.result import Result, load
+    from gapwalk.study.diagram import DiagramOptions, diagram
+    from gapwalk.study.file import Study, read_studies, read_study
+    from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
+    from gapwalk.study.result import Result
     from gapwalk.study.run import run
+    from gapwalk.study.stored import load
 
     __version__: str
 
 __all__ = [
     "Branch",
     "BranchPoint",
+    "Cascade",
     "Contact",
     "DampingLaw",
+    "Diagram",
+    "DiagramOptions",
+    "DiagramStudyOptions",
     "Harmonic",
     "Kind",
+    "Limb",
     "Orbit",
     "ResponseOptions",
     "Result",
@@ -44,24 +53,32 @@ __all__ = [
     "WalkOptions",
     "__version__",
     "backlash",
+    "diagram",
     "errors",
     "find_orbit",
     "follow",
     "integrate",
     "load",
     "paper",
+    "read_studies",
     "read_study",
     "run",
+    "switch",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
+    "Cascade": "bifurcation.diagram",
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
+    "Diagram": "bifurcation.diagram",
+    "DiagramOptions": "study.diagram",
+    "DiagramStudyOptions": "study.options",
     "Harmonic": "model.excitation",
     "Kind": "continuation.branch",
+    "Limb": "bifurcation.diagram",
     "Orbit": "orbit.orbit",
     "ResponseOptions": "study.options",
     "Result": "study.result",
@@ -73,12 +90,15 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
+    "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
     "integrate": "motion.motion",
-    "load": "study.result",
+    "load": "study.stored",
+    "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
+    "switch": "bifurcation.switch",
 }
 _MODULES = ("errors", "paper")
 

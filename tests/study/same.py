@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gapwalk import Branch, BranchPoint, Orbit, Result
+from gapwalk import Branch, BranchPoint, Diagram, Orbit, Result
 
 
 def assert_same_result(one: Result, other: Result) -> None:
@@ -11,6 +11,17 @@ def assert_same_result(one: Result, other: Result) -> None:
     assert len(one.branches) == len(other.branches)
     for a, b in zip(one.branches, other.branches, strict=True):
         assert_same_branch(a, b)
+    assert (one.diagram is None) == (other.diagram is None)
+    if one.diagram is not None and other.diagram is not None:
+        assert_same_tree(one.diagram, other.diagram)
+
+
+def assert_same_tree(one: Diagram, other: Diagram) -> None:
+    for name in ("parameter", "within", "complete", "notes", "cascades"):
+        assert getattr(one, name) == getattr(other, name)
+    for a, b in zip(one.limbs, other.limbs, strict=True):
+        assert (a.name, a.begins, a.joins) == (b.name, b.begins, b.joins)
+        assert_same_branch(a.branch, b.branch)
 
 
 def assert_same_branch(one: Branch, other: Branch) -> None:

@@ -17,7 +17,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study import store
 from gapwalk.study.database import APPLICATION, SCHEMA, lock
-from gapwalk.study.result import read
+from gapwalk.study.stored import read
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.study.studies import long_study, stop_study
 
@@ -57,7 +57,7 @@ def test_what_is_loaded_is_what_was_found(path) -> None:
     assert set(loaded.versions) == {"gapwalk", "heyoka", "numpy", "python"}
     assert_same_result(returned, loaded)
     assert_same_branch(followed, loaded.branches[0])
-    assert_same_orbit(orbit, read(path).walks[1].start)
+    assert_same_orbit(orbit, read(path).found.start)
     assert {special.kind for special in loaded.branches[0].special_points} == {gw.Kind.FOLD, gw.Kind.GRAZING}
 
 
@@ -339,7 +339,7 @@ def test_a_file_cut_short(written, share) -> None:
         "UPDATE branch SET parameter = 'mass.x.x'",
         "UPDATE branch SET id = 7",
         "UPDATE branch SET state = '{}'",
-        """UPDATE branch SET end = '{"reason": "?", "value": 0, "detail": ""}'""",
+        """UPDATE branch SET ends = '[{"reason": "?", "value": 0, "detail": ""}]'""",
         "DROP TABLE special_point",
         "CREATE TRIGGER evil AFTER UPDATE ON branch BEGIN DELETE FROM points; END",
         "CREATE TABLE more (x)",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -107,12 +108,19 @@ class Diagram:
         return tuple(limb.branch for limb in self.limbs)
 
     def __getitem__(self, name: str) -> Limb:
-        """The limb of one name."""
-        return next(limb for limb in self.limbs if limb.name == name)
+        """The limb of one name; a KeyError if there is none."""
+        for limb in self.limbs:
+            if limb.name == name:
+                return limb
+        raise KeyError(name)
 
     def children(self, name: str) -> tuple[Limb, ...]:
         """The limbs that begin or end on the branch of one name."""
         return tuple(limb for limb in self.limbs if any(origin.parent == name for origin in limb.origins))
+
+    def attached(self, name: str, special: int) -> tuple[Limb, ...]:
+        """The limbs that begin or end at one special point, by its place on the branch of one name."""
+        return tuple(limb for limb in self.limbs if Origin(name, special) in limb.origins)
 
     def depth(self, limb: Limb) -> int:
         """How many branches lie between a limb and one that was found by itself."""
@@ -138,6 +146,12 @@ class Diagram:
         if branch.ends[-1].reason is EndReason.JOINED:
             limb = _tied(self, limb)
         return replace(self, limbs=(*self.limbs, limb))
+
+    def plot(self, measure: str = "half", **options: Any):
+        """Draw the diagram: `measure` over the parameter, and the stroboscopic states. Returns the figure."""
+        from gapwalk.plot import plot_diagram
+
+        return plot_diagram(self, measure, **options)
 
     def __repr__(self) -> str:
         low, high = self.within

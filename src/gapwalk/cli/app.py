@@ -91,6 +91,7 @@ def run(
     /,
     *,
     output: Path | None = None,
+    study: Annotated[list[str] | None, Parameter(negative=())] = None,
     changes: Changes = None,
     resume: Flag = False,
     force: Flag = False,
@@ -98,7 +99,7 @@ def run(
     quiet: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Run the study of a model file: write its result, a picture (PNG and SVG) and tables (CSV).
+    """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
 
     Ctrl-C stops it with everything stored; --resume goes on from there, as if nothing had happened.
 
@@ -107,12 +108,15 @@ def run(
     file
         The model file.
     output
-        The result file; by default named after the model file, with the ending .gapwalk. Picture and tables are
-        written beside it, over earlier ones.
+        The result file; by default named after the model file, with the ending .gapwalk. Where a file has several
+        studies, their names are added. Picture and tables are written beside it, over earlier ones.
+    study
+        Run the study of this name only; may be repeated.
     changes
-        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3 (of the study named light:
+        --set study.light.to=0.3); may be repeated.
     resume
-        Go on with the result of an interrupted run.
+        Go on with the results of an interrupted run; what is complete is not computed again.
     force
         Write over an existing result.
     json
@@ -126,19 +130,21 @@ def run(
     def job() -> int:
         from gapwalk.cli.run import run_file
 
-        return run_file(file, output, changes or [], resume=resume, force=force, json=json, quiet=quiet)
+        return run_file(file, output, changes or [], study or [], resume=resume, force=force, json=json, quiet=quiet)
 
     return guard(job, json=json, debug=debug)
 
 
 @app.command(sort_key=4)
-def show(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
+def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
     """Show what a result file holds: branches, why they end, and special points.
 
     Parameters
     ----------
     result
         The result file.
+    points
+        Show the special points of a diagram too.
     json
         Print one JSON document.
     debug
@@ -148,7 +154,7 @@ def show(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
     def job() -> int:
         from gapwalk.cli.files import show_result
 
-        return show_result(result, json=json)
+        return show_result(result, points=points, json=json)
 
     return guard(job, json=json, debug=debug)
 

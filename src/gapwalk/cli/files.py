@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gapwalk.cli.outcome import DONE, print_json, printable
 from gapwalk.errors import ModelError
+
+if TYPE_CHECKING:
+    from gapwalk.study.options import StudyOptions
 
 
 def new_file(file: Path) -> int:
@@ -24,31 +28,39 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     from gapwalk.cli.screen import console
     from gapwalk.study.plain import plain_options, plain_system
 
-    study = read_changed(file, changes)
-    system, options = study.system, study.options
+    studies = read_changed(file, changes)
     if json:
-        print_json({"ok": True, "title": study.title, "system": plain_system(system), "study": plain_options(options)})
+        documents = [
+            {
+                "ok": True,
+                "title": study.title,
+                "name": study.name or None,
+                "system": plain_system(study.system),
+                "study": plain_options(study.options),
+            }
+            for study in studies
+        ]
+        print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
-    screen, structure = console(), system.structure
+    screen, structure = console(), studies[0].system.structure
     lines = [
-        printable(study.title) or str(file),
-        f"  coordinates: {', '.join(system.coordinates)}",
+        (len(studies) == 1 and printable(studies[0].title)) or str(file),
+        f"  coordinates: {', '.join(structure.coordinates)}",
         f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
         f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",
-        f"  study: response over {options.parameter} from {options.begin:g} to {options.end:g}, "
-        f"period {options.period}, showing {options.measure}",
+        *(f"  study{f' {study.name}' if study.name else ''}: {_plan(study.options)}" for study in studies),
         "nothing is wrong with it",
     ]
     screen.print("\n".join(lines), soft_wrap=True)
     return DONE
 
 
-def show_result(path: Path, *, json: bool) -> int:
-    """Show what a result file holds."""
+def show_result(path: Path, *, points: bool, json: bool) -> int:
+    """Show what a result file holds; of a diagram the special points only if they are wanted."""
     from gapwalk.cli.run import print_heading
     from gapwalk.cli.screen import console, print_result
     from gapwalk.study.document import result_document
-    from gapwalk.study.result import load
+    from gapwalk.study.stored import load
 
     result = load(path)
     if json:
@@ -61,7 +73,7 @@ def show_result(path: Path, *, json: bool) -> int:
     screen.print(f"{path}: {state}\ncomputed with {printable(versions)}", soft_wrap=True)
     for name, value in result.study.changes:
         screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
-    print_result(screen, result)
+    print_result(screen, result, points=points or result.diagram is None)
     return DONE
 
 
@@ -69,7 +81,7 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
     """Write the tables or the picture of a result."""
     from gapwalk.cli.run import table_paths
     from gapwalk.study.export import export_csv
-    from gapwalk.study.result import load
+    from gapwalk.study.stored import load
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
     if form not in ("csv", "png", "svg"):
@@ -85,13 +97,23 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
         export_csv(result, points, special_points)
         written = [points, special_points]
     else:
-        from gapwalk.plot.response import save_response
+        from gapwalk.plot.picture import save_picture
 
         picture = output or path.with_suffix(f".{form}")
-        save_response(result, *((picture, None) if form == "png" else (None, picture)), measure=measure)
+        save_picture(result, *((picture, None) if form == "png" else (None, picture)), measure=measure)
         written = [picture]
     print(f"written: {', '.join(map(str, written))}")
     return DONE
+
+
+def _plan(options: StudyOptions) -> str:
+    """What a study does, in a line."""
+    plan = (
+        f"{options.kind} over {options.parameter} from {options.begin:g} to {options.end:g}, "
+        f"period {options.period}, showing {options.measure}"
+    )
+    longest = getattr(options, "max_period", None)
+    return plan if longest is None else f"{plan}, to period {longest}"
 
 
 def _contact(form) -> str:

@@ -30,9 +30,16 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
         if debug:
             traceback.print_exc()
         report_error(error, json=json)
-        if isinstance(error, GapwalkError):
-            return FAILED if isinstance(error, NumericalError) else BAD_INPUT
-        return BUG
+        return failure_code(error)
+
+
+def failure_code(error: BaseException) -> int:
+    """The exit code that an error stands for."""
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED
+    if isinstance(error, NumericalError):
+        return FAILED
+    return BAD_INPUT if isinstance(error, GapwalkError) else BUG
 
 
 def report_error(error: Exception, *, json: bool = False) -> None:

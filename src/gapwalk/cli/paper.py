@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, INTERRUPTED, print_json, printable
+from gapwalk.cli.progress import WalkProgress
 from gapwalk.cli.run import exit_code, print_files, print_heading, say_why_it_failed, write_products
-from gapwalk.cli.screen import WalkProgress, console, print_result
+from gapwalk.cli.screen import console, print_result
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.paper import describe, frequency_responses, names
 from gapwalk.paper.figure import figure_document, figure_names, figure_study, walk_figure

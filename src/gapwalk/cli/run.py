@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from gapwalk.cli.outcome import DONE, FAILED, INTERRUPTED, print_json, printable
-from gapwalk.cli.screen import WalkProgress, console, print_result
+from gapwalk.cli.outcome import DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
+from gapwalk.cli.progress import progress_of
+from gapwalk.cli.screen import console, print_result
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import ModelError
-from gapwalk.plot.response import save_response
+from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.model.problem import did_you_mean
+from gapwalk.plot.picture import save_picture
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_change
+from gapwalk.study.claim import check_claim
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv
-from gapwalk.study.file import Study, read_study
+from gapwalk.study.file import Study, read_studies
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
 
@@ -23,51 +28,106 @@ _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
 
 
 def run_file(
-    file: Path, output: Path | None, changes: list[str], *, resume: bool, force: bool, json: bool, quiet: bool
+    file: Path,
+    output: Path | None,
+    changes: list[str],
+    names: list[str],
+    *,
+    resume: bool,
+    force: bool,
+    json: bool,
+    quiet: bool,
 ) -> int:
-    """Run the study of a model file, and return the exit code."""
-    study = read_changed(file, changes)
-    output = result_path(file, output)
-    screen = console(stderr=json)
-    with WalkProgress(study.options, show=not quiet) as progress:
-        result = run(study, output, resume=resume, force=force, report=progress)
-    code = exit_code(result)
-    files = [output]
-    if code != INTERRUPTED:
-        files += write_products(result, output)
+    """Run the studies of a model file, or those that are named, and return the exit code: that of the worst."""
+    studies = chosen(read_changed(file, changes), names, file)
+    outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
+    for study, path in zip(studies, outputs, strict=True):
+        check_claim(path, study, resume=resume, force=force)  # before anything is computed
+    codes: list[int] = []
+    documents: list[Any] = []
+    for study, path in zip(studies, outputs, strict=True):
+        try:
+            result = _run_study(study, path, resume=resume, force=force, json=json, quiet=quiet)
+            code, document = (
+                exit_code(result),
+                {**result_document(result), "files": _files(result, path)} if json else {},
+            )
+            if code == INTERRUPTED:
+                _say_what_is_stored(result)
+        except (GapwalkError, KeyboardInterrupt) as error:
+            if len(studies) == 1:
+                raise
+            code, text = failure_code(error), str(error) or "interrupted"
+            document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
+            print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
+        codes.append(code)
+        documents.append(document)
+        if code == INTERRUPTED:
+            _say_how_to_resume(file, output if len(studies) > 1 else path, changes, names)
+            break
     if json:
-        print_json({**result_document(result), "files": [str(path) for path in files]})
-    elif not quiet:
+        print_json(documents[0] if len(studies) == 1 else documents)
+    return max(codes)
+
+
+def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[Study]:
+    """The studies of these names, or all if no name is given."""
+    known = [study.name for study in studies if study.name]
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known) if known else "its study has no name"
+            raise ModelError(f"{file} has no study {name!r}; {hint}")
+    return [study for study in studies if not names or study.name in names]
+
+
+def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool) -> Result:
+    """Run one study, write what belongs to it, and print it."""
+    screen = console(stderr=json)
+    with progress_of(study.options, study.name, show=not quiet) as progress:
+        result = run(study, path, resume=resume, force=force, report=progress)
+    if exit_code(result) != INTERRUPTED:
+        write_products(result, path)
+    if not quiet and not json:
         print_heading(screen, study)
         print_result(screen, result)
-        print_files(screen, files)
-    if code == FAILED:
+        print_files(screen, _files(result, path))
+    if exit_code(result) == FAILED:
         say_why_it_failed(result)
-    if code == INTERRUPTED:
-        _say_how_to_resume(file, output, changes, result)
-    return code
+    return result
 
 
-def read_changed(file: Path, changes: list[str]) -> Study:
-    """The study of a model file with the changes of ``--set``."""
-    return read_study(file, dict(parse_change(text) for text in changes))
+def _files(result: Result, path: Path) -> list[str]:
+    """The names of the files that a run has written."""
+    products = [] if exit_code(result) == INTERRUPTED else product_paths(path)
+    return [str(file) for file in (path, *products)]
 
 
-def result_path(file: Path, output: Path | None) -> Path:
-    """The name of the result file; a ModelError if it is that of something else."""
-    output = file.with_suffix(".gapwalk") if output is None else output
-    if output.suffix in _OTHER_ENDINGS or output == file:
-        raise ModelError(f"{output} is no name for a result; give it the ending .gapwalk, as in {output.stem}.gapwalk")
-    return output
+def read_changed(file: Path, changes: list[str]) -> tuple[Study, ...]:
+    """The studies of a model file with the changes of ``--set``."""
+    return read_studies(file, dict(parse_change(text) for text in changes))
+
+
+def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool = True) -> Path:
+    """The name of the result file of a study; a ModelError if it is that of something else."""
+    given = file.with_suffix(".gapwalk") if output is None else output
+    if given.suffix in _OTHER_ENDINGS or given == file:
+        raise ModelError(f"{given} is no name for a result; give it the ending .gapwalk, as in {given.stem}.gapwalk")
+    if name and not (output and alone):
+        return given.with_name(f"{given.stem}-{name}{given.suffix}")
+    return given
 
 
 def write_products(result: Result, output: Path) -> list[Path]:
     """Write picture and tables beside a result file, and return their names."""
-    png, svg = output.with_suffix(".png"), output.with_suffix(".svg")
-    tables = table_paths(output)
-    save_response(result, png, svg)
+    png, svg, *tables = product_paths(output)
+    save_picture(result, png, svg)
     export_csv(result, *tables)
     return [png, svg, *tables]
+
+
+def product_paths(output: Path) -> tuple[Path, Path, Path, Path]:
+    """The names of picture and tables that belong to a result file."""
+    return output.with_suffix(".png"), output.with_suffix(".svg"), *table_paths(output)
 
 
 def table_paths(output: Path) -> tuple[Path, Path]:
@@ -78,16 +138,18 @@ def table_paths(output: Path) -> tuple[Path, Path]:
 def exit_code(result: Result) -> int:
     """0 if every branch was walked to a proper end, 130 after an interruption, 3 if the numerics gave up."""
     ends = [end for branch in result.branches for end in branch.ends]
-    if any(end.reason is EndReason.INTERRUPTED for end in ends):
+    if any(end.reason is EndReason.INTERRUPTED for end in ends) or (result.diagram and not result.complete):
         return INTERRUPTED
     return FAILED if any(end.reason.is_failure or end.reason is EndReason.STOPPED for end in ends) else DONE
 
 
 def say_why_it_failed(result: Result) -> None:
     """Say on stderr where and why a walk gave up."""
-    for branch in result.branches:
-        if branch.ends[-1].reason.is_failure:
-            print(f"gapwalk: {printable(str(branch.ends[-1]))}", file=sys.stderr)
+    for name, branch in zip(result.names, result.branches, strict=True):
+        for end in branch.ends:
+            if end.reason.is_failure:
+                text = f"{name}: {end}" if result.diagram else str(end)
+                print(f"gapwalk: {printable(text)}", file=sys.stderr)
 
 
 def print_heading(screen, study: Study) -> None:
@@ -96,18 +158,26 @@ def print_heading(screen, study: Study) -> None:
         screen.print(printable(study.title), style="bold", soft_wrap=True)
 
 
-def print_files(screen, files: list[Path]) -> None:
+def print_files(screen, files: Sequence[Path | str]) -> None:
     """Say which files were written."""
     screen.print(f"written: {printable(', '.join(str(path) for path in files))}", soft_wrap=True)
 
 
-def _say_how_to_resume(file: Path, output: Path, changes: list[str], result: Result) -> None:
+def _say_what_is_stored(result: Result) -> None:
     branch = result.branches[-1]
-    words = ["gapwalk", "run", str(file), "--output", str(output), "--resume"]
-    for change in changes:
-        words += ["--set", change]
-    console(stderr=True).print(
-        f"interrupted at {parameter_symbol(branch.parameter)} = {branch.values[-1]:.8g}; all {len(branch.points)} "
-        f"points are stored. Go on with\n    {shlex.join(words)}",
-        soft_wrap=True,
-    )
+    if result.diagram is not None:
+        text = f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"
+    else:
+        place = f"{parameter_symbol(branch.parameter)} = {branch.values[-1]:.8g}"
+        text = f"interrupted at {place}; all {len(branch.points)} points are stored"
+    console(stderr=True).print(text, soft_wrap=True)
+
+
+def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str]) -> None:
+    words = ["gapwalk", "run", str(file)]
+    words += [] if output is None else ["--output", str(output)]
+    words.append("--resume")
+    for option, values in (("--study", names), ("--set", changes)):
+        for value in values:
+            words += [option, value]
+    console(stderr=True).print(f"go on with\n    {shlex.join(words)}", soft_wrap=True)

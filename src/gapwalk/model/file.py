@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
@@ -161,8 +162,15 @@ class HarmonicPart(Part):
         return Harmonic(self.amplitude, self.acts_on, self.order, self.phase, self.name or "")
 
 
+def _tables(study: object) -> object:
+    tables = study if isinstance(study, list) and study else [study]
+    if not all(isinstance(table, Mapping) for table in tables):
+        raise ValueError(f"is {given(study)}; it must be a table [study], or several tables [[study]]")
+    return study
+
+
 class SystemPart(Part):
-    """A model file. The table ``[study]`` is not read here but by `gapwalk.study.file`."""
+    """A model file. The table ``[study]``, or tables ``[[study]]``, are not read here but by `gapwalk.study.file`."""
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
@@ -177,7 +185,7 @@ class SystemPart(Part):
     frequency: Positive | None = None
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
-    study: dict[str, Any] | None = None
+    study: Annotated[Any, AfterValidator(_tables)] = None
 
     def system(self, frequency: float | None = None) -> System:
         """The system that the file describes, at `frequency` if the file gives none."""

@@ -68,16 +68,16 @@ class Source:
         """A problem of this file, with its line."""
         return Problem(message, dotted(path), self.line(path), self.name)
 
-    def with_value(self, path: tuple[str, ...], value: object) -> Source:
-        """The same source with another value at one path of tables."""
-        data = table = dict(self.data)
+    def with_value(self, path: Path, value: object) -> Source:
+        """The same source with another value at one path of tables, and of places in lists of tables."""
+        data: Any = dict(self.data)
+        table: Any = data
         for depth, key in enumerate(path[:-1], start=1):
-            inner = table.get(key, {})
-            if not isinstance(inner, Mapping):
+            inner: Any = table[key] if isinstance(key, int) else table.get(key, {})
+            if not isinstance(inner, list if isinstance(path[depth], int) else Mapping):
                 raise ModelFileError([self.problem("is no table, so nothing in it can be changed", path[:depth])])
-            copy = dict(inner)
-            table[key] = copy
-            table = copy
+            table[key] = list(inner) if isinstance(inner, list) else dict(inner)
+            table = table[key]
         table[path[-1]] = value
         return Source(self.name, self.text, data, self.changed | {path})
 

@@ -26,7 +26,7 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TOLERANCE = 1e-15
-_STEPS = 100_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
+_STEPS = 20_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
 _EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
 _ASIDE = 0.01  # shift of parameters that shows which coefficients they can reach together
 _COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays

@@ -1,6 +1,7 @@
-"""Pictures: branches over their parameter, drawn with matplotlib."""
+"""Pictures: branches and diagrams over their parameter, drawn with matplotlib."""
 
 from gapwalk.plot.branch import plot_branch
-from gapwalk.plot.response import save_response
+from gapwalk.plot.diagram import plot_diagram
+from gapwalk.plot.picture import save_picture
 
-__all__ = ["plot_branch", "save_response"]
+__all__ = ["plot_branch", "plot_diagram", "save_picture"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -53,7 +53,7 @@ def plot_branches(
     *,
     ax: Axes | None = None,
     labels: bool = True,
-    legend: bool = True,
+    legend: bool | Literal["above"] = True,
     closeup: bool = False,
 ) -> Axes:
     """Draw branches over the same parameter in one picture.
@@ -65,7 +65,7 @@ def plot_branches(
     labels
         Whether the special points have their short names beside them.
     legend
-        Whether to explain what is drawn.
+        Whether to explain what is drawn; ``"above"``: above the axes.
     closeup
         Whether to enlarge, where there is room, the place where special points crowd.
     """
@@ -81,7 +81,7 @@ def plot_branches(
         ax.autoscale_view()
         ax.set_autoscale_on(False)  # what follows is placed for these limits
         if legend:
-            draw_legend(ax, branches)
+            draw_legend(ax, branches, above=legend == "above")
         ax.figure.canvas.figure.draw_without_rendering()  # and for this layout
         crowd = crowded_region(ax, drawing.places) if closeup else None
         enlarged = draw_closeup(ax, crowd, drawing.curve) if crowd else None

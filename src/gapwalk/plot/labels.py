@@ -35,7 +35,7 @@ def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symb
     labels
         What to write, and beside which points.
     curve, symbols : shape (points, 2)
-        What should stay visible, in data coordinates.
+        What should stay visible, in data coordinates; rows of nan break the curve.
     """
     unit = ax.figure.dpi / 72.0  # pixels in a point
     inside = ax.get_window_extent()
@@ -86,7 +86,11 @@ def _hits(points: NDArray[np.float64], low, high, margin: float) -> NDArray[np.f
 
 
 def _dense(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Points at even distances along a line through `points`."""
+    """Points at even distances along a line through `points`, or along several with rows of nan between them."""
+    gaps = np.flatnonzero(np.isnan(points[:, 0]))
+    if len(gaps):
+        parts = [part[~np.isnan(part[:, 0])] for part in np.split(points, gaps)]
+        return np.vstack([_dense(part, spacing) for part in parts if len(part)])
     lengths = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
     even = np.arange(0.0, lengths[-1] + spacing, spacing)
     return np.column_stack([np.interp(even, lengths, points[:, i]) for i in (0, 1)])

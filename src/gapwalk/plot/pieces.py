@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 from gapwalk.continuation.branch import Branch
+from gapwalk.continuation.point import BranchPoint
 
 _BETWEEN = 5  # parts into which the way from one point to the next is divided, so that it looks as smooth as it is
 _SAME = 1e-9  # arclength below which two points are one
@@ -22,8 +24,10 @@ class Piece(NamedTuple):
     ----------
     label
         The kind of instability, see `Instability.label`.
-    x, y : shape (points,)
-        Parameter and measure. Neighbouring pieces share the point between them.
+    x : shape (points,)
+        Parameter. Neighbouring pieces share the point between them.
+    y : shape (points,) or (points, curves)
+        Measure, or several of them.
     """
 
     label: str
@@ -33,11 +37,16 @@ class Piece(NamedTuple):
 
 def pieces_of(branch: Branch, measure: str) -> list[Piece]:
     """Cut a branch into pieces, in the order of the walk."""
+    return [piece._replace(y=piece.y[:, 0]) for piece in cut(branch, lambda point: np.array([point.measure(measure)]))]
+
+
+def cut(branch: Branch, curves: Callable[[BranchPoint], NDArray[np.float64]]) -> list[Piece]:
+    """Cut a branch into pieces with the curves that a function of its points draws."""
     nodes = [(point.arclength, point, point.instability.label, False) for point in branch.points]
     nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
     nodes.sort(key=lambda node: node[0])
     s = np.array([arclength for arclength, *_ in nodes])
-    values = np.array([(point.value, point.measure(measure)) for _, point, *_ in nodes])
+    values = np.array([(point.value, *curves(point)) for _, point, *_ in nodes])
     # A node begins its piece: a special point has the label of what follows it.
     starts = [i for i in range(len(nodes)) if i == 0 or nodes[i][2] != nodes[i - 1][2]]
     pieces = []
@@ -45,8 +54,8 @@ def pieces_of(branch: Branch, measure: str) -> list[Piece]:
         if end > start or len(nodes) == 1:
             special = [i for i in range(start, end + 1) if nodes[i][3] or i in (start, end)]
             special = special if len(special) > 1 else [start, end]
-            curve = [_smooth(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)]
-            pieces.append(Piece(nodes[start][2], *np.concatenate(curve).T))
+            line = np.concatenate([_smooth(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
+            pieces.append(Piece(nodes[start][2], line[:, 0], line[:, 1:]))
     return pieces
 
 

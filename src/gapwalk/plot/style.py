@@ -11,11 +11,17 @@ from typing import Any
 
 from gapwalk.continuation.branch import Kind
 
-BLACK, GREY = "#000000", "#6f6f6f"
+BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"
 BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
 
 SIZE = (8.0, 4.8)
 """Width and height of a picture, in inches."""
+
+
+def diagram_size(panels: int) -> tuple[float, float]:
+    """The same of a picture of two or three panels, one above the other."""
+    return SIZE[0], 4.3 * panels
+
 
 DPI = 200
 
@@ -97,6 +103,36 @@ SYMBOLS = {
     Kind.BRANCH_POINT: SymbolStyle("branch point (BP)", "BP", "P", PURPLE, 6.5),
     Kind.GRAZING: SymbolStyle("grazing", "", "|", GREY, 7.0),
 }
+
+
+PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
+"""Colours of the shortest period, of twice that, and so on: told apart by any eye, and ever lighter in grey."""
+
+_WIDTHS = (1.8, 1.4, 1.1, 0.9, 0.7)
+_DASHES = (0, (3.2, 1.6))
+
+
+def period_options(rank: int, stable: bool) -> dict[str, Any]:
+    """Options of a matplotlib line for motions of the shortest period (rank 0), the next (1), and so on."""
+    width = _WIDTHS[min(rank, len(_WIDTHS) - 1)]
+    return {
+        "color": PERIODS[min(rank, len(PERIODS) - 1)],
+        "linestyle": "-" if stable else _DASHES,
+        "linewidth": width if stable else 0.45 * width,
+        "solid_capstyle": "butt",
+    }
+
+
+def birth_options(rank: int) -> dict[str, Any]:
+    """Options of a matplotlib line for the symbol where branches are born on one of the period of that rank."""
+    return {
+        "linestyle": "none",
+        "marker": SYMBOLS[Kind.FLIP].marker,
+        "markersize": (4.0, 3.0, 2.0, 1.4)[min(rank, 3)],
+        "markerfacecolor": "white",
+        "markeredgecolor": PERIODS[min(rank, len(PERIODS) - 1)],
+        "markeredgewidth": (0.9, 0.7, 0.5, 0.4)[min(rank, 3)],
+    }
 
 
 def line_options(label: str) -> dict[str, Any]:

@@ -29,6 +29,11 @@ def measure_words(name: str) -> str:
     return f"amplitude of harmonic {kind[1:]} of {signal}"
 
 
+def state_words(coordinate: str) -> str:
+    """The label of an axis over a coordinate seen once every forcing period."""
+    return f"{coordinate}(0), once every forcing period"
+
+
 def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
     """The full name of a measure: ``half`` is that of the first coordinate, ``q1`` stands for ``half.q1``."""
     if measure in coordinates:

@@ -1,13 +1,14 @@
-"""Changes to a model file from outside of it: the ``--set name=value`` of the command line."""
+"""Other values than those of a model: the ``set`` of a study, and the ``--set name=value`` of the command line."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from typing import Any, NamedTuple
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import ModelFileError, Problem
+from gapwalk.model.problem import ModelFileError, Path, Problem, given
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
 
@@ -31,54 +32,131 @@ def parse_change(text: str) -> tuple[str, object]:
     return name, value
 
 
+def study_tables(source: Source) -> dict[Path, Mapping[str, object]]:
+    """The table ``[study]`` of a file, or its tables ``[[study]]``, by their paths."""
+    study = source.data.get("study")
+    tables = {("study", i): table for i, table in enumerate(study)} if isinstance(study, list) else {("study",): study}
+    return {path: table for path, table in tables.items() if isinstance(table, Mapping)}
+
+
 def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source, dict[str, object], list[Problem]]:
     """Put the changes that concern the text of the file into it.
+
+    ``study.to`` concerns all studies of the file, ``study.light.to`` the one that is named light.
 
     Returns
     -------
     source : Source
-        With the changes of the frequency and of the study.
+        With the changes of the frequency and of the studies.
     rest : dict
         The other changes; they concern parameters of the system.
     problems : list of Problem
         What cannot be changed.
     """
     rest, problems = {}, []
-    walked, begins = _walk_of(source, changes)
+    walked = {name for name in changes if any(_walks(table, name, changes) for table in study_tables(source).values())}
     for name, value in changes.items():
-        path = tuple(name.split("."))
-        if name == walked and begins:
+        if name in walked:
             problem = f"{name} cannot be set: the study walks it from study.from on; set study.from instead"
             problems.append(Problem(problem, file=source.name))
-        elif (path[0] == "study" and len(path) > 1) or name == "frequency":
-            try:
+            continue
+        paths = [*_study_paths(source, name)] or ([("frequency",)] if name == "frequency" else [])
+        try:
+            for path in paths:
                 source = source.with_value(path, value)
-            except ModelFileError as error:
-                problems.extend(error.problems)
-        else:
+        except ModelFileError as error:
+            problems.extend(error.problems)
+        if not paths:
             rest[name] = value
     return source, rest, problems
 
 
-def change_system(system: System, changes: Mapping[str, object], file: str) -> tuple[System, list[Problem]]:
-    """Change parameters of the system, as far as that is possible."""
-    problems, known = [], {}
+class Change(NamedTuple):
+    """Another value of a parameter, and where it stands in the file."""
+
+    value: object
+    path: Path
+
+
+def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict[str, Change], list[Problem]]:
+    """The parameters to which the ``set`` of the study at a path gives other values."""
+    table = study_tables(source)[at]
+    if "set" not in table:
+        return {}, []
+    values = table["set"]
+    if not isinstance(values, Mapping):
+        message = f'is {given(values)}; it must be a table, such as {{ "harmonic1.amplitude" = 0.5 }}'
+        return {}, [source.problem(message, (*at, "set"))]
+    found, problems = {}, []
+    for change in _leaves(values, (*at, "set")):
+        name = ".".join(str(key) for key in change.path[len(at) + 1 :])
+        try:
+            if system:
+                system.structure.place(name)
+            if _walks(table, name, {}):
+                raise ModelError("cannot be set here: the study walks it from the value of from on")
+            found[name] = change
+        except ModelError as error:
+            problems.append(source.problem(str(error), change.path))
+    return found, problems
+
+
+def change_system(
+    system: System, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
+) -> tuple[System, list[Problem]]:
+    """Change parameters of the system, as far as that is possible: by a study of the file, then from outside of it."""
+    values: dict[str, Any] = {name: change.value for name, change in own.items()}
+    try:
+        system.at(values)
+    except ModelError as error:
+        return system, list(_own_problems(source, own, error))
+    problems = []
     for name, value in changes.items():
         try:
             system.structure.place(name)
-            known[name] = value
+            values[name] = value
         except ModelError as error:
-            problems.append(Problem(str(error), file=file))
+            problems.append(Problem(str(error), file=source.name))
     try:
-        system = system.at(known)
+        system = system.at(values)
     except ModelError as error:
-        problems += [Problem(line, file=file) for line in dict.fromkeys(str(error).splitlines())]
+        problems += [Problem(line, file=source.name) for line in dict.fromkeys(str(error).splitlines())]
     return system, problems
 
 
-def _walk_of(source: Source, changes: Mapping[str, object]) -> tuple[object, bool]:
-    """The parameter that the study walks, and whether the study says from where."""
-    study = source.data.get("study")
-    study = study if isinstance(study, Mapping) else {}
-    walked = changes.get("study.parameter", study.get("parameter"))
-    return walked, "from" in study or "study.from" in changes
+def _own_problems(source: Source, own: Mapping[str, Change], error: ModelError) -> Iterator[Problem]:
+    """Each line of an error, at the value that it begins with, or at the first of them."""
+    for line in dict.fromkeys(str(error).splitlines()):
+        name, _, reason = line.partition(" ")
+        if name in own:
+            yield source.problem(reason, own[name].path)
+        else:
+            yield source.problem(f"is refused: {line}", next(iter(own.values())).path)
+
+
+def _study_paths(source: Source, name: str) -> Iterator[Path]:
+    """The keys of studies that the name of a change stands for."""
+    first, *keys = name.split(".")
+    if first != "study" or not keys:
+        return
+    tables = study_tables(source)
+    named = [path for path, table in tables.items() if len(keys) > 1 and table.get("name") == keys[0]]
+    if named:
+        yield from ((*path, *keys[1:]) for path in named)
+    else:
+        yield from ((*path, *keys) for path in tables or [("study",)])
+
+
+def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]) -> bool:
+    """Whether a study walks a parameter and says from where."""
+    parameter = changes.get("study.parameter", table.get("parameter"))
+    return parameter == name and ("from" in table or "study.from" in changes)
+
+
+def _leaves(table: Mapping[str, object], path: Path) -> Iterator[Change]:
+    """All values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, (*path, key))
+        else:
+            yield Change(value, (*path, key))

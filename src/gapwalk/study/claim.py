@@ -13,7 +13,7 @@ from gapwalk import __version__
 from gapwalk.errors import StoreError
 from gapwalk.study.database import APPLICATION, explained, tidy
 from gapwalk.study.file import Study
-from gapwalk.study.result import Stored, read
+from gapwalk.study.stored import Stored, read
 
 
 def earlier_result(path: str | os.PathLike[str], study: Study, *, resume: bool, force: bool) -> Stored | None:
@@ -24,6 +24,14 @@ def earlier_result(path: str | os.PathLike[str], study: Study, *, resume: bool, 
     StoreError
         If there is a file, and it is neither to be resumed nor to be written over, or cannot be.
     """
+    stored = check_claim(path, study, resume=resume, force=force)
+    if stored is not None:
+        tidy(path)
+    return stored
+
+
+def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, force: bool) -> Stored | None:
+    """The same as `earlier_result`, without a change to any file."""
     name = os.fspath(path)
     if resume and force:
         raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")
@@ -34,7 +42,6 @@ def earlier_result(path: str | os.PathLike[str], study: Study, *, resume: bool, 
     if resume:
         stored = read(path)
         _check_same(name, study, stored.study)
-        tidy(path)
         return stored
     if not force:
         raise StoreError(
@@ -84,7 +91,7 @@ def _check_same(name: str, study: Study, stored: Study) -> None:
     if type(study.options) is not type(stored.options):
         differences.append("the study is of another kind")
     else:
-        for field in fields(study.options):
+        for field in (each for each in fields(study.options) if each.compare):
             now, before = getattr(study.options, field.name), getattr(stored.options, field.name)
             if now != before:
                 differences.append(f"the study's {field.name} is {now!r}, and was {before!r}")

@@ -18,22 +18,26 @@ APPLICATION = 0x67617077
 SCHEMA = 1
 """Version of the tables below; a file with a larger one comes from a newer gapwalk."""
 
-# A branch goes on from its `state` unless it has an `end`, which is then why it is complete. The points of one
-# moment stand in one row: thousands of small rows would take longer to write than the points to compute.
+# The one branch of a response goes on from its `state` unless it has `ends`. The branches of a diagram are written
+# whole. The points of one moment stand in one row: thousands of small rows would take longer to write than the points
+# to compute.
 TABLES = (
     """CREATE TABLE result (
-    key TEXT PRIMARY KEY, -- title, text, changes, system, study, versions, codec: all in JSON
+    key TEXT PRIMARY KEY, -- title, name, text, changes, system, study, versions, diagram: all in JSON
     value TEXT NOT NULL
 ) WITHOUT ROWID""",
     """CREATE TABLE branch (
     id INTEGER PRIMARY KEY,
+    name TEXT NOT NULL, -- such as P2-3
     parameter TEXT NOT NULL,
     period INTEGER NOT NULL, -- m
     unknowns INTEGER NOT NULL, -- scaled variables of a point, N + 1
-    start BLOB NOT NULL, -- the orbit that was found first, see gapwalk.study.codec
-    start_events BLOB NOT NULL,
+    start BLOB, -- of a response: the orbit that was found first, see gapwalk.study.codec
+    start_events BLOB,
+    begins TEXT, -- where it begins on another branch, and where it ends on one, in JSON
+    joins TEXT,
     state TEXT, -- where the walk has come to, in JSON
-    end TEXT -- where and why it ended, in JSON
+    ends TEXT -- where and why it ends, at its beginning and at its end, in JSON
 )""",
     """CREATE TABLE points (
     branch INTEGER NOT NULL,

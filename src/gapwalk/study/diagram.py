@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gapwalk.bifurcation.departure import depart, directions
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.membership import lies_on
+from gapwalk.bifurcation.search import SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
@@ -35,17 +38,26 @@ class DiagramOptions:
         Branches after which it stops, and says so.
     workers
         Processes to work in; by default one for each local core. The result does not depend on it.
+    search_values
+        Number of values of the parameter, spread evenly over the range, at which branches are sought that hang
+        together with no other; 0 for no search.
+    search
+        How thoroughly to search there.
     """
 
     max_period: int = 8
     max_branches: int = 200
     workers: int | None = None
+    search_values: int = 0
+    search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
         for name in ("max_period", "max_branches"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 1")
+        if isinstance(self.search_values, bool) or not isinstance(self.search_values, int) or self.search_values < 0:
+            raise ModelError(f"search_values is {self.search_values!r}; it must be an integer >= 0")
 
 
 @dataclass(frozen=True)
@@ -108,6 +120,8 @@ def diagram(
     try:
         with workers(options.workers) as hands:
             grower.plant([orbit], hands)
+            if options.search_values:
+                grower.search(orbit.system, hands)
     except KeyboardInterrupt:
         return grower.diagram
     return replace(grower.diagram, complete=not grower.truncated)
@@ -134,6 +148,25 @@ class _Grower:
         while generation := [limb for limb in self.diagram.limbs if self.diagram.depth(limb) == depth]:
             self._branch_off(generation, hands)
             depth += 1
+
+    def search(self, system: System, hands: Workers) -> None:
+        """Add the branches that hang together with no other, and say what the search has covered."""
+        low, high = self.diagram.within
+        count = self.options.search_values
+        values = low + (high - low) * (np.arange(count) + 0.5) / count
+        result = search(
+            system,
+            self.diagram.parameter,
+            values,
+            known=self.diagram.branches,
+            options=self.options.search,
+            hands=hands,
+        )
+        new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
+        self.plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
+        if not result.complete:
+            raise KeyboardInterrupt
+        self.diagram = replace(self.diagram, notes=(*self.diagram.notes, *coverage(result)))
 
     def _branch_off(self, generation: list[Limb], hands: Workers) -> None:
         """Walk away from every flip and branch point of one generation of branches."""

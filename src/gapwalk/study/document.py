@@ -6,6 +6,7 @@ import cmath
 import math
 from typing import Any
 
+from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
@@ -18,14 +19,19 @@ KINDS = ("half", "max", "min")
 
 def result_document(result: Result, points: bool = True) -> dict[str, Any]:
     """A result: branches, their points (if wanted), ends, and the special points of all branches."""
-    return {
+    document = {
         "title": result.title,
+        "name": result.study.name or None,
+        "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
         "parameters": dict(result.system.parameters),
         "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
         "special_points": special_documents(result),
     }
+    for branch, name in zip(document["branches"], result.names, strict=True):
+        branch["name"] = name
+    return document if result.diagram is None else document | _tree_document(result.diagram, document["branches"])
 
 
 def branch_document(branch: Branch, number: int, points: bool = True) -> dict[str, Any]:
@@ -42,13 +48,35 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
     return document
 
 
+def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the document of a diagram has besides: where branches are attached to others, cascades and notes."""
+    for limb, document in zip(diagram.limbs, branches, strict=True):
+        document["begins"], document["joins"] = _origin(limb.begins), _origin(limb.joins)
+    return {
+        "branches": branches,
+        "cascades": [
+            {"branches": list(cascade.limbs), "values": list(cascade.values), "ratios": list(cascade.ratios)}
+            for cascade in diagram.cascades
+        ],
+        "notes": list(diagram.notes),
+    }
+
+
+def _origin(origin: Origin | None) -> dict[str, Any] | None:
+    """Where a branch begins or ends: the name of another one, and which of its special points, from 0."""
+    return None if origin is None else {"branch": origin.parent, "special_point": origin.special}
+
+
 def special_documents(result: Result) -> list[dict[str, Any]]:
     """The special points of all branches, in the order of the walks."""
-    return [
-        special_document(special, branch, number)
-        for number, branch in enumerate(result.branches, start=1)
-        for special in branch.special_points
-    ]
+    documents = []
+    for number, (name, branch) in enumerate(zip(result.names, result.branches, strict=True), start=1):
+        for index, special in enumerate(branch.special_points):
+            document = special_document(special, branch, number)
+            if result.diagram is not None:
+                document["leads_to"] = [limb.name for limb in result.diagram.attached(name, index)]
+            documents.append(document)
+    return documents
 
 
 def point_document(point: BranchPoint) -> dict[str, Any]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
+from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import StoreError
 from gapwalk.orbit.measures import MEASURES
@@ -34,19 +35,20 @@ def export_csv(result: Result, points: str | os.PathLike[str], special_points: s
 def points_csv(result: Result) -> str:
     """The points of all branches, a line each.
 
-    The columns are: number of the branch, period, parameter, stability, contacts; maximum, minimum, half the peak to
-    peak, mean and rms of each coordinate; the state at theta = 0; modulus and argument (in radians) of the
+    The columns are: number and name of the branch, period, parameter, stability, contacts; maximum, minimum, half the
+    peak to peak, mean and rms of each coordinate; the state at theta = 0; modulus and argument (in radians) of the
     multipliers.
     """
     coordinates = result.system.coordinates
     states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
     multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
-    header = ["branch", "period", result.options.parameter, "stable", "instability", "contacts"]
+    header = ["branch", "name", "period", result.options.parameter, "stable", "instability", "contacts"]
     return _table(
         [*header, *_measure_names(coordinates), *states, *multipliers],
         (
             [
                 number,
+                name,
                 branch.period,
                 point.value,
                 point.stable,
@@ -56,7 +58,7 @@ def points_csv(result: Result) -> str:
                 *point.orbit.state.tolist(),
                 *np.column_stack((np.abs(point.orbit.multipliers), np.angle(point.orbit.multipliers))).ravel().tolist(),
             ]
-            for number, branch in enumerate(result.branches, start=1)
+            for number, (name, branch) in enumerate(_named(result), start=1)
             for point in branch.points
         ),
     )
@@ -65,10 +67,11 @@ def points_csv(result: Result) -> str:
 def special_points_csv(result: Result) -> str:
     """The special points of all branches, a line each.
 
-    The multiplier is the critical one, and empty at a grazing point; `contact` is what grazes there.
+    The multiplier is the critical one, and empty at a grazing point; `contact` is what grazes there; `leads.to` names
+    the branches of a diagram that begin or end there.
     """
     coordinates = result.system.coordinates
-    header = ["branch", "period", "kind", result.options.parameter, "uncertainty", "before", "after"]
+    header = ["branch", "name", "period", "kind", result.options.parameter, "uncertainty", "before", "after"]
     header += [
         "unstable.before",
         "unstable.after",
@@ -78,12 +81,14 @@ def special_points_csv(result: Result) -> str:
         "judged",
         "contact",
         "contacts",
+        "leads.to",
     ]
     return _table(
         [*header, *_measure_names(coordinates)],
         (
             [
                 number,
+                name,
                 branch.period,
                 special.kind.value,
                 special.value,
@@ -97,10 +102,11 @@ def special_points_csv(result: Result) -> str:
                 special.judged,
                 special.contact,
                 special.orbit.pattern,
+                " ".join(limb.name for limb in result.diagram.attached(name, index)) if result.diagram else "",
                 *_measures(special.point),
             ]
-            for number, branch in enumerate(result.branches, start=1)
-            for special in branch.special_points
+            for number, (name, branch) in enumerate(_named(result), start=1)
+            for index, special in enumerate(branch.special_points)
         ),
     )
 
@@ -130,6 +136,10 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
         if not final.parent.is_dir():
             raise StoreError(f"{final} cannot be written: there is no folder {final.parent}; make it") from None
         raise StoreError(f"{final} cannot be written: {error.strerror or error}") from None
+
+
+def _named(result: Result) -> Iterator[tuple[str, Branch]]:
+    return zip(result.names, result.branches, strict=True)
 
 
 def _measure_names(coordinates: Sequence[str]) -> list[str]:

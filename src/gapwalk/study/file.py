@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from gapwalk.errors import ModelError
 from gapwalk.model.fields import Names
-from gapwalk.model.file import check_system, in_order
-from gapwalk.model.problem import ModelFileError, Problem, did_you_mean, given
+from gapwalk.model.file import SystemPart, check_system, in_order
+from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
-from gapwalk.study.changes import change_source, change_system
+from gapwalk.study.changes import change_source, change_system, study_changes, study_tables
 from gapwalk.study.options import StudyOptions
 from gapwalk.study.tables import KINDS, StudyPart, Surroundings
 
@@ -33,6 +34,8 @@ class Study:
         The text of the model file.
     changes
         What was changed after reading it, by name.
+    name
+        What tells it from the other studies of its file; may be empty.
     """
 
     system: System
@@ -40,9 +43,10 @@ class Study:
     title: str = ""
     text: str = ""
     changes: tuple[tuple[str, object], ...] = ()
+    name: str = ""
 
 
-def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None) -> Study:
+def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None, name: str = "") -> Study:
     """Read a model file with its study.
 
     Parameters
@@ -52,45 +56,89 @@ def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | Non
     changes
         Other values than those of the file, by parameter, or by ``study.`` and a key of the study, for example
         ``{"stage2.clearance": 0.5, "study.to": 0.3}``.
+    name
+        Which of its studies, if it has several.
 
     Raises
     ------
     ModelFileError
         With everything that is wrong, each problem with its line.
+    ModelError
+        If there is no study of that name, or the file has several and no name is given.
     """
-    return check_study(read_source(path), changes)
+    return _one_of(read_studies(path, changes), name, os.fspath(path))
 
 
-def check_study(source: Source, changes: Mapping[str, object] | None = None) -> Study:
+def read_studies(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
+    """Read a model file with all of its studies, in their order; parameters and errors as `read_study`."""
+    return check_studies(read_source(path), changes)
+
+
+def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
     """The study that a source describes; see `read_study`."""
+    return _one_of(check_studies(source, changes), name, source.name)
+
+
+def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
+    """The studies that a source describes; see `read_studies`."""
     asked = dict(changes or {})
     source, rest, problems = change_source(source, asked)
     part, found = check_system(source)
     problems += found
     system = part.system() if part else _sketch(source)
-    if system:
-        system, found = change_system(system, rest, source.name)
-        problems += found
-    study, found = _check_study_table(source, system)
-    problems += found + list(_frequency_problems(source))
-    if part is None or system is None or study is None or problems:
-        raise ModelFileError(in_order(problems))
-    return Study(study.system(system), study.options(system), part.title, source.text, tuple(asked.items()))
-
-
-def _check_study_table(source: Source, system: System | None) -> tuple[StudyPart | None, list[Problem]]:
-    table = source.data.get("study")
-    if table is None:
+    tables = study_tables(source)
+    if source.data.get("study") is None:
         example = 'add [study] with kind = "response", parameter, from and to'
-        return None, [source.problem(f"is missing; {example}", ("study",))]
-    if not isinstance(table, Mapping):
-        return None, []  # the schema of the file has said so
-    kind = table.get("kind")
+        problems.append(source.problem(f"is missing; {example}", ("study",)))
+        problems += change_system(system, source, {}, rest)[1] if system else []
+    studies = []
+    for at in tables:
+        study, found = _check_table(source, at, part, system, rest, asked)
+        studies.append(study)
+        problems += found
+    if part is None or problems:
+        raise ModelFileError(in_order(list(dict.fromkeys(problems))))
+    return tuple(studies)
+
+
+def _check_table(
+    source: Source,
+    at: Path,
+    part: SystemPart | None,
+    system: System | None,
+    changes: Mapping[str, object],
+    asked: Mapping[str, object],
+) -> tuple[Study | None, list[Problem]]:
+    """The study of one table; None if something is wrong with it."""
+    own, problems = study_changes(source, at, system)
+    if system:
+        # what is given from outside of the file has the last word
+        system, found = change_system(system, source, {key: own[key] for key in own if key not in asked}, changes)
+        problems += found
+    has_frequency = "frequency" in source.data or "frequency" in own
+    table, found = _validated(source, at, system, has_frequency)
+    problems += found
+    if not has_frequency:
+        problems += _frequency_problems(source, at)
+    if part is None or system is None or table is None or problems:
+        return None, problems
+    title = table.title or (f"{part.title}: {table.name}" if part.title and table.name else part.title)
+    options, changed = table.options(system), tuple(asked.items())
+    return Study(table.system(system), options, title, source.text, changed, table.name or ""), []
+
+
+def _validated(
+    source: Source, at: Path, system: System | None, has_frequency: bool
+) -> tuple[StudyPart | None, list[Problem]]:
+    tables = study_tables(source)
+    kind = tables[at].get("kind")
     schema = KINDS.get(kind) if isinstance(kind, str) else None
     if schema is None:
-        return None, [source.problem(_kind_problem(table), ("study", "kind"))]
-    surroundings = Surroundings(system, frequency_given="frequency" in source.data)
-    return validate(schema, table, source, ("study",), lambda: surroundings)
+        return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
+    places = list(tables)
+    earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier)
+    return validate(schema, tables[at], source, at, lambda: surroundings)
 
 
 def _kind_problem(table: Mapping[str, object]) -> str:
@@ -102,13 +150,25 @@ def _kind_problem(table: Mapping[str, object]) -> str:
     return f"is {given(kind)}; it must be one of {known}" + (f"; {hint}" if hint.endswith("?") else "")
 
 
-def _frequency_problems(source: Source):
+def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
     """A frequency may be left out only where the study gives one."""
-    study = source.data.get("study")
-    walked = study.get("parameter") if isinstance(study, Mapping) else None
-    if "frequency" not in source.data and isinstance(walked, str) and walked != "frequency":
+    walked = study_tables(source)[at].get("parameter")
+    if isinstance(walked, str) and walked != "frequency":
         message = f"is missing; the study walks {walked}, so write at which frequency"
         yield source.problem(message, ("frequency",))
+
+
+def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
+    """The study of a name, or the only one."""
+    named = [study for study in studies if study.name == name] if name else list(studies)
+    if len(named) == 1:
+        return named[0]
+    known = [study.name for study in studies if study.name]
+    if name and not known:
+        raise ModelError(f"{file} has one study, and no name for it; leave the name {name!r} out")
+    if name:
+        raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
+    raise ModelError(f"{file} has {len(studies)} studies, so name the one that is meant: {', '.join(known)}")
 
 
 def _sketch(source: Source) -> System | None:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
 
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.diagram import DiagramOptions
+
+_LIMITS = DiagramOptions()
 
 
 class Start(StrEnum):
@@ -19,8 +23,8 @@ class Start(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ResponseOptions:
-    """A response curve: the branch of periodic orbits over one parameter.
+class StudyOptions:
+    """What all kinds of study have in common: a first orbit, and the range of one parameter.
 
     Parameters
     ----------
@@ -29,8 +33,8 @@ class ResponseOptions:
     begin, end
         The values between which it is walked, from the first to the second.
     measure
-        What a picture of the branch shows: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or
-        ``rms``, a dot, and a coordinate, for example ``"half.q1"``.
+        What a picture shows: ``max``, ``min``, ``half`` (half the peak to peak), ``mean`` or ``rms``, a dot, and a
+        coordinate, for example ``"half.q1"``.
     period
         m: the orbits repeat after m forcing periods.
     start
@@ -39,6 +43,9 @@ class ResponseOptions:
     walk, shooting
         Numerical options of the walk, and of the orbits on it.
     """
+
+    kind: ClassVar[str]
+    """What a model file calls this kind of study."""
 
     parameter: str
     begin: float
@@ -50,5 +57,32 @@ class ResponseOptions:
     shooting: Shooting = field(default_factory=Shooting)
 
 
-StudyOptions = ResponseOptions
-"""The options of any kind of study."""
+@dataclass(frozen=True, slots=True)
+class ResponseOptions(StudyOptions):
+    """A response curve: the branch of periodic orbits over one parameter; parameters as `StudyOptions`."""
+
+    kind: ClassVar[str] = "response"
+
+
+@dataclass(frozen=True, slots=True)
+class DiagramStudyOptions(StudyOptions):
+    """A diagram: all branches that are attached to the first one, over one parameter.
+
+    Parameters
+    ----------
+    parameter, begin, end, measure, period, start, walk, shooting
+        As `StudyOptions`, for the first branch; the range is that of all.
+    max_period, max_branches, workers
+        How far it goes, and in how many processes; as `DiagramOptions`.
+    """
+
+    kind: ClassVar[str] = "diagram"
+
+    max_period: int = _LIMITS.max_period
+    max_branches: int = _LIMITS.max_branches
+    workers: int | None = field(default=None, compare=False)  # it changes nothing of the result
+
+    @property
+    def limits(self) -> DiagramOptions:
+        """How far the diagram goes, and in how many processes."""
+        return DiagramOptions(self.max_period, self.max_branches, self.workers)

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from gapwalk.bifurcation.detect import DetectorState
+from gapwalk.bifurcation.diagram import Origin
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
@@ -17,7 +18,7 @@ from gapwalk.model.contact import DampingLaw, Side
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.options import ResponseOptions, Start, StudyOptions
+from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start, StudyOptions
 
 Plain = Any
 """What JSON can write."""
@@ -77,24 +78,30 @@ def system_of(plain: Plain) -> System:
 
 def plain_options(options: StudyOptions) -> Plain:
     """The options of a study, with its kind."""
-    return {"kind": "response", **asdict(options)}
+    return {"kind": options.kind, **asdict(options)}
 
 
 def options_of(plain: Plain) -> StudyOptions:
     """The options; errors as `system_of`."""
-    if plain["kind"] != "response":
-        raise ValueError(f"there is no study of the kind {plain['kind']!r}")
     start = plain["start"]
-    return ResponseOptions(
-        parameter=str(plain["parameter"]),
-        begin=float(plain["begin"]),
-        end=float(plain["end"]),
-        measure=str(plain["measure"]),
-        period=int(plain["period"]),
-        start=Start(start) if isinstance(start, str) else tuple(float(value) for value in start),
-        walk=WalkOptions(**plain["walk"]),
-        shooting=Shooting(**plain["shooting"]),
-    )
+    given = {
+        "parameter": str(plain["parameter"]),
+        "begin": float(plain["begin"]),
+        "end": float(plain["end"]),
+        "measure": str(plain["measure"]),
+        "period": int(plain["period"]),
+        "start": Start(start) if isinstance(start, str) else tuple(float(value) for value in start),
+        "walk": WalkOptions(**plain["walk"]),
+        "shooting": Shooting(**plain["shooting"]),
+    }
+    match plain["kind"]:
+        case ResponseOptions.kind:
+            return ResponseOptions(**given)
+        case DiagramStudyOptions.kind:
+            workers = plain["workers"]
+            given |= {name: int(plain[name]) for name in ("max_period", "max_branches")}
+            return DiagramStudyOptions(**given, workers=None if workers is None else int(workers))
+    raise ValueError(f"there is no study of the kind {plain['kind']!r}")
 
 
 def plain_end(end: End) -> Plain:
@@ -105,6 +112,16 @@ def plain_end(end: End) -> Plain:
 def end_of(plain: Plain) -> End:
     """The end; errors as `system_of`."""
     return End(EndReason[plain["reason"]], float(plain["value"]), str(plain["detail"]))
+
+
+def plain_origin(origin: Origin | None) -> Plain:
+    """Where a branch begins or ends on another."""
+    return None if origin is None else {"parent": origin.parent, "special": origin.special}
+
+
+def origin_of(plain: Plain) -> Origin | None:
+    """The same; errors as `system_of`."""
+    return None if plain is None else Origin(str(plain["parent"]), int(plain["special"]))
 
 
 def plain_progress(progress: Progress) -> Plain:

@@ -17,12 +17,9 @@ from gapwalk.study.claim import earlier_result, versions
 from gapwalk.study.codec import PointCodec
 from gapwalk.study.database import lock
 from gapwalk.study.file import Study
-from gapwalk.study.result import Result, Stored, StoredWalk, is_complete
+from gapwalk.study.result import Result
 from gapwalk.study.store import Report, Store, WalkFile, create_result
-
-"""Detail of the end of a walk that was stopped by Ctrl-C."""
-
-_BRANCH = 1  # the number of the one branch of a response
+from gapwalk.study.stored import Stored, StoredDiagram, StoredWalk
 
 
 def run_response(
@@ -35,45 +32,47 @@ def run_response(
 ) -> Result:
     """Run the study of a response; parameters and errors as in `gapwalk.run`."""
     with nullcontext() if output is None else lock(output):
-        stored, trail = _set_out(study, output, resume=resume, force=force)
-        walk = stored.walks[_BRANCH]
+        walk, trail, written_by = _set_out(study, output, resume=resume, force=force)
         if report is not None:
             _report_again(walk, report)
         if trail is not None:
-            with _store(output, stored, report) as store:
-                end = _walk(trail, walk, store, report)
-            stored.walks[_BRANCH] = walk._replace(end=end)
-        return stored.result()
+            with _store(study, output, walk, written_by, report) as store:
+                walk = _walk(trail, walk, store, report)
+        return Stored(study, walk, written_by).result()
 
 
 def _set_out(
     study: Study, output: str | os.PathLike[str] | None, *, resume: bool, force: bool
-) -> tuple[Stored, Trail | None]:
-    """What there is before the walk, and the trail to walk; None if it was walked to its end already."""
+) -> tuple[StoredWalk, Trail | None, dict[str, str]]:
+    """What there is before the walk, the trail to walk (None if it was walked to its end already), and the versions."""
     earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
     if earlier is not None:
-        walk = earlier.walks[_BRANCH]
-        if is_complete(walk.end):
-            return earlier, None
-        return earlier._replace(versions=versions(earlier.versions)), _trail(study, walk.start, _state(walk))
+        walk = earlier.found
+        assert not isinstance(walk, StoredDiagram)  # the study is the same
+        if walk.is_complete:
+            return walk, None, earlier.versions
+        return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)
     options = study.options
     start = find_orbit(study.system, options.period, options.start, shooting=options.shooting)
     trail = _trail(study, start)
-    stored = Stored(study, {_BRANCH: StoredWalk(start, [trail.first], [], None, None)}, versions())
+    walk = StoredWalk(start, [trail.first], [], None, None)
     if output is not None:
-        create_result(output, study, start, trail.first, stored.versions)
-    return stored, trail
+        create_result(output, study, start, trail.first, versions())
+    return walk, trail, versions()
 
 
 def _store(
-    output: str | os.PathLike[str] | None, stored: Stored, report: Report | None
+    study: Study,
+    output: str | os.PathLike[str] | None,
+    walk: StoredWalk,
+    written_by: dict[str, str],
+    report: Report | None,
 ) -> AbstractContextManager[Store | None]:
     if output is None:
         return nullcontext()
-    options, walk = stored.study.options, stored.walks[_BRANCH]
-    codec = PointCodec(stored.study.system, options.parameter, options.period, len(walk.points[0].x))
-    file = WalkFile(codec, len(walk.points), len(walk.special_points), _BRANCH)
-    return Store(output, file, stored.versions, report)
+    options = study.options
+    codec = PointCodec(study.system, options.parameter, options.period, len(walk.points[0].x))
+    return Store(output, WalkFile(codec, len(walk.points), len(walk.special_points)), written_by, report)
 
 
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
@@ -92,8 +91,8 @@ def _state(walk: StoredWalk) -> TrailState | None:
     return TrailState(WalkState(previous, point, walk.progress.step, walk.progress.count), walk.progress.detector)
 
 
-def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> End:
-    """Walk to the end, and keep all points in `walk` and in the store."""
+def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> StoredWalk:
+    """Walk to the end, and keep all points in `walk` and in the store; the walk with its ends."""
     end = None
     with _Interrupt() as interrupt:
         try:
@@ -101,7 +100,7 @@ def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | 
                 walk.points.append(point)
                 walk.special_points.extend(special_points)
                 if store is not None:
-                    store.add(point, special_points, trail.state, trail.end)
+                    store.add(point, special_points, trail.state, _ends(walk, trail.end))
                 elif report is not None:
                     report(point, special_points)
                 if interrupt.asked and trail.end is None:
@@ -110,10 +109,14 @@ def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | 
             end = end or trail.end
         except NumericalError as error:
             end = End(EndReason.FAILED, walk.points[-1].value, str(error))
-        end = end or End(EndReason.STOPPED, walk.points[-1].value)
+        ends = (walk.first_end, end or End(EndReason.STOPPED, walk.points[-1].value))
         if store is not None:
-            store.finish(end)
-    return end
+            store.finish(ends)
+    return walk._replace(ends=ends)
+
+
+def _ends(walk: StoredWalk, end: End | None) -> tuple[End, ...] | None:
+    return None if end is None else (walk.first_end, end)
 
 
 def _report_again(walk: StoredWalk, report: Report) -> None:

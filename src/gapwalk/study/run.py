@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
+from gapwalk.study.diagram_study import run_diagram
 from gapwalk.study.file import Study
+from gapwalk.study.options import DiagramStudyOptions
 from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
-from gapwalk.study.store import Report
 
 
 def run(
@@ -16,12 +18,12 @@ def run(
     *,
     resume: bool = False,
     force: bool = False,
-    report: Report | None = None,
+    report: Callable[..., object] | None = None,
 ) -> Result:
     """Run a study.
 
-    Ctrl-C stops it between two points: what has been found is returned, and not `complete`. So does a failure of the
-    numerics on the way; the end of the branch says what happened.
+    Ctrl-C stops it: what has been found is returned, and not `complete`. A failure of the numerics on the way does not
+    lose the rest; the end of a branch, or a note of a diagram, says what happened.
 
     Parameters
     ----------
@@ -35,8 +37,9 @@ def run(
     force
         Write over an existing result file.
     report
-        Called with each new point and the special points before it, once they are in the file. The points of a
-        resumed result come first.
+        Called with what is new, once it is in the file: of a response, each point and the special points before it
+        (`gapwalk.study.store.Report`); of a diagram, the diagram and the branch that was added to it
+        (`gapwalk.study.diagram_study.Report`). What a resumed result has already comes first.
 
     Raises
     ------
@@ -47,5 +50,9 @@ def run(
         If the study makes no sense.
     NumericalError
         If no first orbit is found.
+    KeyboardInterrupt
+        After Ctrl-C before a diagram has its first branch.
     """
+    if isinstance(study.options, DiagramStudyOptions):
+        return run_diagram(study, output, resume=resume, force=force, report=report)
     return run_response(study, output, resume=resume, force=force, report=report)

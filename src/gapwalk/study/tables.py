@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -15,7 +16,7 @@ from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.options import ResponseOptions, Start, StudyOptions
+from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start, StudyOptions
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,16 @@ class Surroundings:
         The system; if the file is wrong elsewhere, one with the same parameters; None if even those are unknown.
     frequency_given
         Whether the file gives the frequency.
+    alone
+        Whether there is no other study in the file.
+    taken
+        Names of the studies before it.
     """
 
     system: System | None
     frequency_given: bool
+    alone: bool = True
+    taken: tuple[str, ...] = ()
 
 
 class WalkPart(Part):
@@ -70,21 +77,6 @@ class ShootingPart(Part):
         return Shooting(**self.model_dump(exclude_unset=True))
 
 
-class StudyPart(Part):
-    """What the schemas of all kinds of study have in common.
-
-    A new kind is a subclass with a literal `kind` of its own, its place in `KINDS`, and a dataclass of options.
-    """
-
-    def system(self, system: System) -> System:
-        """The system as the study begins."""
-        raise NotImplementedError
-
-    def options(self, system: System) -> StudyOptions:
-        """The options of the study of this system."""
-        raise NotImplementedError
-
-
 def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
     system = info.context.system
     if system and len(start) != 2 * system.size:
@@ -103,10 +95,15 @@ _StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0,
 _State = Annotated[list[Number], AfterValidator(_state_length)]
 
 
-class ResponsePart(StudyPart):
-    """The study ``kind = "response"``: one branch over one parameter."""
+class StudyPart(Part):
+    """What the schemas of all kinds of study have in common: a first orbit, and the range of one parameter.
 
-    kind: Literal["response"]
+    A new kind is a subclass with a literal `kind` of its own, its place in `KINDS`, and a dataclass of options.
+    """
+
+    name: Text | None = Field(default=None, validate_default=True)
+    title: Text = ""
+    set: Any = None  # other values of the system; read by `gapwalk.study.changes`
     parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
     begin: Number | None = Field(default=None, alias="from", validate_default=True)
     end: Number = Field(alias="to", description="write the value at which the walk ends")
@@ -117,6 +114,23 @@ class ResponsePart(StudyPart):
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)
     shooting: ShootingPart = Field(default_factory=ShootingPart)
+
+    @field_validator("name")
+    @classmethod
+    def _can_name_a_file(cls, name: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+        if name is None:
+            if not info.context.alone:
+                raise ValueError('is missing; the result is called by it, as in name = "light-load"')
+            return None
+        if not re.fullmatch(r"\w[\w-]*", name):
+            raise ValueError(f"is {given(name)}; write letters, digits, - and _, as in light-load")
+        if name in _keys():
+            raise ValueError(f"is {given(name)}, which is a key of studies; choose another name")
+        if name.casefold() in (
+            other.casefold() for other in info.context.taken
+        ):  # on some disks they would be one file
+            raise ValueError(f"is {given(name)}, which is taken already; choose another name")
+        return name
 
     @field_validator("parameter")
     @classmethod
@@ -174,23 +188,57 @@ class ResponsePart(StudyPart):
         """The system at the first value of the parameter."""
         return system if self.begin is None else system.at({self.parameter: self.begin})
 
-    def options(self, system: System) -> ResponseOptions:
-        """The options of this study; keys that are not given have the defaults of `ResponseOptions`."""
-        more = {}
+    def options(self, system: System) -> StudyOptions:
+        """The options of the study of this system."""
+        raise NotImplementedError
+
+    def given(self, system: System) -> dict[str, Any]:
+        """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""
+        found: dict[str, Any] = {
+            "parameter": self.parameter,
+            "begin": self.system(system)[self.parameter],
+            "end": self.end,
+            "measure": self.measure or f"half.{system.coordinates[0]}",
+            "walk": self.walk.options(),
+            "shooting": self.shooting.options(),
+        }
         if "period" in self.model_fields_set:
-            more["period"] = self.period
+            found["period"] = self.period
         if "start" in self.model_fields_set:
-            more["start"] = tuple(self.start) if isinstance(self.start, list) else self.start
-        return ResponseOptions(
-            self.parameter,
-            begin=self.system(system)[self.parameter],
-            end=self.end,
-            measure=self.measure or f"half.{system.coordinates[0]}",
-            walk=self.walk.options(),
-            shooting=self.shooting.options(),
-            **more,
+            found["start"] = tuple(self.start) if isinstance(self.start, list) else self.start
+        return found
+
+
+class ResponsePart(StudyPart):
+    """The study ``kind = "response"``: one branch over one parameter."""
+
+    kind: Literal["response"]
+
+    def options(self, system: System) -> ResponseOptions:
+        """The options of the study of this system."""
+        return ResponseOptions(**self.given(system))
+
+
+class DiagramPart(StudyPart):
+    """The study ``kind = "diagram"``: all branches that are attached to the first one."""
+
+    kind: Literal["diagram"]
+    max_period: Count | None = None
+    max_branches: Count | None = None
+    workers: Count | None = None
+
+    def options(self, system: System) -> DiagramStudyOptions:
+        """The options of the study of this system; limits that are not given have the defaults of the options."""
+        limits = {name: getattr(self, name) for name in ("max_period", "max_branches", "workers")}
+        return DiagramStudyOptions(
+            **self.given(system), **{name: value for name, value in limits.items() if value is not None}
         )
 
 
-KINDS: dict[str, type[StudyPart]] = {"response": ResponsePart}
+KINDS: dict[str, type[StudyPart]] = {"response": ResponsePart, "diagram": DiagramPart}
 """The schemas by the value of ``kind``."""
+
+
+def _keys() -> set[str]:
+    """The keys of all kinds of study."""
+    return {info.alias or name for part in KINDS.values() for name, info in part.model_fields.items()}

@@ -1,0 +1,99 @@
+"""The orbits of a locus on which a contact is about to touch: found by how far from its breakpoint it turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.locus.departure import onto_locus
+from gapwalk.bifurcation.locus.equation import MultiplierEquation
+from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.motion.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit
+
+_SECANTS = 25
+_FIRST = 1e-4  # first step of the secant method, scaled
+_LONGEST = 1e-2  # its longest step
+_FARTHEST = 0.1  # how far it may go
+_EXACT = 1e-12  # step at which it ends
+_NOISE = 1e-7  # step from which it ends too if steps no longer shrink: rounding, which a small depth magnifies
+
+
+class Brink:
+    """The orbits of a locus of multipliers on which one deflection turns at a given depth past its breakpoint.
+
+    The condition on the multipliers changes like the square root of that depth. But the orbits of a given depth form a
+    smooth curve, near to the grazing locus and like it, and along it the condition is smooth: so they are found by
+    following that curve to where the condition holds.
+
+    Parameters
+    ----------
+    corrector
+        Corrects onto the locus of multipliers.
+    switch
+        Which stage on which side: index into `Equations.switches`.
+    """
+
+    def __init__(self, corrector: Corrector, switch: int) -> None:
+        equation = corrector.equation
+        assert isinstance(equation, MultiplierEquation)
+        self.equation, self.unit = equation, float(corrector.scales[0])
+        self.margin = MARGIN * self.unit
+        self._touch = TouchEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
+        self._scales = np.insert(corrector.scales, -2, PERIOD)
+
+    def beside(self, point: BranchPoint, theta: float) -> NDArray[np.float64]:
+        """The variables from which to look for orbits near a point of the locus, the turning point being at `theta`."""
+        return np.insert(point.x, -2, theta / PERIOD)
+
+    def turns_highest(self, start: NDArray[np.float64]) -> bool:
+        """Whether the deflection turns from rising to falling, seen from outside the breakpoint."""
+        evaluation = self._touch.evaluate(start[:-1] * self._scales[:-1], float(start[-1] * self._scales[-1]))
+        return evaluation.by_unknowns[-1, -2] < 0.0
+
+    def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
+        """The orbit with a given depth, by the secant method along the curve of that depth; None if none is found."""
+        corrector = Corrector(replace(self._touch, depth=depth), self._scales)
+        correction, tangent = onto_locus(corrector, start)
+        if correction is None:
+            return None
+        origin, s, s_before, last = correction.x, 0.0, -_FIRST, np.inf
+        before = corrector.correct(origin + s_before * tangent, tangent)
+        if before is None:
+            return None
+        g_before = self._criticality(before)
+        for _ in range(_SECANTS):
+            g = self._criticality(correction)
+            if g == g_before:
+                return None
+            step = -g * (s - s_before) / (g - g_before)
+            if abs(step) <= _EXACT or last < abs(step) < _NOISE:
+                return correction
+            s_before, g_before, last = s, g, abs(step)
+            s += max(-_LONGEST, min(_LONGEST, step))
+            correction = corrector.correct(origin + s * tangent, tangent) if abs(s) < _FARTHEST else None
+            if correction is None:
+                return None
+        return None
+
+    def orbit(self, correction: Correction) -> Orbit:
+        """The orbit of a correction."""
+        x = correction.x * self._scales
+        return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+    def _criticality(self, correction: Correction) -> float:
+        return self.equation.criticality(correction.evaluation.evidence).value
+
+
+def is_highest(correction: Correction) -> bool:
+    """Whether the deflection turns from rising to falling on the orbit of a correction."""
+    return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
+
+
+def on_locus(correction: Correction) -> NDArray[np.float64]:
+    """The variables of the locus for the orbit of a correction: those without the angle at which it turns."""
+    return np.delete(correction.x, -3)

@@ -1,0 +1,87 @@
+"""Find and locate the points of codimension two in one step along a locus.
+
+In the way of `gapwalk.bifurcation.detect`: a change of sign is located by bracketing, and wherever a test function
+bends so much that it may dip through zero between two points, the step is halved until that doubt is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from scipy.optimize import brentq
+
+from gapwalk.bifurcation.grazing import describe_switch, find_grazing
+from gapwalk.bifurcation.locus.functions import codim2_kinds, is_genuine, test_function
+from gapwalk.bifurcation.locus.locus import Codim2
+from gapwalk.bifurcation.stretch import Stretch
+from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+
+_DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
+_FINEST = 1e-5  # arclength below which two zeros are not told apart
+_NOISE = 1e-8  # size of a test function that is nothing but rounding
+_ECHO = 1e-4  # arclength within which the margin of a grazing orbit shows beside a degenerate grazing point
+_EXACT = 1e-13  # arclength to which zeros are located
+
+
+class Finding(NamedTuple):
+    """A point of codimension two: what happens, where, and which contact grazes, if any."""
+
+    kind: Codim2
+    point: BranchPoint
+    contact: str = ""
+
+
+def find_codim2(
+    locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Finding]:
+    """The points of codimension two between two neighbouring points, in order; `before` is the point before them.
+
+    Raises
+    ------
+    NumericalError
+        If a point of the locus between the two cannot be found.
+    """
+    stretch = Stretch(corrector, first, last)
+    found = [
+        Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))
+        for graze in find_grazing(stretch, before, first, last)
+    ]
+    for what in codim2_kinds(locus):
+        function = test_function(locus, what, first)
+        rate = None
+        if before is not None and before.arclength < first.arclength:
+            rate = (function(first) - function(before)) / (first.arclength - before.arclength)
+        zeros = _search(function, stretch, first, last, rate)
+        found += [Finding(what, point) for point in zeros if is_genuine(locus, what, point)]
+    return sorted(_without_echoes(found), key=lambda finding: finding.point.arclength)
+
+
+def _without_echoes(found: list[Finding]) -> list[Finding]:
+    """The findings less the change of the pattern by the grazing contact itself, where its two turning points merge."""
+    merged = [finding.point.arclength for finding in found if finding.kind is Codim2.DEGENERATE_GRAZING]
+    return [
+        finding
+        for finding in found
+        if finding.kind is not Codim2.GRAZING or all(abs(finding.point.arclength - place) > _ECHO for place in merged)
+    ]
+
+
+def _search(
+    function: Callable[[BranchPoint], float], stretch: Stretch, a: BranchPoint, b: BranchPoint, rate: float | None
+) -> list[BranchPoint]:
+    """All zeros between two points, given the rate of change before them, if any."""
+    length, at_a, at_b = b.arclength - a.arclength, function(a), function(b)
+    if max(abs(at_a), abs(at_b)) < _NOISE:
+        return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
+    if at_a * at_b < 0.0:
+        root = brentq(lambda s: function(stretch.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
+        return [stretch.at(float(root))]
+    bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+    if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
+        return []
+    middle = stretch.middle(a, b)
+    left = _search(function, stretch, a, middle, rate)
+    return left + _search(function, stretch, middle, b, (function(middle) - at_a) / (0.5 * length))

@@ -1,0 +1,142 @@
+"""Test functions along a locus: smooth, and zero where a second thing happens.
+
+==========================  ===========================================================================
+cusp, degenerate grazing    speed in the plane of the parameters, with a sign: the locus turns back there
+1:1 and 1:2 on fold, flip   sum of the products of ``mu -+ 1`` over all multipliers but one
+1:1 to 1:4 on a pair        cosine of its argument, less that of the resonance
+fold-, flip-                product of ``mu - 1`` or ``mu + 1`` over the multipliers that are not critical
+-Neimark-Sacker             product of ``mu_i mu_j - 1`` over the pairs of those
+==========================  ===========================================================================
+
+(Kuznetsov, Elements of Applied Bifurcation Theory, chapters 9 and 10.) Factors larger than 1 in size are cut to 1, so
+that a large multiplier cannot drown the one that matters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.locus.condition import critical_pair
+from gapwalk.bifurcation.locus.locus import Codim2
+from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.point import BranchPoint
+
+TestFunction = Callable[[NDArray[np.complex128]], float]
+"""A test function of the multipliers."""
+
+_TURNED = 1e-5  # speed in the plane of the parameters, of 1 along the locus, below which it counts as turning back
+_CIRCLE = 1e-5  # distance from the unit circle within which a pair counts as on it
+
+_COSINES = {
+    Codim2.RESONANCE_1_1: 1.0,
+    Codim2.RESONANCE_1_2: -1.0,
+    Codim2.RESONANCE_1_3: -0.5,
+    Codim2.RESONANCE_1_4: 0.0,
+}
+_TURNING = {Kind.FOLD: Codim2.CUSP, Kind.GRAZING: Codim2.DEGENERATE_GRAZING}
+
+
+def codim2_kinds(kind: Kind) -> tuple[Codim2, ...]:
+    """What is looked for on a locus of one kind, besides grazing contacts."""
+    match kind:
+        case Kind.FOLD:
+            return Codim2.CUSP, Codim2.RESONANCE_1_1, Codim2.FOLD_FLIP, Codim2.FOLD_NEIMARK_SACKER
+        case Kind.FLIP:
+            return Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER
+        case Kind.NEIMARK_SACKER:
+            return *_COSINES, Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER
+        case _:
+            return (
+                Codim2.DEGENERATE_GRAZING,
+                Codim2.FOLD_GRAZING,
+                Codim2.FLIP_GRAZING,
+                Codim2.NEIMARK_SACKER_GRAZING,
+            )
+
+
+def test_function(locus: Kind, what: Codim2, first: BranchPoint) -> Callable[[BranchPoint], float]:
+    """The test function of one event on a locus of one kind; `first` is the point from which a step begins."""
+    if what in _TURNING.values():
+        heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)
+        return lambda point: float(point.tangent[-2:] @ heading)
+    return lambda point: _remembered(locus, what, point)
+
+
+def multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex128]) -> float:
+    """The test function of an event that the multipliers tell."""
+    critical = _critical(locus, multipliers)
+    others = np.delete(multipliers, critical)
+    match what:
+        case Codim2.RESONANCE_1_1 | Codim2.RESONANCE_1_2 if locus is not Kind.NEIMARK_SACKER:
+            target = 1.0 if what is Codim2.RESONANCE_1_1 else -1.0
+            return _product_of_all_but_one(multipliers - target)
+        case Codim2.RESONANCE_1_1 | Codim2.RESONANCE_1_2 | Codim2.RESONANCE_1_3 | Codim2.RESONANCE_1_4:
+            return 0.5 * float(multipliers[critical].sum().real) - _COSINES[what]
+        case Codim2.FOLD_FLIP:
+            return _product(others + (1.0 if locus is Kind.FOLD else -1.0))
+        case Codim2.FOLD_GRAZING:
+            return _product(others - 1.0)
+        case Codim2.FLIP_GRAZING:
+            return _product(others + 1.0)
+        case Codim2.FOLD_NEIMARK_SACKER | Codim2.FLIP_NEIMARK_SACKER if locus is Kind.NEIMARK_SACKER:
+            return _product(others - (1.0 if what is Codim2.FOLD_NEIMARK_SACKER else -1.0))
+        case _:
+            first, second = np.triu_indices(len(others), 1)
+            return _product(others[first] * others[second] - 1.0)
+
+
+def _remembered(locus: Kind, what: Codim2, point: BranchPoint) -> float:
+    known = point.memo.get(what)
+    if known is None:
+        known = point.memo[what] = multiplier_test(locus, what, point.orbit.multipliers)
+    return known
+
+
+def is_genuine(locus: Kind, what: Codim2, point: BranchPoint) -> bool:
+    """Whether a zero of the test function is what it is taken for."""
+    if what in _TURNING.values():
+        return float(np.linalg.norm(point.tangent[-2:])) < _TURNED  # both components vanish: no mere turn of 90 degrees
+    if locus is Kind.NEIMARK_SACKER:
+        return True
+    if what in (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING):
+        multipliers = point.orbit.multipliers
+        others = np.delete(multipliers, _critical(locus, multipliers))
+        complex_ones = others[np.abs(others.imag) > _CIRCLE]
+        return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # no neutral saddle
+    return True
+
+
+def ends_locus(locus: Kind, what: Codim2) -> bool:
+    """Whether a locus ends at a point of codimension two: beyond it, its pair is real."""
+    return locus is Kind.NEIMARK_SACKER and what in (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)
+
+
+def _critical(locus: Kind, multipliers: NDArray[np.complex128]) -> list[int]:
+    """Places of the multipliers that are critical all along a locus."""
+    match locus:
+        case Kind.FOLD:
+            return [int(np.argmin(np.abs(multipliers - 1.0)))]
+        case Kind.FLIP:
+            return [int(np.argmin(np.abs(multipliers + 1.0)))]
+        case Kind.NEIMARK_SACKER:
+            return list(critical_pair(multipliers))
+        case _:
+            return []
+
+
+def _product(factors: NDArray[np.complex128]) -> float:
+    return float(np.prod(_cut(factors)).real)
+
+
+def _product_of_all_but_one(factors: NDArray[np.complex128]) -> float:
+    """Sum over i of the product of all factors but the i-th; smooth where two of them meet."""
+    table = np.tile(_cut(factors), (len(factors), 1))
+    np.fill_diagonal(table, 1.0)
+    return float(table.prod(axis=1).sum().real)
+
+
+def _cut(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    return factors / np.maximum(1.0, np.abs(factors))

@@ -1,0 +1,208 @@
+"""The records of a finished locus: its points, its ends, and the points of codimension two on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch import Kind
+from gapwalk.orbit.orbit import Orbit
+
+
+class LocusEndReason(Enum):
+    """Why a locus ends; the value is the sentence that a user reads."""
+
+    START = "the start lies on the edge of the range"
+    RANGE = "the edge of the range was reached"
+    CLOSED = "the locus closed on itself"
+    RESONANCE = "the locus ends at a strong resonance"
+    STEP = "the step became smaller than the smallest allowed"
+    POINTS = "the largest number of points was reached"
+    STOPPED = "the walk was stopped before its end"
+
+
+@dataclass(frozen=True, slots=True)
+class LocusEnd:
+    """Where and why a locus ends.
+
+    Attributes
+    ----------
+    reason
+        Why.
+    values
+        Both parameters there.
+    detail
+        More about it; may be empty.
+    """
+
+    reason: LocusEndReason
+    values: tuple[float, float]
+    detail: str = ""
+
+    def __str__(self) -> str:
+        first, second = self.values
+        text = f"{self.reason.value}, at ({first:.8g}, {second:.8g})"
+        return f"{text} ({self.detail})" if self.detail else text
+
+
+@dataclass(frozen=True)
+class LocusPoint:
+    """One point of a locus.
+
+    Attributes
+    ----------
+    values
+        Both parameters.
+    orbit
+        The orbit, on the verge of its bifurcation; its system carries all parameter values.
+    angle
+        Argument of the critical multiplier in radians, from 0 (fold) to pi (flip); on a grazing locus the angle
+        ``theta*`` at which the contact touches.
+    x : shape (N + 1,)
+        Unknowns of the equation, then the second parameter, in scaled variables; the first parameter is the one before.
+    tangent : shape (N + 1,)
+        Unit tangent of the locus there, in scaled variables, in the direction of the walk.
+    arclength
+        Scaled arclength from the start of the walk.
+    """
+
+    values: tuple[float, float]
+    orbit: Orbit
+    angle: float
+    x: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    arclength: float
+
+    def measure(self, name: str) -> float:
+        """One figure of the motion; see `Orbit.measure`."""
+        return self.orbit.measure(name)
+
+    def __repr__(self) -> str:
+        first, second = self.values
+        return f"LocusPoint({first:.10g}, {second:.10g}, contacts {self.orbit.pattern})"
+
+
+class Codim2(StrEnum):
+    """What happens at a point of codimension two."""
+
+    CUSP = "cusp"
+    """Two folds meet and vanish."""
+    FOLD_FLIP = "fold-flip"
+    """A multiplier at +1 and one at -1."""
+    FOLD_NEIMARK_SACKER = "fold-neimark-sacker"
+    """A multiplier at +1 and a pair on the unit circle."""
+    FLIP_NEIMARK_SACKER = "flip-neimark-sacker"
+    """A multiplier at -1 and a pair on the unit circle."""
+    RESONANCE_1_1 = "1:1"
+    """Both critical multipliers at +1: a Neimark-Sacker locus ends on a fold locus."""
+    RESONANCE_1_2 = "1:2"
+    """Both critical multipliers at -1: a Neimark-Sacker locus ends on a flip locus."""
+    RESONANCE_1_3 = "1:3"
+    """The critical pair at third roots of 1."""
+    RESONANCE_1_4 = "1:4"
+    """The critical pair at fourth roots of 1."""
+    GRAZING = "grazing"
+    """A contact grazes at the bifurcation; on a grazing locus: another contact, or the same one a second time."""
+    DEGENERATE_GRAZING = "degenerate-grazing"
+    """The highest and the lowest turning point that graze merge: the grazing locus has a cusp."""
+    FOLD_GRAZING = "fold-grazing"
+    """On a grazing locus: a multiplier at +1."""
+    FLIP_GRAZING = "flip-grazing"
+    """On a grazing locus: a multiplier at -1."""
+    NEIMARK_SACKER_GRAZING = "neimark-sacker-grazing"
+    """On a grazing locus: a pair on the unit circle."""
+
+
+@dataclass(frozen=True)
+class Codim2Point:
+    """A point of a locus where a second thing happens.
+
+    Attributes
+    ----------
+    kind
+        What happens.
+    point
+        The point of the locus, located.
+    contact
+        The contact, stage and side that grazes, such as ``stage2 -``; empty where none does.
+    """
+
+    kind: Codim2
+    point: LocusPoint
+    contact: str = ""
+
+    @property
+    def values(self) -> tuple[float, float]:
+        """Both parameters."""
+        return self.point.values
+
+    @property
+    def orbit(self) -> Orbit:
+        """The orbit at the point."""
+        return self.point.orbit
+
+    def __repr__(self) -> str:
+        first, second = self.values
+        contact = f", {self.contact}" if self.contact else ""
+        return f"Codim2Point({self.kind.value} at ({first:.10g}, {second:.10g}){contact})"
+
+
+@dataclass(frozen=True)
+class Locus:
+    """The special points of one kind in the plane of two parameters, as one curve.
+
+    Attributes
+    ----------
+    kind
+        What happens on it: fold, flip, Neimark-Sacker, grazing.
+    first, second
+        Names of the parameters.
+    period
+        m, forcing periods of the orbits.
+    points
+        Its points in the order of the walk.
+    codim2_points
+        Points of codimension two in the order of the walk.
+    ends
+        Where and why it ends, at its beginning and at its end.
+    contact
+        For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
+    """
+
+    kind: Kind
+    first: str
+    second: str
+    period: int
+    points: tuple[LocusPoint, ...]
+    codim2_points: tuple[Codim2Point, ...]
+    ends: tuple[LocusEnd, LocusEnd]
+    contact: str = ""
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """Both parameters at each point, shape (points, 2)."""
+        return np.array([point.values for point in self.points])
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is a closed curve."""
+        return self.ends[-1].reason is LocusEndReason.CLOSED
+
+    def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
+        """The points of codimension two of one kind."""
+        return tuple(point for point in self.codim2_points if point.kind == kind)
+
+    def measure(self, name: str) -> NDArray[np.float64]:
+        """One measure (see `Orbit.measure`) at each point, shape (points,)."""
+        return np.array([point.measure(name) for point in self.points])
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{len(self.codim2(kind))} {kind.value}" for kind in Codim2 if self.codim2(kind))
+        contact = f", {self.contact}" if self.contact else ""
+        return (
+            f"Locus({self.kind.value}{contact}, period {self.period}, {self.first} and {self.second}, "
+            f"{len(self.points)} points, {counts or 'no points of codimension two'})"
+        )

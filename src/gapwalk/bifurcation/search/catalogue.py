@@ -1,0 +1,82 @@
+"""The distinct orbits of one system, with how often each was met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import NumericalError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.identity import stroboscopic, true_period
+from gapwalk.orbit.newton import Newton
+from gapwalk.orbit.orbit import Orbit
+
+_SAME = 1e-6
+"""Distance of two states, in half-widths of the box, within which they count as equal."""
+
+
+@dataclass
+class Entry:
+    """One orbit, its states at the start of each forcing period, and how often it was met in which way."""
+
+    orbit: Orbit
+    states: NDArray[np.float64]
+    settled: int = 0
+    newton: int = 0
+
+
+class Catalogue:
+    """Orbits of one system, none twice, whatever forcing period they begin with.
+
+    Parameters
+    ----------
+    scales : shape (2n,)
+        Half-widths of the box of states, in which distances are measured.
+    """
+
+    def __init__(self, scales: NDArray[np.float64]) -> None:
+        self.scales = scales
+        self.entries: list[Entry] = []
+
+    def add(self, orbit: Orbit) -> Entry:
+        """The entry of an orbit, an old one if there is one."""
+        known = self.at(orbit.state, orbit.period)
+        if known is None:
+            known = Entry(orbit, stroboscopic(orbit))
+            self.entries.append(known)
+        return known
+
+    def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
+        """The entry that passes through a state and repeats after `period` forcing periods."""
+        entry, distance = self.nearest(state, period)
+        return entry if distance <= _SAME else None
+
+    def nearest(self, state: NDArray[np.float64], period: int) -> tuple[Entry | None, float]:
+        """The entry nearest to a state of those that repeat after `period` forcing periods, and its distance."""
+        best, least = None, np.inf
+        for entry in self.entries:
+            if period % entry.orbit.period == 0:
+                distance = float(np.abs((entry.states - state) / self.scales).max(axis=1).min())
+                if distance < least:
+                    best, least = entry, distance
+        return best, least
+
+    def states(self, period: int) -> NDArray[np.float64]:
+        """All states, at the start of a forcing period, of orbits that repeat after `period` of them; shape (K, 2n)."""
+        states = [entry.states for entry in self.entries if period % entry.orbit.period == 0]
+        return np.concatenate([np.zeros((0, len(self.scales))), *states])
+
+
+def exact_orbit(system: System, period: int, state: NDArray[np.float64]) -> Orbit | None:
+    """The orbit through a state that nearly repeats, exact and with its true period; None if there is none."""
+    try:
+        orbit = find_orbit(system, period, state, newton=Newton(iterations=10))
+        shortest = true_period(orbit)
+        if shortest < period:
+            orbit = find_orbit(system, shortest, orbit.state, newton=Newton(iterations=10))
+    except NumericalError:
+        return None
+    return orbit

@@ -1,0 +1,169 @@
+"""One piece of a search: a block of starts at one value of the parameter, worked off by a pure function."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.search.catalogue import Catalogue, Entry, exact_orbit
+from gapwalk.bifurcation.search.deflation import newton_aside
+from gapwalk.bifurcation.search.options import SearchOptions
+from gapwalk.bifurcation.search.settling import Settler
+from gapwalk.bifurcation.search.starts import generator
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import ShootingEquation
+
+_ALONG = 3  # forcing periods after which the state of a transient is a start of Newton's method too
+_FEW = 0.25  # share of the starts that get more patience if no more than that have not settled
+_PATIENCE = 5  # times the patience that they get
+_MOST = 40  # known orbits beside which others are looked for: without damping there are whole families of them
+_KICK = 0.1  # how far from a known orbit the search for its neighbours begins, in half-widths of the box
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A block of starts at one value of the parameter.
+
+    Attributes
+    ----------
+    value
+        The value of the parameter.
+    block
+        Number of the block among those of this value.
+    system
+        The system at that value.
+    box : shape (2n,)
+        Half-widths of the box of states.
+    starts : shape (count, 2n)
+        The starts.
+    known
+        Orbits that are known to exist at that value.
+    options
+        How thoroughly to search.
+    """
+
+    value: float
+    block: int
+    system: System
+    box: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    known: tuple[Orbit, ...]
+    options: SearchOptions
+
+
+@dataclass(frozen=True)
+class Catch:
+    """What one chunk has found: orbits with their hits from transients and from Newton's method, and the rest.
+
+    Attributes
+    ----------
+    orbits
+        Each orbit with the number of transients that settled to it, and of Newton's iterations that ended on it.
+    unsettled : shape (count, 2n)
+        Last states of the transients that did not become periodic.
+    ran_away
+        Transients that could not be followed.
+    newton_starts
+        How often Newton's method was started.
+    """
+
+    orbits: tuple[tuple[Orbit, int, int], ...]
+    unsettled: NDArray[np.float64]
+    ran_away: int
+    newton_starts: int
+
+
+def search_chunk(chunk: Chunk) -> Catch:
+    """Work off one chunk. The result depends on the chunk alone, so chunks can be mapped over processes.
+
+    Every start is let settle. From some of the transients, states by the way are starts of Newton's method for orbits
+    of several periods, stable or not. Last, Newton's method with deflation looks for orbits beside each of those met.
+    """
+    hunt, options = _Hunt(chunk), chunk.options
+    settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience)
+    every = math.ceil(options.starts / options.newton_starts) if options.newton_starts else 0
+    unsettled, ran_away = [], 0
+    for number, start in enumerate(chunk.starts, chunk.block * options.block):
+        settling = settler.settle(start)
+        if settling.entry is not None:
+            settling.entry.settled += 1
+        elif settling.ran_away:
+            ran_away += 1
+        else:
+            unsettled.append(settling.path[-1])
+        if every and number % every == 0:
+            hunt.along(settling.path, settled=settling.entry is not None)
+    if len(unsettled) <= _FEW * len(
+        chunk.starts
+    ):  # where most have settled, a few may be lingering by a chaotic saddle
+        unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
+    if every:
+        hunt.beside()
+    found = tuple((entry.orbit, entry.settled, entry.newton) for entry in hunt.catalogue.entries)
+    last = np.array(unsettled).reshape(-1, len(chunk.box))
+    return Catch(tuple(each for each in found if each[1] or each[2]), last, ran_away, hunt.tried)
+
+
+def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Catalogue) -> list[NDArray[np.float64]]:
+    """Follow transients on with more patience; the last states of those that have not settled even so."""
+    settler = Settler(chunk.system, catalogue, chunk.options.periods, _PATIENCE * chunk.options.patience)
+    unsettled = []
+    for state in states:
+        settling = settler.settle(state)
+        if settling.entry is None:
+            unsettled.append(settling.path[-1])
+        else:
+            settling.entry.settled += 1
+    return unsettled
+
+
+class _Hunt:
+    """Looks for orbits, stable or not, by Newton's method."""
+
+    def __init__(self, chunk: Chunk) -> None:
+        self._chunk = chunk
+        self._random = generator(chunk.options.seed, chunk.value, chunk.block + 1)
+        self._equations = {
+            period: ShootingEquation(chunk.system, None, period) for period in chunk.options.newton_periods
+        }
+        self.catalogue = Catalogue(chunk.box)
+        self.tried = 0
+        for orbit in chunk.known:
+            self.catalogue.add(orbit)
+
+    def along(self, path: NDArray[np.float64], settled: bool) -> None:
+        """From states along a transient; where it has not settled, from where it came back most closely too."""
+        for period in self._chunk.options.newton_periods:
+            self._try(path[min(_ALONG, len(path) - 1)], period)
+            if not settled and len(path) > 2 * period:
+                returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
+                self._try(path[int(np.argmin(returns))], period)
+
+    def beside(self) -> None:
+        """From a little beside each known orbit, all known ones deflated: where one is, a partner is often near."""
+        for period in self._chunk.options.newton_periods:
+            done = 0
+            while done < min(len(self.catalogue.entries), _MOST):  # it grows
+                orbit = self.catalogue.entries[done].orbit
+                kick = self._random.normal(size=len(orbit.state))
+                kick *= _KICK / np.linalg.norm(kick)
+                self._try(orbit.state + kick * self._chunk.box, period, self.catalogue.states(period))
+                done += 1
+
+    def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> Entry | None:
+        self.tried += 1
+        state = newton_aside(self._equations[period], start, self._chunk.box, known)
+        if state is None:
+            return None
+        entry = self.catalogue.at(state, period)
+        if entry is None:
+            orbit = exact_orbit(self._chunk.system, period, state)
+            if orbit is None:
+                return None
+            entry = self.catalogue.add(orbit)
+        entry.newton += 1
+        return entry

@@ -1,0 +1,101 @@
+"""How much a search can have missed, in numbers and in sentences.
+
+Starts that were drawn by chance miss an attractor of basin share p, N times in succession, with probability
+``(1 - p)^N``. The chance that the next start meets an attractor never met before is about that of the attractors met
+once only (Good 1953, Biometrika 40, 237-264). Starts spread evenly, as those of a search, cover the box better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gapwalk.bifurcation.search.result import SearchResult, Tally
+
+CONFIDENCE = 0.95
+"""Probability with which an attractor of more than the share given would have been met."""
+
+
+def unseen_share(settled: int, confidence: float = CONFIDENCE) -> float:
+    """The largest share of the box of starts that the basin of an attractor never met may fill.
+
+    Parameters
+    ----------
+    settled
+        Number N of starts that settled.
+    confidence
+        Probability with which an attractor of a larger share would have been met.
+    """
+    return 1.0 if settled == 0 else 1.0 - (1.0 - confidence) ** (1.0 / settled)
+
+
+def next_is_new(result: SearchResult) -> float:
+    """Good and Turing's estimate of the probability that one start more settles to an orbit never met before."""
+    settled = sum(tally.settled for tally in result.tallies)
+    singletons = sum(each.hits_settled == 1 for each in result.found)
+    return 1.0 if settled == 0 else singletons / settled
+
+
+def coverage(result: SearchResult) -> tuple[str, ...]:
+    """What a search has covered, and what it may have missed, in sentences."""
+    return tuple(_sentences(result))
+
+
+def _sentences(result: SearchResult) -> Iterator[str]:
+    tallies = result.tallies
+    if not tallies:
+        yield "The search was stopped before it had tried anything."
+        return
+    if not result.complete:
+        yield "The search was stopped before its end."
+    starts, settled = sum(tally.starts for tally in tallies), sum(tally.settled for tally in tallies)
+    attractors = sum(each.hits_settled > 0 for each in result.found)
+    low, high = min(result.values), max(result.values)
+    where = f"at {len(tallies)} values of {result.parameter}, {low:.6g} to {high:.6g}"
+    if len(tallies) == 1:
+        where = f"at {result.parameter} = {low:.6g}"
+    yield f"{starts} starts {where}: {settled} settled to {_count(attractors, 'periodic motion')}."
+    yield from _not_periodic(tallies)
+    yield _unseen(tallies)
+    if settled:
+        once = _count(sum(each.hits_settled == 1 for each in result.found), "motion")
+        chance = f"{100 * next_is_new(result):.2g} %"
+        yield f"{once} had one start only: one start more would settle to a new motion with a chance of about {chance}."
+    unstable = sum(each.hits_settled == 0 for each in result.found)
+    yield (
+        f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "
+        f"{_count(unstable, 'orbit')} more to which nothing settled; for unstable orbits no bound can be given."
+    )
+
+
+def _not_periodic(tallies: tuple[Tally, ...]) -> Iterator[str]:
+    unsettled = [tally for tally in tallies if len(tally.unsettled)]
+    if unsettled:
+        count = sum(len(tally.unsettled) for tally in unsettled)
+        places = ", ".join(f"{tally.value:.6g}" for tally in unsettled)
+        yield f"{count} did not become periodic (quasi-periodic, chaotic, or very slow), at {places}."
+    ran_away = sum(tally.ran_away for tally in tallies)
+    if ran_away:
+        yield f"{ran_away} could not be followed: they ran away, or their contacts chattered."
+
+
+def _unseen(tallies: tuple[Tally, ...]) -> str:
+    """The bound on the basin of an attractor never met."""
+    shares = np.array([unseen_share(tally.settled) for tally in tallies])
+    worst = tallies[int(np.argmax(shares))]
+    percent = f"{100 * CONFIDENCE:.0f} %"
+    if not np.any(shares < 1.0):
+        return "As no start settled, nothing can be said of attractors never met."
+    text = (
+        f"A periodic attractor never met fills, with {percent} confidence, less than {100 * shares.min():.2g} % of "
+        "the box of starts"
+    )
+    if shares.max() > 1.01 * shares.min():
+        bound = f"less than {100 * shares.max():.2g} %" if shares.max() < 1.0 else "nothing can be said"
+        return f"{text} at the best value, and at the worst, {worst.value:.6g}, {bound}."
+    return f"{text}." if len(tallies) == 1 else f"{text} at any of these values."
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

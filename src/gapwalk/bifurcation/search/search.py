@@ -1,0 +1,135 @@
+"""The search for isolated branches and other attractors: orbits at several values of a parameter, from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.membership import Curve
+from gapwalk.bifurcation.search.catalogue import Catalogue
+from gapwalk.bifurcation.search.chunk import Catch, Chunk, search_chunk
+from gapwalk.bifurcation.search.hands import Alone, Hands
+from gapwalk.bifurcation.search.options import SearchOptions
+from gapwalk.bifurcation.search.result import Found, SearchResult, Tally
+from gapwalk.bifurcation.search.starts import spread_starts, state_box
+from gapwalk.continuation.branch import Branch
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+
+
+class Progress(NamedTuple):
+    """How far a search has come: pieces of work done, of how many; and the value and the catch of the last one."""
+
+    done: int
+    total: int
+    value: float
+    catch: Catch
+
+
+def search(
+    system: System,
+    parameter: str,
+    values: Sequence[float] | NDArray[np.float64],
+    *,
+    known: Sequence[Branch] = (),
+    options: SearchOptions = SearchOptions(),
+    hands: Hands | None = None,
+    report: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> SearchResult:
+    """Search for periodic orbits at several values of a parameter, from many starts.
+
+    Ctrl-C, or `stop`, ends it between two pieces of work: what has been found is returned, and not `complete`.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter
+        Name of the parameter.
+    values
+        Its values.
+    known
+        Branches along this parameter that have been followed already: orbits on them are not new.
+    options
+        How thoroughly to search.
+    hands
+        Who does the work; by default this process alone. ``with gapwalk.study.workers.workers() as hands:`` is all
+        local cores. The result does not depend on it.
+    report
+        Called after each piece of work.
+    stop
+        Asked between two pieces of work; True ends the search.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, a value that is not allowed, or options that make no sense.
+    """
+    chosen = [float(value) for value in dict.fromkeys(np.asarray(values, dtype=float).ravel().tolist())]
+    if not chosen:
+        raise ModelError("values is empty; name at least one value of the parameter at which to search")
+    numbers = [number for number, branch in enumerate(known) if branch.parameter == parameter]
+    curves = [Curve(known[number]) for number in numbers]
+    chunks = [chunk for value in chosen for chunk in _chunks(system, parameter, value, curves, options)]
+    catches: dict[int, Catch] = {}
+
+    def keep(number: int, catch: Catch) -> None:
+        catches[number] = catch
+        if report is not None:
+            report(Progress(len(catches), len(chunks), chunks[number].value, catch))
+
+    with suppress(KeyboardInterrupt):  # what has been found is worth keeping
+        (hands or Alone()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+    found: list[Found] = []
+    tallies: list[Tally] = []
+    for value in chosen:
+        done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
+        if done:
+            tallies.append(_tally(value, done))
+            found += _merge(value, done, curves, numbers)
+    return SearchResult(parameter, tuple(found), tuple(tallies), len(catches) == len(chunks))
+
+
+def _chunks(
+    system: System, parameter: str, value: float, curves: list[Curve], options: SearchOptions
+) -> Iterator[Chunk]:
+    """The pieces of work at one value."""
+    there = system.at({parameter: value})
+    known = tuple(orbit for curve in curves for orbit in curve.orbits_at(value))
+    box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
+    if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
+        raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
+    starts = spread_starts(box, options.starts, options.seed, value)
+    for block, first in enumerate(range(0, options.starts, options.block)):
+        yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
+
+
+def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
+    """What was tried at one value."""
+    return Tally(
+        value,
+        done[0][0].box,
+        sum(len(chunk.starts) for chunk, _ in done),
+        sum(settled for _, catch in done for _, settled, _ in catch.orbits),
+        sum(catch.ran_away for _, catch in done),
+        np.concatenate([catch.unsettled for _, catch in done]),
+        sum(catch.newton_starts for _, catch in done),
+    )
+
+
+def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]) -> Iterator[Found]:
+    """The orbits of all chunks at one value, none twice."""
+    catalogue = Catalogue(done[0][0].box)
+    for _, catch in done:
+        for orbit, settled, newton in catch.orbits:
+            entry = catalogue.add(orbit)
+            entry.settled += settled
+            entry.newton += newton
+    for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
+        branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
+        yield Found(value, entry.orbit, entry.settled, entry.newton, branch)

@@ -1,0 +1,119 @@
+"""Transients, followed until they repeat: a test of settling, not a fixed number of forcing periods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.search.catalogue import Catalogue, Entry, exact_orbit
+from gapwalk.bifurcation.search.deflation import Deflation, newton_aside
+from gapwalk.errors import FlowError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import flow_of
+from gapwalk.orbit.shooting import ShootingEquation
+
+_EVERY = 8  # forcing periods from one look at the returns to the next
+_RETURN = 1e-3  # a state that returns so closely, in half-widths of the box, may be settling
+_FINEST = 1e-11  # the closest return that is asked for
+_NEAR = 1e-2  # distance from a stable orbit within which a transient that returns has settled to it
+_SHRINKING = 0.9  # change of the returns, over half the patience, up to which a transient goes on
+_LONGEST = 10  # times the patience: the longest transient
+
+
+@dataclass(frozen=True)
+class Settling:
+    """What became of one transient.
+
+    Attributes
+    ----------
+    path : shape (periods + 1, 2n)
+        Its states at the start of each forcing period.
+    entry
+        The stable orbit to which it settled, or None.
+    ran_away
+        Whether it could not be followed.
+    """
+
+    path: NDArray[np.float64]
+    entry: Entry | None
+    ran_away: bool = False
+
+
+class Settler:
+    """Lets the transients of one system settle.
+
+    Parameters
+    ----------
+    system
+        The system.
+    catalogue
+        The orbits met so far; new ones are added, those met by the way too.
+    periods
+        Highest period, in forcing periods, for which a return is looked for.
+    patience
+        Forcing periods after which a transient whose returns no longer shrink is given up.
+    """
+
+    def __init__(self, system: System, catalogue: Catalogue, periods: int, patience: int) -> None:
+        self._system, self._catalogue, self._periods, self._patience = system, catalogue, periods, patience
+        self._flow, self._coefficients = flow_of(system), coefficients_of(system)
+
+    def settle(self, state: NDArray[np.float64]) -> Settling:
+        """Follow the transient from a state until it has settled, has run away, or shows no sign of settling."""
+        path, finest = [state], _RETURN
+        try:
+            while self._goes_on(path):
+                for _ in range(_EVERY):
+                    path.append(self._flow.integrate(self._coefficients, path[-1]).state)
+                period = self._returns(path, finest)
+                if period:
+                    entry = self._orbit_near(path[-1], period)
+                    if entry is not None:
+                        return Settling(np.array(path), entry)
+                    finest = max(finest / 10.0, _FINEST)
+        except FlowError:
+            return Settling(np.array(path), None, ran_away=True)
+        return Settling(np.array(path), None)
+
+    def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
+        """Whether to follow a transient further: it has been followed for a short time only, or its returns shrink."""
+        length = len(path) - 1
+        if length < self._patience:
+            return True
+        if length >= _LONGEST * self._patience:
+            return False
+        half = max(self._patience // 2, 2 * self._periods)
+        last, before = self._closeness(path[-half:]), self._closeness(path[-2 * half : -half])
+        return last < _SHRINKING * before
+
+    def _closeness(self, path: list[NDArray[np.float64]]) -> float:
+        """How closely the states of a piece of path return after some number of forcing periods: least median."""
+        states = np.array(path) / self._catalogue.scales
+        returns = [np.abs(states[m:] - states[:-m]).max(axis=1) for m in range(1, self._periods + 1) if m < len(states)]
+        return min(float(np.median(each)) for each in returns)
+
+    def _returns(self, path: list[NDArray[np.float64]], finest: float) -> int:
+        """The smallest number of forcing periods after which the last state is back as closely as asked; or 0."""
+        last = np.array(path[-self._periods - 1 :]) / self._catalogue.scales
+        distances = np.abs(last[-1] - last[-2::-1]).max(axis=1)
+        close = np.flatnonzero(distances <= finest)
+        return int(close[0]) + 1 if len(close) else 0
+
+    def _orbit_near(self, state: NDArray[np.float64], period: int) -> Entry | None:
+        """The stable orbit to which a state that nearly returns has settled."""
+        entry, distance = self._catalogue.nearest(state, period)
+        if entry is None or distance > _NEAR or not entry.orbit.stable:
+            equation = ShootingEquation(self._system, None, period)
+            exact = newton_aside(equation, state, self._catalogue.scales, options=Deflation(iterations=8))
+            orbit = None if exact is None else exact_orbit(self._system, period, exact)
+            if orbit is None:
+                return None
+            entry = self._catalogue.add(orbit)
+            distance = float(np.abs((entry.states - state) / self._catalogue.scales).max(axis=1).min())
+        if entry.orbit.stable and distance <= _NEAR:
+            return entry
+        entry.newton += 1
+        return None

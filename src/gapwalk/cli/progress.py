@@ -1,0 +1,117 @@
+"""Lines on stderr that show how far a run has come."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import TracebackType
+
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from gapwalk.bifurcation.diagram import Diagram, Limb
+from gapwalk.cli.outcome import printable
+from gapwalk.cli.screen import console
+from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.plot.words import parameter_symbol
+from gapwalk.study.options import DiagramStudyOptions, StudyOptions
+
+
+def progress_of(options: StudyOptions, title: str = "", *, show: bool = True) -> WalkProgress | DiagramProgress:
+    """The progress of a study of these options; `title` is what to call it."""
+    if isinstance(options, DiagramStudyOptions):
+        return DiagramProgress(title, show=show)
+    return WalkProgress(options, title, show=show)
+
+
+class _Line:
+    """One line, with a time, that vanishes at the end; nothing where stderr is no terminal, or `show` is false."""
+
+    def __init__(self, description: str, columns: list[ProgressColumn], total: float | None, *, show: bool) -> None:
+        screen = console(stderr=True)
+        self._progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            *columns,
+            TextColumn("{task.fields[reached]}"),
+            TimeElapsedColumn(),
+            console=screen,
+            transient=True,
+            disable=not (show and screen.is_terminal),
+        )
+        self._task = self._progress.add_task(description, total=total, reached="")
+
+    def update(self, description: str, reached: str, completed: float | None = None) -> None:
+        self._progress.update(self._task, description=description, completed=completed, reached=reached)
+
+    def __enter__(self) -> None:
+        self._progress.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+
+class WalkProgress:
+    """How far a walk has come.
+
+    Parameters
+    ----------
+    options
+        The study.
+    title
+        What to call it.
+    show
+        Whether to show anything.
+    """
+
+    def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
+        self._options, self._points = options, 0
+        self._found: Counter[Kind] = Counter()
+        self._name = printable(title)
+        total = abs(options.end - options.begin)
+        self._line = _Line(f"{self._name} first orbit".strip(), [BarColumn(bar_width=24)], total, show=show)
+
+    def __call__(self, point: BranchPoint, special_points: list[SpecialPoint]) -> None:
+        """Show a new point."""
+        self._points += 1
+        self._found.update(special.kind for special in special_points)
+        found = sum(count for kind, count in self._found.items() if kind is not Kind.GRAZING)
+        symbol = parameter_symbol(self._options.parameter)
+        self._line.update(
+            f"{self._name} walking".strip(),
+            f"{symbol} = {point.value:.6f}  {self._points} points  {found} special",
+            abs(point.value - self._options.begin),
+        )
+
+    def __enter__(self) -> WalkProgress:
+        self._line.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._line.__exit__()
+
+
+class DiagramProgress:
+    """How many branches a diagram has; parameters as `WalkProgress`."""
+
+    def __init__(self, title: str = "", *, show: bool = True) -> None:
+        self._name = printable(title)
+        self._points, self._special = 0, 0
+        self._line = _Line(f"{self._name} first branch".strip(), [], None, show=show)
+
+    def __call__(self, diagram: Diagram, limb: Limb) -> None:
+        """Show a new branch."""
+        self._points += len(limb.branch.points)
+        self._special += sum(special.kind is not Kind.GRAZING for special in limb.branch.special_points)
+        counts = f"branches {len(diagram.limbs)}  points {self._points}  special {self._special}"
+        self._line.update(self._name or "diagram", f"{counts}  last {limb.name}")
+
+    def __enter__(self) -> DiagramProgress:
+        self._line.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._line.__exit__()

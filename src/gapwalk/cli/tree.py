@@ -1,0 +1,81 @@
+"""A diagram on the screen: the tree of its branches, cascades of period doublings, and notes."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from rich.console import Console
+from rich.tree import Tree
+
+from gapwalk.bifurcation.diagram import Diagram, Limb, Origin
+from gapwalk.cli.outcome import printable
+from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.walk import EndReason
+from gapwalk.plot.words import parameter_symbol
+
+
+def print_diagram(screen: Console, diagram: Diagram) -> None:
+    """Print the branches of a diagram as a tree, its cascades, and what could not be done."""
+    screen.print(diagram_tree(diagram))
+    if diagram.cascades:
+        screen.print("cascades of period doublings")
+    for cascade in diagram.cascades:
+        values = ", ".join(f"{value:.10g}" for value in cascade.values)
+        ratios = ", ".join(f"{ratio:.4g}" for ratio in cascade.ratios)
+        screen.print(f"  {' → '.join(cascade.limbs)}: {values}; ratios of the steps {ratios}", soft_wrap=True)
+    for note in diagram.notes:
+        screen.print(f"note: {printable(note)}", soft_wrap=True)
+
+
+def diagram_tree(diagram: Diagram) -> Tree:
+    """The tree of the branches of a diagram; one that joins two others hangs where it begins."""
+    tree = Tree(_summary(diagram), guide_style="dim")
+    nodes: dict[str, Tree] = {}
+    for limb in diagram.limbs:
+        parent = tree if limb.begins is None else nodes[limb.begins.parent]
+        nodes[limb.name] = parent.add(_describe(diagram, limb))
+    return tree
+
+
+def _summary(diagram: Diagram) -> str:
+    low, high = diagram.within
+    periods = Counter(limb.period for limb in diagram.limbs)
+    counts = ", ".join(f"{count} of period {period}" for period, count in sorted(periods.items()))
+    points = sum(len(branch.points) for branch in diagram.branches)
+    special = sum(len(branch.special_points) for branch in diagram.branches)
+    range_ = f"{parameter_symbol(diagram.parameter)} from {low:.10g} to {high:.10g}"
+    return f"{range_}: {len(diagram.limbs)} branches, {counts}; {points} points, {special} special points"
+
+
+def _describe(diagram: Diagram, limb: Limb) -> str:
+    branch = limb.branch
+    values = branch.values
+    stable = sum(point.stable for point in branch.points)
+    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
+    return (
+        f"{limb.name}  {values.min():.8g} to {values.max():.8g}; {len(values)} points, {stable} of them stable; "
+        f"{', '.join(counts) or 'no special points'}\n"
+        f"{_begin(diagram, limb)}; {_end(diagram, limb)}"
+    )
+
+
+def _begin(diagram: Diagram, limb: Limb) -> str:
+    first = limb.branch.ends[0]
+    if limb.begins is not None:
+        return f"begins at {_place(diagram, limb.begins)}"
+    return f"begins at {first.value:.10g}" if first.reason is EndReason.START else f"ends at {_reason(limb, 0)}"
+
+
+def _end(diagram: Diagram, limb: Limb) -> str:
+    return f"ends at {_place(diagram, limb.joins) if limb.joins is not None else _reason(limb, -1)}"
+
+
+def _place(diagram: Diagram, origin: Origin) -> str:
+    special = diagram[origin.parent].branch.special_points[origin.special]
+    return f"{special.value:.10g}, a {special.kind.value.replace('-', ' ')} of {origin.parent}"
+
+
+def _reason(limb: Limb, index: int) -> str:
+    end = limb.branch.ends[index]
+    detail = f" ({printable(end.detail)})" if end.detail else ""
+    return f"{end.value:.10g}: {end.reason.value}{detail}"

@@ -1,0 +1,78 @@
+"""The picture of a result, as files for reports."""
+
+from __future__ import annotations
+
+import io
+import os
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.continuation.branch import Branch
+from gapwalk.plot.branch import plot_branches
+from gapwalk.plot.diagram import draw_diagram
+from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
+from gapwalk.study.export import write_whole
+from gapwalk.study.result import Result
+
+
+def save_picture(
+    found: Result | Branch | Diagram,
+    png: str | os.PathLike[str] | None = None,
+    svg: str | os.PathLike[str] | None = None,
+    *,
+    measure: str | None = None,
+    title: str | None = None,
+) -> None:
+    """Draw what was found into files.
+
+    Parameters
+    ----------
+    found
+        The result of a study, one branch, or a diagram.
+    png, svg
+        The files to write; None for none.
+    measure
+        What is drawn, as in `plot_branch`; by default what the study names.
+    title
+        By default that of the study.
+
+    Raises
+    ------
+    StoreError
+        If a file cannot be written.
+    """
+    figure = draw_picture(found, measure=measure, title=title)
+    for path, form in ((png, "png"), (svg, "svg")):
+        if path is not None:
+            content = io.BytesIO()
+            metadata = {"Date": None} if form == "svg" else None
+            with mpl.rc_context(RC):
+                figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+            write_whole(path, content.getvalue())
+
+
+def draw_picture(found: Result | Branch | Diagram, *, measure: str | None = None, title: str | None = None) -> Figure:
+    """The picture as a matplotlib figure, without pyplot; parameters as `save_picture`."""
+    if isinstance(found, Result):
+        measure, title = measure or found.options.measure, found.title if title is None else title
+        found = found.diagram or found.branches[0]
+    title, measure = (title or "").replace("$", r"\$"), measure or "half"
+    with mpl.rc_context(RC):
+        if isinstance(found, Diagram):
+            figure = draw_diagram(found, measure, lambda panels: _figure(diagram_size(panels), title))
+            assert isinstance(figure, Figure)
+        else:
+            figure = _figure(SIZE)
+            ax = figure.add_subplot()
+            ax.set_title(title, wrap=True)
+            plot_branches([found], measure, ax=ax, closeup=True)
+    return figure
+
+
+def _figure(size: tuple[float, float], title: str = "") -> Figure:
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+    return figure

@@ -1,0 +1,125 @@
+"""The stroboscopic picture of a diagram: each motion of period m as m curves, its states a forcing period apart."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.diagram import Diagram, Limb
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.pieces import Piece, cut
+from gapwalk.plot.style import birth_options, period_options
+
+_NAMED = 16  # names that a picture may hold
+_MANY, _MOST = 8, 0.8  # births from which there may be a crowd, and the share of all that is in it
+_PART = 0.45  # of the whole range that a crowd covers at most
+_PAD = 0.06  # margin of a close-up, as a share of its width
+
+
+class Birth(NamedTuple):
+    """A special point at which other branches begin or end: parameter, states, and the period of its branch."""
+
+    value: float
+    states: NDArray[np.float64]
+    period: int
+
+
+class Strobes:
+    """What is drawn of a diagram, in the whole picture and in a close-up alike.
+
+    Parameters
+    ----------
+    diagram
+        The diagram.
+    coordinate
+        Which coordinate of the states is drawn.
+    """
+
+    def __init__(self, diagram: Diagram, coordinate: str) -> None:
+        self.diagram, self.coordinate = diagram, coordinate
+        self.periods = sorted({limb.period for limb in diagram.limbs})
+        self._place = diagram.branches[0].system.coordinates.index(coordinate)
+        self.pieces: list[tuple[Limb, list[Piece]]] = [(limb, cut(limb.branch, self._states)) for limb in diagram.limbs]
+        self.births = list(self._births())
+
+    def draw(self, ax: Axes) -> None:
+        """Draw all curves, short periods over long ones, and where branches are born."""
+        for limb, pieces in sorted(self.pieces, key=lambda each: -each[0].period):
+            rank = self.periods.index(limb.period)
+            for piece in pieces:
+                stable = piece.label == "stable"
+                ax.plot(piece.x, piece.y, zorder=(4 if stable else 3) - 0.1 * rank, **period_options(rank, stable))
+        for birth in self.births:
+            rank = self.periods.index(birth.period)
+            values = np.full(len(birth.states), birth.value)
+            ax.plot(values, birth.states, zorder=5 - 0.1 * rank, **birth_options(rank))
+
+    def draw_names(self, ax: Axes, without: tuple[float, float] | None = None) -> None:
+        """Write the names of the branches of the two shortest periods beside them, but in a range of the parameter."""
+        counts = Counter(limb.period for limb in self.diagram.limbs)
+        named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
+        labels = [
+            label
+            for limb, pieces in self.pieces
+            if limb.period in named and (label := self._label(limb, pieces, ax.get_xlim(), without))
+        ]
+        if 0 < len(labels) <= _NAMED:
+            place_labels(ax, labels, self._curve, np.empty((0, 2)))
+
+    def crowd(self) -> tuple[float, float] | None:
+        """The range of the parameter in which most branches are born, if that is only a part of the whole."""
+        values = np.sort([birth.value for birth in self.births])
+        count = math.ceil(_MOST * len(values))
+        if count < _MANY:
+            return None
+        widths = values[count - 1 :] - values[: len(values) - count + 1]
+        first = int(np.argmin(widths))
+        low, high = self.diagram.within
+        pad = _PAD * widths[first]
+        left, right = max(low, values[first] - pad), min(high, values[first + count - 1] + pad)
+        return (float(left), float(right)) if right - left < _PART * (high - low) else None
+
+    def extent(self, left: float, right: float) -> tuple[float, float]:
+        """The least and the greatest state within a range of the parameter, with a margin."""
+        inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
+        pad = _PAD * float(np.ptp(inside))
+        return float(inside.min()) - pad, float(inside.max()) + pad
+
+    @cached_property
+    def _curve(self) -> NDArray[np.float64]:
+        """All curves as one, shape (points, 2)."""
+        return np.concatenate(
+            [np.column_stack((piece.x, y)) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
+        )
+
+    def _label(
+        self, limb: Limb, pieces: Sequence[Piece], shown: tuple[float, float], without: tuple[float, float] | None
+    ) -> Label | None:
+        """The name of a branch beside the point at which it is farthest from the others; None if that is not shown."""
+        x, y = (np.concatenate(parts) for parts in zip(*((piece.x, piece.y[:, 0]) for piece in pieces), strict=True))
+        inside = (x >= shown[0]) & (x <= shown[1])
+        if without:
+            inside &= (x < without[0]) | (x > without[1])
+        if not inside.any():
+            return None
+        middle = float(np.median(self._curve[:, 1]))
+        best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
+        return Label(limb.name, float(x[best]), float(y[best]))
+
+    def _states(self, point: BranchPoint) -> NDArray[np.float64]:
+        return stroboscopic(point.orbit)[:, self._place]
+
+    def _births(self):
+        for limb in self.diagram.limbs:
+            for index, special in enumerate(limb.branch.special_points):
+                if self.diagram.attached(limb.name, index):
+                    yield Birth(special.value, self._states(special.point), limb.period)

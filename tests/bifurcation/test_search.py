@@ -1,0 +1,430 @@
+"""The search: what it must find without being told where, that it repeats itself, what it says it may have missed."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gapwalk.bifurcation import follow
+from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.search import SearchOptions, coverage, isolated, next_is_new, search, unseen_share
+from gapwalk.bifurcation.search.catalogue import Catalogue, exact_orbit
+from gapwalk.bifurcation.search.chunk import search_chunk
+from gapwalk.bifurcation.search.deflation import Deflation, newton_aside
+from gapwalk.bifurcation.search.settling import Settler
+from gapwalk.bifurcation.search.starts import spread_starts, state_box
+from gapwalk.continuation import EndReason
+from gapwalk.errors import ModelError
+from gapwalk.model import System
+from gapwalk.orbit import ShootingEquation, find_orbit
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.paper import case
+from gapwalk.study.workers import workers
+from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
+
+AMPLITUDE = "harmonic1.amplitude"
+QUICK = SearchOptions(starts=32, newton_starts=16, newton_periods=(1, 2, 3))
+
+
+def span(branch) -> list[float]:
+    return [float(branch.values.min()), float(branch.values.max())]
+
+
+def main_branch(figure: str, parameter: str, low: float, high: float):
+    return follow(find_orbit(case(figure), at={parameter: high}), parameter, to=(low, high))
+
+
+# What must be found
+
+
+@pytest.fixture(scope="module")
+def figure_27():
+    """Every branch of period 1 of figure 27 over the figure's range, with the search that led to them."""
+    main = main_branch("27", AMPLITUDE, -1.0, 1.0)
+    result = search(case("27"), AMPLITUDE, np.linspace(-1.0, 1.0, 11), known=[main], options=QUICK)
+    new = [found for found in result.new if found.orbit.period == 1]
+    return main, result, isolated(new, AMPLITUDE, (-1.0, 1.0), known=[main])
+
+
+def test_both_isolated_loops_of_figure_27(figure_27):
+    """And the mirror image of the smaller: a negative amplitude is a phase of 180 degrees, half a period later."""
+    main, _, islands = figure_27
+    assert span(main) == [-1.0, 1.0]
+    assert islands.complete
+    assert islands.lost == ()
+    assert all(branch.ends[-1].reason is EndReason.CLOSED for branch in islands.branches)
+    mirrored, large, small = sorted((span(branch) for branch in islands.branches), key=lambda ends: ends[0])
+    assert large == pytest.approx([-0.2614, 0.2614], abs=2e-4)
+    assert small == pytest.approx([0.4840, 0.6023], abs=2e-4)
+    assert mirrored == pytest.approx([-0.6023, -0.4840], abs=2e-4)
+    patterns = {point.orbit.pattern for branch in islands.branches for point in branch.points}
+    assert "2+/2-" in patterns
+
+
+def test_what_lies_on_a_known_branch_is_not_new(figure_27):
+    main, result, islands = figure_27
+    known = Curve(main)
+    for found in result.found:
+        assert found.is_new is not known.holds(found.orbit)
+        assert found.branch in (None, 0)
+    assert all(found.orbit.period == 1 for found in result.found if not found.is_new)
+    # with the islands known too, nothing is new at a value between those searched
+    everything = [find_branch_along_another_parameter(), main, *islands.branches]
+    again = search(case("27"), AMPLITUDE, [0.1], known=everything, options=QUICK)
+    assert len(again.found) >= 2
+    assert again.new == ()
+    assert Counter(found.branch for found in again.found)[1] == 1
+    assert isolated(again.found, AMPLITUDE, (-1.0, 1.0), known=everything).branches == ()
+
+
+def find_branch_along_another_parameter():
+    return follow(find_orbit(clutch(frequency=1.8)), "frequency", to=1.7)
+
+
+def test_every_orbit_found_is_one_with_its_true_period(figure_27):
+    _, result, _ = figure_27
+    for found in result.found:
+        states = stroboscopic(found.orbit)
+        distances = np.abs(states[1:] - states[0]).max(axis=1)
+        assert found.orbit.residual < 1e-9
+        assert np.all(distances > 1e-6)
+        assert found.orbit.system[AMPLITUDE] == found.value
+        assert found.hits_settled == 0 or found.orbit.stable
+    for value in result.values:
+        at = result.at(value)
+        for number, found in enumerate(at):
+            assert not any(
+                np.abs(stroboscopic(found.orbit) - o.orbit.state).max(axis=1).min() < 1e-6 for o in at[:number]
+            )
+
+
+def test_the_islands_of_figure_28_have_grown():
+    main = main_branch("28", AMPLITUDE, -1.0, 1.0)
+    result = search(case("28"), AMPLITUDE, [0.2, 0.6], known=[main], options=replace(QUICK, starts=48, patience=100))
+    new = [found for found in result.new if found.orbit.period == 1]
+    islands = isolated(new, AMPLITUDE, (-1.0, 1.0), known=[main])
+    large, small = sorted((span(branch) for branch in islands.branches), key=lambda ends: ends[0])
+    assert large == pytest.approx([-0.3725, 0.3725], abs=2e-4)
+    assert small == pytest.approx([0.4278, 0.6201], abs=2e-4)
+
+
+def test_the_motions_of_period_3_of_figure_15():
+    result = search(case("15"), "frequency", [0.45, 0.8], options=QUICK)
+    threes = [found for found in result.found if found.orbit.period == 3]
+    assert {(found.value, found.orbit.stable) for found in threes} >= {(0.45, True), (0.45, False), (0.8, True)}
+    islands = isolated(threes, "frequency", (0.15, 1.9)).branches
+    assert all(branch.ends[-1].reason is EndReason.CLOSED for branch in islands)
+    lower = next(branch for branch in islands if span(branch)[0] < 0.45 < span(branch)[1])
+    upper = next(branch for branch in islands if span(branch)[0] < 0.8 < span(branch)[1])
+    assert span(lower)[0] < 0.44
+    assert span(lower)[1] > 0.46
+    assert span(upper) == pytest.approx([0.7724, 0.9042], abs=2e-4)
+
+
+def test_settling_agrees_with_a_basin_that_another_code_has_drawn():
+    """1,500 periods of a hand-written fixed-step integrator: 123 cells of 32 x 32 lead to period 1, the rest to 3."""
+    system = case("15").at(frequency=0.45)
+    settler = Settler(system, Catalogue(state_box(system)), periods=8, patience=400)
+    grid = np.linspace(-4.0, 4.0, 32)
+    entries = [settler.settle(np.array([q1, 0.0, v1, 0.0])).entry for q1 in grid for v1 in grid]
+    assert Counter(entry and entry.orbit.period for entry in entries) == {1: 123, 3: 901}
+
+
+# Settling
+
+
+def test_a_transient_that_dies_away_slowly_is_waited_for():
+    system = linear(damping=0.01)
+    settler = Settler(system, Catalogue(state_box(system)), periods=4, patience=100)
+    settling = settler.settle(0.9 * state_box(system))
+    assert settling.entry is not None
+    assert len(settling.path) > 300
+    exact = find_orbit(system, start="rest")
+    assert settling.entry.orbit.state == pytest.approx(exact.state, abs=1e-8)
+
+
+def test_motions_that_never_become_periodic_are_counted_and_kept():
+    """At W = 0.85 every start of the figure-15 system leads to a torus."""
+    options = SearchOptions(starts=12, newton_starts=6, patience=100)
+    result = search(case("15"), "frequency", [0.85], options=options)
+    tally = result.tallies[0]
+    assert (tally.starts, tally.settled, tally.ran_away) == (12, 0, 0)
+    assert tally.unsettled.shape == (12, 4)
+    assert np.all(np.abs(tally.unsettled) < tally.box)
+    assert result.found
+    assert not any(found.orbit.stable for found in result.found)
+    text = " ".join(coverage(result))
+    assert "12 did not become periodic" in text
+    assert "nothing can be said" in text
+
+
+@pytest.mark.parametrize("system", [linear(), viscous_stop(1.6), clutch(frequency=1.8)])
+def test_where_there_is_one_motion_every_start_leads_to_it(system):
+    result = search(system, "frequency", [system.frequency], options=SearchOptions(starts=16, newton_starts=4))
+    (found,) = result.found
+    assert found.hits_settled == 16
+    assert lies_on(follow(find_orbit(system), "frequency", to=0.95 * system.frequency), found.orbit)
+
+
+def test_families_of_motions_without_damping_do_not_keep_it_going_for_ever():
+    options = SearchOptions(starts=4, newton_starts=2, patience=32, newton_periods=(1, 2))
+    result = search(backlash_oscillator(), "frequency", [1.0], options=options)
+    assert result.tallies[0].settled == 0
+
+
+def test_the_search_does_not_depend_on_units():
+    """The clutch in units of 1/1000 of the length finds the same, start by start."""
+    system = clutch(frequency=0.62)
+    small = system.at({name: 1e-3 * system[name] for name in system.parameters if name.startswith("mean.")})
+    small = small.at({AMPLITUDE: 1e-3 * system[AMPLITUDE], "stage2.clearance": 1e-3})
+    small = small.at({"stage2.impact_damping": 1e3 * system["stage2.impact_damping"]})
+    options = SearchOptions(starts=16, newton_starts=8)
+    one, other = (search(each, "frequency", [0.62], options=options) for each in (system, small))
+    assert [(found.orbit.period, found.hits_settled) for found in one.found] == [
+        (found.orbit.period, found.hits_settled) for found in other.found
+    ]
+    assert other.tallies[0].box == pytest.approx(1e-3 * one.tallies[0].box, rel=1e-9)
+
+
+# Starts
+
+
+def test_the_box_holds_the_motions_of_the_paper():
+    for figure in ("12", "13", "15", "25"):
+        branch = follow(find_orbit(case(figure), frequency=2.0), "frequency", to=0.5)
+        for point in branch.points[::20]:
+            motion = point.orbit.motion(64)
+            assert np.all(np.abs(np.hstack((motion.q, motion.v))).max(axis=0) < state_box(point.orbit.system))
+
+
+def test_the_box_holds_known_orbits_and_leaves_out_stops_that_are_never_met():
+    system = clutch(frequency=0.62)
+    orbit = find_orbit(system)
+    tiny = system.at({AMPLITUDE: 0.0})
+    assert np.all(state_box(tiny, [orbit], spread=1.0) >= np.abs(orbit.state))
+    far = viscous_stop().at({"stop.clearance": 1e6})
+    assert state_box(far).max() < 100.0
+
+
+def test_starts_are_spread_evenly_and_belong_to_their_value():
+    box = np.array([1.0, 2.0, 3.0, 4.0])
+    starts = spread_starts(box, 64, seed=1, value=0.3)
+    assert starts.shape == (64, 4)
+    assert np.all(np.abs(starts) <= box)
+    # a scrambled Sobol sequence has as many points on either side of zero, in every coordinate
+    assert np.all((starts > 0.0).sum(axis=0) == 32)
+    assert np.array_equal(starts, spread_starts(box, 64, seed=1, value=0.3))
+    assert not np.array_equal(starts, spread_starts(box, 64, seed=2, value=0.3))
+    assert not np.array_equal(starts, spread_starts(box, 64, seed=1, value=0.4))
+    assert spread_starts(box, 1, seed=0, value=0.0).shape == (1, 4)
+    assert spread_starts(box, 5, seed=0, value=0.0).shape == (5, 4)
+
+
+# Newton's method aside
+
+
+def test_the_deflated_step_is_that_of_the_deflated_equation():
+    """Against the Jacobian of M(x) G(x) by differences: one full step from the same point."""
+    system = clutch(frequency=0.62)
+    equation, box = ShootingEquation(system), state_box(clutch(frequency=0.62))
+    known = np.array([find_orbit(system).state])
+    options = Deflation(iterations=1, halvings=0, reach=0.3, longest=1e9, farthest=1e9)
+    x = known[0] + 0.05 * box * np.array([1.0, -0.5, 0.3, 0.2])
+
+    def deflated(x):
+        distance = np.linalg.norm((x - known[0]) / (box * options.reach))
+        return (distance**-options.power + options.shift) * equation.evaluate(x, 0.0).residual
+
+    jacobian = np.column_stack([(deflated(x + h) - deflated(x - h)) / 2e-6 for h in 1e-6 * np.eye(4)])
+    expected = -np.linalg.solve(jacobian, deflated(x))
+
+    taken = []
+
+    class Watched:
+        period, tolerance = 1, equation.tolerance
+
+        def evaluate(self, unknowns, value):
+            taken.append(unknowns)
+            return equation.evaluate(unknowns, value)
+
+    newton_aside(Watched(), x, box, known, options)
+    assert taken[1] - x == pytest.approx(expected, rel=1e-4)
+
+
+def test_beside_a_known_orbit_its_partner_is_found_and_not_the_orbit_again():
+    system = case("15").at(frequency=0.8)
+    box, equation = state_box(system), ShootingEquation(system, None, 3)
+    settling = Settler(system, Catalogue(box), 8, 400).settle(np.zeros(4))
+    assert settling.entry is not None
+    known = np.vstack((settling.entry.states, exact_orbit(system, 1, find_orbit(system).state).state))
+    plain, aside = [], []
+    for kick in 0.1 * box * (2.0 * np.random.default_rng(0).random((30, 4)) - 1.0):
+        plain.append(newton_aside(equation, known[0] + kick, box))
+        aside.append(newton_aside(equation, known[0] + kick, box, known))
+    apart = [np.abs((known - x) / box).max(axis=1).min() for x in aside if x is not None]
+    assert apart
+    assert min(apart) > 1e-3
+    assert any(x is not None and np.abs((known - x) / box).max(axis=1).min() < 1e-6 for x in plain)
+
+
+# Work: repeated, shared, stopped
+
+
+def fingerprint(result):
+    return [
+        (each.value, each.orbit.period, each.orbit.state.tobytes(), each.hits_settled, each.hits_newton)
+        for each in result.found
+    ]
+
+
+class Backwards:
+    """Hands that do the last piece first."""
+
+    def run(self, function, pieces, accept, is_needed):
+        for number in reversed(range(len(pieces))):
+            if is_needed(number):
+                accept(number, function(pieces[number]))
+
+
+def test_the_result_depends_neither_on_the_order_of_work_nor_on_who_does_it():
+    options = SearchOptions(starts=16, newton_starts=4, block=8, newton_periods=(1, 2))
+    arguments = (case("27"), AMPLITUDE, [0.0, 0.6])
+    once = search(*arguments, options=options)
+    assert fingerprint(search(*arguments, options=options)) == fingerprint(once)
+    assert fingerprint(search(*arguments, options=options, hands=Backwards())) == fingerprint(once)
+    with workers(2) as hands:
+        assert fingerprint(search(*arguments, options=options, hands=hands)) == fingerprint(once)
+    # and a value's own result not on the other values
+    assert fingerprint(search(case("27"), AMPLITUDE, [0.6], options=options)) == fingerprint(once)[-len(once.at(0.6)) :]
+    assert fingerprint(search(*arguments, options=replace(options, seed=1))) != fingerprint(once)
+
+
+def test_what_was_found_before_an_interruption_is_kept():
+    options = SearchOptions(starts=8, newton_starts=0, block=4)
+    seen = []
+
+    def interrupt(progress):
+        seen.append(progress)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    result = search(linear(), "frequency", [0.5, 0.6, 0.7], options=options, report=interrupt)
+    assert [(each.done, each.total) for each in seen] == [(1, 6), (2, 6), (3, 6)]
+    assert not result.complete
+    assert result.values == (0.5, 0.6)
+    assert [tally.settled for tally in result.tallies] == [8, 4]
+    assert "stopped before its end" in coverage(result)[0]
+    stopped = search(linear(), "frequency", [0.5, 0.6, 0.7], options=options, stop=lambda: True)
+    assert (stopped.complete, stopped.found, stopped.tallies) == (False, (), ())
+    assert coverage(stopped) == ("The search was stopped before it had tried anything.",)
+    finished = search(linear(), "frequency", [0.5], options=options)
+    assert finished.complete
+    followed = isolated(finished.found, "frequency", (0.4, 0.6), stop=lambda: True)
+    assert (followed.branches, followed.complete) == ((), False)
+
+
+def test_a_chunk_is_a_pure_function():
+    chunks = []
+
+    class Collector:
+        def run(self, function, pieces, accept, is_needed):
+            chunks.extend(pieces)
+
+    assert not search(case("27"), AMPLITUDE, [0.0], options=QUICK, hands=Collector()).complete
+    first, second = search_chunk(chunks[0]), search_chunk(chunks[0])
+    assert [(orbit.state.tobytes(), *hits) for orbit, *hits in first.orbits] == [
+        (orbit.state.tobytes(), *hits) for orbit, *hits in second.orbits
+    ]
+    assert first.newton_starts == second.newton_starts > 0
+
+
+def test_a_system_is_needed_only_as_a_value():
+    """The search leaves the system that it is given alone."""
+    system = clutch()
+    before = System.from_values(system.structure, system.values.copy())
+    search(system, "frequency", [1.7], options=SearchOptions(starts=2, newton_starts=0))
+    assert system == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"starts": 0}, "starts is 0; it must be an integer >= 1"),
+        ({"periods": 2.0}, "periods is 2.0"),
+        ({"newton_periods": (1, 0)}, "each of newton_periods is 0"),
+        ({"spread": -1.0}, "spread is -1.0; it must be a number > 0"),
+        ({"seed": -1}, "seed is -1"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(changes, message):
+    with pytest.raises(ModelError, match=message):
+        SearchOptions(**changes)
+
+
+def test_requests_that_make_no_sense_are_refused():
+    with pytest.raises(ModelError, match="values is empty"):
+        search(linear(), "frequency", [])
+    with pytest.raises(ModelError, match="no parameter 'frequncy'; did you mean 'frequency'"):
+        search(linear(), "frequncy", [1.0])
+    with pytest.raises(ModelError, match=r"frequency is -1\.0; it must be > 0"):
+        search(linear(), "frequency", [1.0, -1.0])
+    with pytest.raises(ModelError, match=r"box is \(1.0, 2.0\); it must be 4 numbers > 0"):
+        search(linear(), "frequency", [1.0], options=SearchOptions(box=(1.0, 2.0)))
+
+
+# What may have been missed
+
+
+def test_bounds_on_what_was_missed():
+    assert unseen_share(59) == pytest.approx(0.05, rel=0.01)  # the rule of three: 3 / 59
+    assert (1.0 - unseen_share(200)) ** 200 == pytest.approx(0.05)
+    assert unseen_share(0) == 1.0
+    assert unseen_share(100, confidence=0.99) > unseen_share(100)
+
+
+def test_coverage_in_sentences(figure_27):
+    _, result, _ = figure_27
+    sentences = coverage(result)
+    assert sentences[0].startswith("352 starts at 11 values of harmonic1.amplitude, -1 to 1: 352 settled to ")
+    assert "with 95 % confidence, less than 8.9 % of the box of starts at any of these values" in sentences[1]
+    once = sum(found.hits_settled == 1 for found in result.found)
+    assert next_is_new(result) == once / 352
+    assert f"{once} motion" in sentences[2]
+    assert "for unstable orbits no bound can be given" in sentences[-1]
+
+
+def test_good_turing_counts_motions_met_once():
+    bare = search(linear(), "frequency", [0.5], options=SearchOptions(starts=1, newton_starts=0))
+    assert next_is_new(bare) == 1.0
+    assert next_is_new(search(linear(), "frequency", [0.5], options=SearchOptions(starts=4, newton_starts=0))) == 0.0
+
+
+# The whole campaign
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("figure", "parameter", "low", "high", "spans"),
+    [
+        ("27", AMPLITUDE, -1.0, 1.0, [(-0.6023, -0.4840), (-0.2614, 0.2614), (0.4840, 0.6023)]),
+        ("28", AMPLITUDE, -1.0, 1.0, [(-0.6201, -0.4278), (-0.3725, 0.3725), (0.4278, 0.6201)]),
+    ],
+)
+def test_the_islands_with_the_default_options(figure, parameter, low, high, spans):
+    main = main_branch(figure, parameter, low, high)
+    result = search(case(figure), parameter, np.linspace(low, high, 11), known=[main])
+    islands = isolated([found for found in result.new if found.orbit.period == 1], parameter, (low, high), known=[main])
+    assert sorted(span(branch) for branch in islands.branches) == [pytest.approx(ends, abs=2e-4) for ends in spans]
+
+
+@pytest.mark.slow
+def test_the_islands_of_period_3_with_the_default_options():
+    main = main_branch("15", "frequency", 0.15, 1.9)
+    result = search(case("15"), "frequency", np.linspace(0.15, 1.9, 36), known=[main])
+    threes = [found for found in result.new if found.orbit.period == 3]
+    islands = isolated(threes, "frequency", (0.15, 1.9), known=[main])
+    assert all(branch.ends[-1].reason is EndReason.CLOSED for branch in islands.branches)
+    spans = [span(branch) for branch in islands.branches]
+    for value in (0.2, 0.35, 0.45, 0.8, 1.7):
+        assert any(low < value < high for low, high in spans)

@@ -1,0 +1,30 @@
+"""Diagrams that are found in a moment, and a program that finds one of them so that it can be killed."""
+
+import sys
+
+from gapwalk import DiagramStudyOptions, Study, run
+from tests.systems import clutch
+
+
+def clutch_diagram(workers: int | None = 1, end: float = 0.6, **more) -> Study:
+    """The second resonance of figure 13: P1, a loop of P2, and one of P4 on it."""
+    options = DiagramStudyOptions("frequency", 0.85, end, "half.q1", workers=workers, **({"max_period": 4} | more))
+    return Study(clutch(frequency=0.85), options, "Second resonance", "title = 'Second resonance'\n", name="loop")
+
+
+def many_branches(workers: int | None = 1) -> Study:
+    """A part of figure 15: P1, a part of a loop of P2, and on it loops of P4."""
+    system = clutch(frequency=0.44).at({"harmonic1.amplitude": 0.5})
+    return Study(system, DiagramStudyOptions("frequency", 0.44, 0.405, "half.q1", max_period=4, workers=workers))
+
+
+def main(path: str, workers: str) -> None:
+    """Find many branches and store them, or go on with it; write a line for each branch that is safe."""
+    result = run(
+        many_branches(int(workers)), path, resume=True, report=lambda diagram, limb: print(limb.name, flush=True)
+    )
+    print("complete" if result.complete else "stopped", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

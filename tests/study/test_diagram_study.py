@@ -1,0 +1,282 @@
+"""Diagrams as studies: stored branch by branch, the same however often they are interrupted, and by whom."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.continuation import EndReason
+from gapwalk.errors import ModelError, NumericalError, StoreError
+from gapwalk.motion import Flow
+from gapwalk.study import diagram as growing
+from tests.study.diagrams import clutch_diagram, many_branches
+from tests.study.same import assert_same_branch, assert_same_result
+from tests.study.studies import stop_study
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def path(tmp_path) -> Path:
+    return tmp_path / "loop.gapwalk"
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> gw.Result:
+    return gw.run(clutch_diagram())
+
+
+def test_a_study_is_the_diagram_of_its_system(undisturbed) -> None:
+    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), options=gw.DiagramOptions(4, workers=1))
+    assert undisturbed.complete
+    assert undisturbed.diagram.complete
+    assert undisturbed.diagram.within == (0.6, 0.85)
+    assert undisturbed.names == ("P1-1", "P2-1", "P4-1")
+    assert undisturbed.branches == undisturbed.diagram.branches
+    for a, b in zip(found.branches, undisturbed.branches, strict=True):
+        assert_same_branch(a, b)
+    loop = undisturbed.diagram["P2-1"]
+    assert (loop.begins.parent, loop.joins.parent) == ("P1-1", "P1-1")
+    assert undisturbed.diagram.attached("P1-1", loop.begins.special) == (loop,)
+    assert "P2-1" in repr(undisturbed.diagram["P4-1"].begins)
+    with pytest.raises(KeyError, match="P8-1"):
+        undisturbed.diagram["P8-1"]
+
+
+def test_what_is_loaded_is_what_was_found(path, undisturbed) -> None:
+    reported = []
+    returned = gw.run(clutch_diagram(), path, report=lambda diagram, limb: reported.append(limb.name))
+    assert reported == list(undisturbed.names)
+    assert_same_result(returned, undisturbed)
+    assert_same_result(gw.load(path), undisturbed)
+    assert gw.load(path).study.name == "loop"
+    assert os.listdir(path.parent) == [path.name]
+
+
+def test_a_complete_result_is_not_computed_again(path, undisturbed) -> None:
+    gw.run(clutch_diagram(), path)
+    before, reported = Flow.calls, []
+    again = gw.run(clutch_diagram(), path, resume=True, report=lambda diagram, limb: reported.append(repr(diagram)))
+    assert Flow.calls == before
+    assert_same_result(again, undisturbed)
+    assert len(reported) == 3
+    assert "1 of period 4" not in reported[1]
+
+
+def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
+    result = gw.run(clutch_diagram(workers=2), path)
+    assert_same_result(result, undisturbed)
+    assert_same_result(gw.run(clutch_diagram(workers=1), path, resume=True), undisturbed)
+
+
+def test_what_was_reported_is_in_the_file(path) -> None:
+    def report(diagram, limb) -> None:
+        stored = gw.load(path)
+        assert stored.names[-1] == limb.name
+        assert not stored.complete
+        assert_same_branch(stored.branches[-1], limb.branch)
+
+    gw.run(clutch_diagram(), path, report=report)
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> None:
+    def report(diagram, limb) -> None:
+        if len(diagram.limbs) == after:
+            signal.raise_signal(signal.SIGINT)
+
+    stopped = gw.run(clutch_diagram(), path, report=report)
+    assert not stopped.complete
+    assert len(stopped.branches) == after
+    assert_same_result(stopped, gw.load(path))
+    assert os.listdir(path.parent) == [path.name]
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+    assert_same_result(gw.load(path), undisturbed)
+
+
+def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
+    def report(diagram, limb) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    stopped = gw.run(clutch_diagram(), report=report)
+    assert not stopped.complete
+    assert stopped.names == ("P1-1",)
+
+
+def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> None:
+    def interrupt(piece) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(growing, "_walk_piece", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        gw.run(clutch_diagram(), path)
+    assert not list(path.parent.iterdir())
+
+
+@pytest.fixture(scope="module")
+def whole() -> gw.Result:
+    return gw.run(many_branches())
+
+
+@pytest.mark.parametrize(("workers", "aims"), [(1, [1, 2]), (2, [3])])
+def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, whole) -> None:
+    random.seed(29 + workers)
+    for aim in [*aims, 100]:
+        program = subprocess.Popen(
+            [sys.executable, "-c", f"from tests.study.diagrams import main; main({str(path)!r}, '{workers}')"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,  # what multiprocessing leaves behind is told there
+            text=True,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
+        )
+        assert program.stdout is not None
+        lines = []
+        for line in program.stdout:
+            lines.append(line.strip())
+            if len(lines) == aim:
+                time.sleep(random.uniform(0.0, 0.3))
+                program.kill()
+                break
+        lines += [line.strip() for line in program.stdout]
+        program.stdout.close()
+        program.wait()
+        stored = gw.load(path)
+        assert list(stored.names)[: len(lines)] == lines[: len(stored.names)]
+        assert stored.names == whole.names[: len(stored.names)]
+    assert lines[-1] == "complete"
+    assert_same_result(replace(stored, study=whole.study), whole)
+
+
+def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
+    from gapwalk.study import diagram_store
+
+    write, count = diagram_store.write_points, 0
+
+    def write_some(*arguments) -> None:
+        nonlocal count
+        count += 1
+        if count == 3:
+            raise OSError(28, "No space left on device")
+        write(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(diagram_store, "write_points", write_some)
+        with pytest.raises(StoreError, match="No space left"):
+            gw.run(clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1", "P2-1")
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
+def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
+    walk = growing.walk_out
+
+    def fail(departures, options):
+        if departures[0].first.orbit.period == 4:
+            raise NumericalError("no way")
+        return walk(departures, options)
+
+    monkeypatch.setattr(growing, "walk_out", fail)
+
+    def report(diagram, limb) -> None:
+        if limb.name == "P2-1":
+            signal.raise_signal(signal.SIGINT)
+
+    gw.run(clutch_diagram(), path, report=report)
+    result = gw.run(clutch_diagram(), path, resume=True)
+    assert result.complete
+    assert result.names == ("P1-1", "P2-1")
+    assert len(result.diagram.notes) == 2  # from both flips of the loop
+    assert all(note.endswith("could not be walked: no way") for note in result.diagram.notes)
+    assert_same_result(result, gw.load(path))
+    monkeypatch.setattr(growing, "walk_out", lambda *_: fail([replace_period(4)], None))
+    with pytest.raises(NumericalError, match="no way"):
+        gw.run(clutch_diagram())
+
+
+def replace_period(period: int):
+    class Departure:
+        class first:  # noqa: N801
+            class orbit:  # noqa: N801
+                pass
+
+    Departure.first.orbit.period = period
+    return Departure
+
+
+def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
+    result = gw.run(clutch_diagram(max_branches=2), path)
+    assert result.complete  # nothing is left to do
+    assert not result.diagram.complete
+    assert result.diagram.notes == ("stopped at max_branches = 2; there are more",)
+    assert_same_result(gw.run(clutch_diagram(max_branches=2), path, resume=True), result)
+
+
+def test_a_different_study_is_not_resumed(path) -> None:
+    gw.run(clutch_diagram(max_period=2), path)
+    with pytest.raises(StoreError, match="the study's max_period is 4, and was 2"):
+        gw.run(clutch_diagram(), path, resume=True)
+    response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
+    with pytest.raises(StoreError, match="the study is of another kind"):
+        gw.run(response, path, resume=True)
+    with pytest.raises(StoreError, match="exists already"):
+        gw.run(clutch_diagram(), path)
+
+
+def test_a_study_that_makes_no_sense(path) -> None:
+    study = clutch_diagram()
+    with pytest.raises(ModelError, match="no way to go"):
+        gw.run(replace(study, options=replace(study.options, end=0.85)), path)
+    with pytest.raises(ModelError, match="max_period is 0"):
+        gw.run(clutch_diagram(max_period=0), path)
+    assert not list(path.parent.iterdir())
+
+
+def test_a_branch_may_end_anywhere(path) -> None:
+    result = gw.run(clutch_diagram(end=0.7), path)  # the loop is cut off
+    assert result.diagram["P2-1"].joins is None
+    assert result.branches[1].ends[-1].reason in (EndReason.RANGE, EndReason.TURNED_BACK)
+    assert_same_result(result, gw.load(path))
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM branch WHERE id = 1",
+        "UPDATE branch SET name = 'P1-1'",
+        "UPDATE branch SET ends = NULL WHERE id = 2",
+        "UPDATE branch SET ends = '[]'",
+        "UPDATE branch SET period = 0",
+        'UPDATE branch SET begins = \'{"parent": "P3-1", "special": 0}\' WHERE id = 2',
+        'UPDATE branch SET joins = \'{"parent": "P1-1", "special": 99}\' WHERE id = 2',
+        'UPDATE branch SET joins = \'{"parent": "P2-1", "special": 0}\' WHERE id = 2',
+        "DELETE FROM result WHERE key = 'diagram'",
+    ],
+)
+def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
+    from tests.study.test_store import change
+
+    path.write_bytes(whole_file)
+    change(path, statement)
+    with pytest.raises(StoreError, match="damaged"):
+        gw.load(path)
+
+
+@pytest.fixture(scope="module")
+def whole_file(tmp_path_factory) -> bytes:
+    path = tmp_path_factory.mktemp("whole") / "x.gapwalk"
+    gw.run(clutch_diagram(), path)
+    return path.read_bytes()
+
+
+def test_a_response_has_no_diagram(path) -> None:
+    result = gw.run(stop_study(end=0.72), path)
+    assert gw.load(path).diagram is None
+    assert result.names == ("P1-1",)
