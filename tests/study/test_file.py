@@ -1,6 +1,7 @@
 """Studies in model files: what they ask for, and what is said of those that are wrong."""
 
 import pickle
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ from gapwalk.model import ModelFileError
 from gapwalk.model.file import read_system
 from gapwalk.model.source import parse_source
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.file import Study, check_study, read_study
-from gapwalk.study.options import ResponseOptions, Start
+from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.file import Study, check_studies, check_study, read_studies, read_study
+from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start
 
 GOOD = """\
 title = "Two stages"
@@ -202,23 +204,182 @@ def test_a_frequency_is_judged_even_where_the_system_is_lost() -> None:
     assert [problem.path for problem in problems_of(text)] == ["contact[0].deflection", "study.to"]
 
 
+DIAGRAM = GOOD.replace('kind = "response"', 'kind = "diagram"')
+SYSTEM = GOOD[: GOOD.index("[study]")]
+SEVERAL = (
+    SYSTEM
+    + """
+[[study]]
+name = "light"
+kind = "response"
+parameter = "frequency"
+from = 2.0
+to = 0.15
+
+[[study]]
+name = "strong"
+title = "A strong load"
+kind = "diagram"
+parameter = "harmonic1.amplitude"
+to = 1.0
+set = { "harmonic1.amplitude" = 0.02, stage2.clearance = 0.9, frequency = 0.35 }
+max_period = 4
+"""
+)
+
+
+def several(text: str = SEVERAL, changes=None) -> tuple[Study, ...]:
+    return check_studies(parse_source(text, "m.toml"), changes)
+
+
+def test_a_diagram_is_a_kind_of_study() -> None:
+    study = study_of(DIAGRAM)
+    response = study_of(GOOD).options
+    assert study.options == DiagramStudyOptions(
+        *(getattr(response, field.name) for field in fields(response)), max_period=8, max_branches=200
+    )
+    limits = study_of(DIAGRAM.replace("period = 2", "period = 1\nmax_period = 4\nmax_branches = 9\nworkers = 1"))
+    assert limits.options.limits == DiagramOptions(4, 9, 1)
+    assert limits.options.period == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "message"),
+    [
+        ("max_period = 0", "study.max_period", "is 0; it must be >= 1"),
+        ("max_branches = 1.5", "study.max_branches", "is 1.5; it must be an integer"),
+        ('workers = "all"', "study.workers", 'is "all"; it must be an integer'),
+        ("max_periods = 4", "study.max_periods", "did you mean max_period"),
+        ('name = "the second"', "study.name", "write letters, digits, - and _, as in light-load"),
+        ('name = "walk"', "study.name", "which is a key of studies; choose another name"),
+        ("name = 3", "study.name", "is 3; it must be a text in quotes"),
+        ("set = 3", "study.set", 'is 3; it must be a table, such as { "harmonic1.amplitude" = 0.5 }'),
+        ('set = { "stage2.clearence" = 1 }', 'study.set."stage2.clearence"', "did you mean 'stage2.clearance'"),
+        ("set = { stage2.clearance = -1 }", "study.set.stage2.clearance", "is -1.0; it must be >= 0"),
+        ('set = { mean.q1 = "1" }', "study.set.mean.q1", "is '1'; it must be a number"),
+        ("set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks it"),
+        (
+            "set = { mass.q1.q1 = 0, mass.q3.q3 = 0 }",
+            "study.set.mass.q1.q1",
+            "is refused: mass is singular",
+        ),
+    ],
+)
+def test_a_wrong_diagram_has_one_problem(text: str, path: str, message: str) -> None:
+    (problem,) = problems_of(DIAGRAM.replace("period = 2", text))
+    assert (problem.path, problem.line) == (path, 24)
+    assert message in problem.message
+
+
+def test_what_only_a_diagram_has_is_refused_elsewhere() -> None:
+    (problem,) = problems_of(GOOD.replace("period = 2", "max_period = 2"))
+    assert (problem.path, problem.line) == ("study.max_period", 24)
+    assert "is no key here" in problem.message
+
+
+def test_a_file_has_several_studies_of_changed_systems(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(SEVERAL, encoding="utf-8")
+    light, strong = read_studies(path)
+    assert (light.name, strong.name) == ("light", "strong")
+    assert (light.title, strong.title) == ("Two stages: light", "A strong load")
+    assert light.system == read_system(path).at(frequency=2.0)
+    changes = {"harmonic1.amplitude": 0.02, "stage2.clearance": 0.9, "frequency": 0.35}
+    assert strong.system == read_system(path).at(changes)
+    assert (strong.options.begin, strong.options.end, strong.options.max_period) == (0.02, 1.0, 4)
+    assert read_study(path, name="strong") == strong
+    with pytest.raises(ModelError, match="has 2 studies, so name the one that is meant: light, strong"):
+        read_study(path)
+    with pytest.raises(ModelError, match=r"has no study 'stong'; did you mean strong\?"):
+        read_study(path, name="stong")
+    path.write_text(GOOD, encoding="utf-8")
+    with pytest.raises(ModelError, match="no name for it; leave the name 'strong' out"):
+        read_study(path, name="strong")
+
+
+def test_one_study_may_have_a_name_and_changes_too() -> None:
+    study = study_of(GOOD.replace("period = 2", 'name = "a"\nset.stage2.clearance = 0.5'))
+    assert (study.name, study.title, study.system["stage2.clearance"]) == ("a", "Two stages: a", 0.5)
+
+
+def test_changes_from_outside_have_the_last_word() -> None:
+    light, strong = several(changes={"stage2.clearance": 0.7, "frequency": 0.3, "study.strong.to": 0.8})
+    assert light.system["stage2.clearance"] == strong.system["stage2.clearance"] == 0.7
+    assert strong.system.frequency == 0.3
+    assert (light.options.end, strong.options.end) == (0.15, 0.8)
+    light, strong = several(changes={"study.to": 0.9, "study.period": 2, "study.light.walk.max_points": 7})
+    assert (light.options.end, strong.options.end) == (0.9, 0.9)
+    assert (light.options.period, strong.options.period) == (2, 2)
+    assert (light.options.walk.max_points, strong.options.walk.max_points) == (7, WalkOptions().max_points)
+
+
+def problems_of_several(old: str, new: str, changes=None):
+    assert old in SEVERAL
+    with pytest.raises(ModelFileError) as error:
+        several(SEVERAL.replace(old, new), changes)
+    return [(problem.path, problem.line, problem.message) for problem in error.value.problems]
+
+
+def test_what_is_wrong_with_several_studies() -> None:
+    ((path, line, message),) = problems_of_several('name = "strong"\n', "")
+    assert (path, line) == ("study[1].name", 27)
+    assert "is missing; the result is called by it" in message
+    ((path, line, message),) = problems_of_several('"strong"', '"Light"')
+    assert (path, line) == ("study[1].name", 28)
+    assert "is taken already" in message
+    ((path, line, _),) = problems_of_several('kind = "diagram"', 'kind = "diagramm"')
+    assert (path, line) == ("study[1].kind", 30)
+    found = problems_of_several("to = 1.0", "to = 0.02")
+    assert [(path, line) for path, line, _ in found] == [("study[1].to", 32)]
+    found = problems_of_several("stage2.clearance = 0.9", "stage3.clearance = 0.9", {"stage4": 3, "study.x": 4})
+    assert [path for path, _, _ in found] == ["", "study[0].x", "study[1].x", "study[1].set.stage3.clearance"]
+
+
+def test_a_frequency_may_come_from_the_study() -> None:
+    text = SEVERAL.replace("frequency = 0.5\n", "")
+    assert several(text)[1].system.frequency == 0.35
+    with pytest.raises(ModelFileError) as error:
+        several(text.replace(", frequency = 0.35", ""))
+    (problem,) = error.value.problems
+    assert (problem.path, problem.line) == ("frequency", None)
+
+
+@pytest.mark.parametrize("study", ["study = []", "study = [1]", 'study = "x"'])
+def test_a_study_is_a_table_or_several(study: str) -> None:
+    (problem,) = problems_of(study + "\n" + SYSTEM)
+    assert (problem.path, problem.line) == ("study", 1)
+    assert "it must be a table [study], or several tables [[study]]" in problem.message
+
+
 ODD = ["", "0", "-1", "1e308", "nan", "true", '"x"', '"q1"', "[]", "{}", "1.5", "2020-01-01", "[1, 2, 3, 4]", "=",
        '"mass.q1.q1"', '"max.q1"', '"rest"', '"\\u0000"']  # fmt: skip
 
 
 @st.composite
 def mutations(draw) -> str:
-    lines = list(LINES)
+    lines = list(draw(st.sampled_from([LINES, SEVERAL.splitlines()])))
     for _ in range(draw(st.integers(1, 3))):
         place = draw(st.integers(0, len(lines) - 1))
         key = lines[place].partition("=")[0]
-        lines[place] = draw(st.sampled_from(["", f"{key}= {draw(st.sampled_from(ODD))}", "[study]", "walk = 3"]))
+        lines[place] = draw(
+            st.sampled_from(["", f"{key}= {draw(st.sampled_from(ODD))}", "[study]", "[[study]]", "walk = 3"])
+        )
     return "\n".join(lines)
 
 
 CHANGES = st.dictionaries(
     st.sampled_from(
-        ["frequency", "stage2.clearance", "study.to", "study.walk.max_points", "study", "x", "study.kind.x"]
+        [
+            "frequency",
+            "stage2.clearance",
+            "study.to",
+            "study.walk.max_points",
+            "study",
+            "x",
+            "study.kind.x",
+            "study.light.to",
+            "study.set",
+        ]
     ),
     st.sampled_from([1, 0.5, -1.0, "x", True, [1, 2], float("nan"), 10**400, None]),
     max_size=2,
@@ -229,7 +390,8 @@ CHANGES = st.dictionaries(
 @given(mutations(), CHANGES)
 def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
     try:
-        study = check_study(parse_source(text, "m.toml"), changes)
+        studies = several(text, changes)
     except ModelError:
         return
-    assert study.options.begin == study.system[study.options.parameter]
+    for study in studies:
+        assert study.options.begin == study.system[study.options.parameter]

@@ -8,7 +8,8 @@ from gapwalk.errors import ModelError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.study.file import check_study, read_study
+from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.file import check_study, read_studies, read_study
 from gapwalk.study.template import template, write_template
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -43,6 +44,12 @@ def test_what_the_comments_of_the_template_offer_is_right() -> None:
         "stage2.stage1.clearance",
         "stage2.stage2.clearance",
     ]
+    more = text[text.index("# max_period") :].splitlines()
+    lines = [line.removeprefix("# ") for line in more if " = " in line and line != '# name = "tight"']
+    bare = text.replace('kind = "response"', "\n".join(['kind = "diagram"', *lines]))
+    study = check_study(parse_source(bare))
+    assert study.options.limits == DiagramOptions(8, 200, 2)
+    assert (study.system["stage2.clearance"], study.system["harmonic1.amplitude"]) == (0.5, 0.3)
     for parameter in ("stage2.clearance", "mean.q1", "harmonic1.amplitude", "stiffness.q1.q3"):
         assert f'"{parameter}"' in text
         assert case("13").structure.place(parameter)
@@ -65,13 +72,22 @@ def test_where_no_file_can_be_a_reason_is_given(tmp_path: Path) -> None:
         write_template(tmp_path, overwrite=True)
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "diagram.toml"])
+@pytest.mark.parametrize("name", FILES)
 def test_an_example_can_be_started(name: str) -> None:
-    study = read_study(EXAMPLES / name)
-    assert study.title
-    orbit = find_orbit(study.system, study.options.period, study.options.start)
-    assert orbit.measure(study.options.measure) > 0
+    for study in read_studies(EXAMPLES / name):
+        assert study.title
+        orbit = find_orbit(study.system, study.options.period, study.options.start)
+        assert orbit.measure(study.options.measure) > 0
+
+
+def test_the_diagrams_are_those_of_the_paper() -> None:
+    thirteen, fifteen, twenty_nine = read_studies(EXAMPLES / "diagram.toml")
+    for study, name in ((thirteen, "13"), (fifteen, "15")):
+        ours, paper = study.system.parameters, case(name).at(frequency=1.9).parameters
+        assert {key: ours[key] for key in paper} == dict(paper)
+        assert ours["harmonic2.amplitude"] == 0.0
+    assert twenty_nine.system == case("29").at({"harmonic1.amplitude": 0.02})
 
 
 def test_there_are_examples() -> None:
-    assert {"clutch.toml", "gear.toml", "stop.toml"} <= set(FILES)
+    assert {"clutch.toml", "diagram.toml", "gear.toml", "stop.toml"} <= set(FILES)

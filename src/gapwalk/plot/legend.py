@@ -39,7 +39,7 @@ def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool) -> None:
         for text, stable in (("stable", True), ("unstable", False))
     ]
     if births:
-        handles.append(Line2D([], [], label="flip: a branch begins or ends", **birth_options(0)))
+        handles.append(Line2D([], [], label="a branch begins or ends", **birth_options(0)))
     _draw_above(ax, handles)
 
 

@@ -96,10 +96,9 @@ class Strobes:
 
     @cached_property
     def _curve(self) -> NDArray[np.float64]:
-        """All curves as one, shape (points, 2)."""
-        return np.concatenate(
-            [np.column_stack((piece.x, y)) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
-        )
+        """All curves as one, with rows of nan between them, shape (points, 2)."""
+        parts = [np.column_stack((piece.x, y)) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
+        return np.vstack([row for part in parts for row in (part, np.full((1, 2), np.nan))])
 
     def _label(
         self, limb: Limb, pieces: Sequence[Piece], shown: tuple[float, float], without: tuple[float, float] | None
@@ -111,7 +110,7 @@ class Strobes:
             inside &= (x < without[0]) | (x > without[1])
         if not inside.any():
             return None
-        middle = float(np.median(self._curve[:, 1]))
+        middle = float(np.nanmedian(self._curve[:, 1]))
         best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
         return Label(limb.name, float(x[best]), float(y[best]))
 

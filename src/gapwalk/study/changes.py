@@ -54,7 +54,8 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
         What cannot be changed.
     """
     rest, problems = {}, []
-    walked = {name for name in changes if any(_walks(table, name, changes) for table in study_tables(source).values())}
+    tables = study_tables(source).values()
+    walked = {name for name in changes if tables and all(_walks(table, name, changes) for table in tables)}
     for name, value in changes.items():
         if name in walked:
             problem = f"{name} cannot be set: the study walks it from study.from on; set study.from instead"

@@ -20,7 +20,7 @@ _LEAP = 0.5  # share of its root depth by which a touch may differ from what the
 
 
 class Turning(NamedTuple):
-    """A turning point of a deflection: which switch, its angle, its depth past the breakpoint, if it is a touch."""
+    """A turning point of a deflection: switch, angle, depth past the breakpoint, and whether it is a touch."""
 
     switch: int
     theta: float

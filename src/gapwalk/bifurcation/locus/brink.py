@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.locus.departure import onto_locus
+from gapwalk.bifurcation.locus.curve import Secant, zero_along
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
 from gapwalk.continuation.corrector import Correction, Corrector
@@ -15,12 +15,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit
 
-_SECANTS = 25
-_FIRST = 1e-4  # first step of the secant method, scaled
-_LONGEST = 1e-2  # its longest step
-_FARTHEST = 0.1  # how far it may go
-_EXACT = 1e-12  # step at which it ends
-_NOISE = 1e-7  # step from which it ends too if steps no longer shrink: rounding, which a small depth magnifies
+_SECANT = Secant()
 
 
 class Brink:
@@ -56,29 +51,9 @@ class Brink:
         return evaluation.by_unknowns[-1, -2] < 0.0
 
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
-        """The orbit with a given depth, by the secant method along the curve of that depth; None if none is found."""
+        """The orbit with a given depth, found along the curve of all of that depth; None if none is found."""
         corrector = Corrector(replace(self._touch, depth=depth), self._scales)
-        correction, tangent = onto_locus(corrector, start)
-        if correction is None:
-            return None
-        origin, s, s_before, last = correction.x, 0.0, -_FIRST, np.inf
-        before = corrector.correct(origin + s_before * tangent, tangent)
-        if before is None:
-            return None
-        g_before = self._criticality(before)
-        for _ in range(_SECANTS):
-            g = self._criticality(correction)
-            if g == g_before:
-                return None
-            step = -g * (s - s_before) / (g - g_before)
-            if abs(step) <= _EXACT or last < abs(step) < _NOISE:
-                return correction
-            s_before, g_before, last = s, g, abs(step)
-            s += max(-_LONGEST, min(_LONGEST, step))
-            correction = corrector.correct(origin + s * tangent, tangent) if abs(s) < _FARTHEST else None
-            if correction is None:
-                return None
-        return None
+        return zero_along(corrector, start, self._criticality, _SECANT)
 
     def orbit(self, correction: Correction) -> Orbit:
         """The orbit of a correction."""

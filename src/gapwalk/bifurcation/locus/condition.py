@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Kind
+from gapwalk.orbit.floquet import multipliers
 
 _REAL = 1e-9  # relative imaginary part within which two multipliers count as real or as conjugate
 
@@ -51,8 +52,8 @@ def neimark_sacker(monodromy: NDArray[np.float64]) -> Criticality:
     The pair is split off as a matrix of 2 x 2, ``left^T B right`` with ``left^T right = 1``, whose determinant is
     smooth in B even where the pair meets on the real axis, at the strong resonances 1:1 and 1:2.
     """
-    multipliers = np.linalg.eigvals(monodromy).astype(np.complex128)
-    pair = multipliers[list(critical_pair(multipliers))]
+    values = multipliers([monodromy])
+    pair = values[list(critical_pair(values))]
     quadratic = monodromy @ monodromy - float(pair.sum().real) * monodromy
     quadratic.flat[:: len(monodromy) + 1] += float(pair.prod().real)
     left_vectors, _, right_vectors = np.linalg.svd(quadratic)
@@ -67,11 +68,11 @@ CONDITIONS: dict[Kind, Condition] = {Kind.FOLD: fold, Kind.FLIP: flip, Kind.NEIM
 """The condition for each bifurcation that a multiplier tells."""
 
 
-def critical_pair(multipliers: NDArray[np.complex128]) -> tuple[int, int]:
+def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
     """Places of the two multipliers, conjugate or both real, whose product is nearest to 1."""
-    first, second = np.triu_indices(len(multipliers), 1)
-    sums, products = multipliers[first] + multipliers[second], multipliers[first] * multipliers[second]
-    sizes = 1.0 + np.abs(multipliers[first]) + np.abs(multipliers[second])
+    first, second = np.triu_indices(len(values), 1)
+    sums, products = values[first] + values[second], values[first] * values[second]
+    sizes = 1.0 + np.abs(values[first]) + np.abs(values[second])
     distances = np.abs(products - 1.0) / np.maximum(1.0, np.abs(products))
     distances[(np.abs(sums.imag) > _REAL * sizes) | (np.abs(products.imag) > _REAL * sizes)] = np.inf
     nearest = int(np.argmin(distances))

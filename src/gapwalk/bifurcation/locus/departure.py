@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.locus.curve import onto_curve
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.plane import OrbitPlane
 from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
 from gapwalk.continuation.branch import Kind, SpecialPoint
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, powers_of_two, state_scales
 from gapwalk.errors import ConvergenceError, ModelError
@@ -81,31 +82,20 @@ def depart_locus(
     within = _checked(special, first, second, to, shooting)
     plane = OrbitPlane(special.orbit.system, (first, second), special.orbit.period)
     if special.kind is Kind.GRAZING:
-        corrector, start = touch_corrector(plane, special, within, shooting)
+        corrector, start = _touch_corrector(plane, special, within, shooting)
     else:
         corrector, start = _multiplier_corrector(plane, special, within, shooting)
-    correction, tangent = onto_locus(corrector, start)
+    correction, tangent = onto_curve(corrector, start)
     if correction is None or correction.distance > _FAR:
         raise ConvergenceError(f"the start is no {special.kind.value} at {_place(special, (first, second))}")
     if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
         tangent = -tangent
     there = corrector.point(correction, tangent, 0.0)
-    back = replace(there, tangent=-there.tangent, memo={})
+    back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
     return [LocusDeparture(special.kind, corrector, point, within, special.contact) for point in (back, there)]
 
 
-def onto_locus(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correction | None, NDArray[np.float64]]:
-    """The point of a locus nearest to a start in scaled variables, and a tangent to move along."""
-    evaluation = corrector.equation.evaluate(
-        start[:-1] * corrector.scales[:-1], float(start[-1] * corrector.scales[-1])
-    )
-    assert evaluation.by_parameter is not None
-    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
-    tangent = np.linalg.svd(jacobian)[2][-1]
-    return corrector.correct(start, tangent), tangent
-
-
-def touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range], shooting: Shooting):
+def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range], shooting: Shooting):
     """The corrector onto the locus of a grazing point, and the start in its variables."""
     switch = next(
         k for k in range(len(switch_names(plane.system))) if describe_switch(special.orbit, k) == special.contact

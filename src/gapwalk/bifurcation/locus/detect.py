@@ -12,7 +12,7 @@ from typing import NamedTuple
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
-from gapwalk.bifurcation.locus.functions import codim2_kinds, is_genuine, test_function
+from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
 from gapwalk.bifurcation.locus.locus import Codim2
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind
@@ -50,7 +50,7 @@ def find_codim2(
         for graze in find_grazing(stretch, before, first, last)
     ]
     for what in codim2_kinds(locus):
-        function = test_function(locus, what, first)
+        function = codim2_function(locus, what, corrector, first)
         rate = None
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
@@ -74,8 +74,8 @@ def _search(
 ) -> list[BranchPoint]:
     """All zeros between two points, given the rate of change before them, if any."""
     length, at_a, at_b = b.arclength - a.arclength, function(a), function(b)
-    if max(abs(at_a), abs(at_b)) < _NOISE:
-        return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
+    if not max(abs(at_a), abs(at_b)) >= _NOISE:
+        return []  # undefined, or zero all along, as with multipliers that stay on the unit circle without damping
     if at_a * at_b < 0.0:
         root = brentq(lambda s: function(stretch.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
         return [stretch.at(float(root))]

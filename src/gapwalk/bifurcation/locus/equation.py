@@ -86,8 +86,12 @@ class MultiplierEquation:
 
     def criticality(self, arc: Arc) -> Criticality:
         """How far the orbit of an arc is from the bifurcation."""
+        return self._condition(self.scaled(arc))
+
+    def scaled(self, arc: Arc) -> NDArray[np.float64]:
+        """The monodromy matrix of an arc, in units of the state."""
         assert arc.transition is not None
-        return self._condition(arc.transition * self.units / self.units[:, None])
+        return arc.transition * self.units / self.units[:, None]
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """The orbit of a solution."""

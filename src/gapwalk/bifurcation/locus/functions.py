@@ -4,6 +4,7 @@
 cusp, degenerate grazing    speed in the plane of the parameters, with a sign: the locus turns back there
 1:1 and 1:2 on fold, flip   sum of the products of ``mu -+ 1`` over all multipliers but one
 1:1 to 1:4 on a pair        cosine of its argument, less that of the resonance
+generalised flip            cubic coefficient
 fold-, flip-                product of ``mu - 1`` or ``mu + 1`` over the multipliers that are not critical
 -Neimark-Sacker             product of ``mu_i mu_j - 1`` over the pairs of those
 ==========================  ===========================================================================
@@ -20,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.locus.condition import critical_pair
+from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.locus import Codim2
+from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-
-TestFunction = Callable[[NDArray[np.complex128]], float]
-"""A test function of the multipliers."""
 
 _TURNED = 1e-5  # speed in the plane of the parameters, of 1 along the locus, below which it counts as turning back
 _CIRCLE = 1e-5  # distance from the unit circle within which a pair counts as on it
@@ -45,7 +46,7 @@ def codim2_kinds(kind: Kind) -> tuple[Codim2, ...]:
         case Kind.FOLD:
             return Codim2.CUSP, Codim2.RESONANCE_1_1, Codim2.FOLD_FLIP, Codim2.FOLD_NEIMARK_SACKER
         case Kind.FLIP:
-            return Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER
+            return Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER, Codim2.GENERALISED_FLIP
         case Kind.NEIMARK_SACKER:
             return *_COSINES, Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER
         case _:
@@ -57,12 +58,29 @@ def codim2_kinds(kind: Kind) -> tuple[Codim2, ...]:
             )
 
 
-def test_function(locus: Kind, what: Codim2, first: BranchPoint) -> Callable[[BranchPoint], float]:
+def codim2_function(
+    locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint
+) -> Callable[[BranchPoint], float]:
     """The test function of one event on a locus of one kind; `first` is the point from which a step begins."""
     if what in _TURNING.values():
         heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)
         return lambda point: float(point.tangent[-2:] @ heading)
-    return lambda point: _remembered(locus, what, point)
+
+    def function(point: BranchPoint) -> float:
+        known = point.memo.get(what)
+        if known is None:
+            known = point.memo[what] = _compute(locus, what, corrector, point)
+        return known
+
+    return function
+
+
+def _compute(locus: Kind, what: Codim2, corrector: Corrector, point: BranchPoint) -> float:
+    if what is Codim2.GENERALISED_FLIP:
+        assert isinstance(corrector.equation, MultiplierEquation)
+        coefficient = flip_coefficient(corrector.equation, point.x * corrector.scales)
+        return coefficient * _product(point.orbit.multipliers - 1.0)  # without its poles, at fold-flips
+    return multiplier_test(locus, what, point.orbit.multipliers)
 
 
 def multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex128]) -> float:
@@ -86,13 +104,6 @@ def multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex12
         case _:
             first, second = np.triu_indices(len(others), 1)
             return _product(others[first] * others[second] - 1.0)
-
-
-def _remembered(locus: Kind, what: Codim2, point: BranchPoint) -> float:
-    known = point.memo.get(what)
-    if known is None:
-        known = point.memo[what] = multiplier_test(locus, what, point.orbit.multipliers)
-    return known
 
 
 def is_genuine(locus: Kind, what: Codim2, point: BranchPoint) -> bool:

@@ -92,20 +92,18 @@ class TouchEquation:
         """Depth (less the one wanted) and its rate at an angle, and their derivatives, shape (2, 2n + 3)."""
         n, size, stage = len(state) // 2, len(state), self._stage
         angle = theta % self.plane.length
-        q, v, by_state, by_both = state[:n], state[n:], np.eye(size), np.zeros((size, 2))
+        there, by_all = state, np.eye(size, size + 2)
         if angle > 0.0:
             arc = self.plane.turn(coefficients, state, slopes, angle)
-            q, v = arc.state[:n], arc.state[n:]
-            by_state, by_both = arc.transition, arc.sensitivity
-        assert by_state is not None  # the flow was compiled with both
-        assert by_both is not None
+            there, by_all = arc.state, self.plane.derivatives(arc)
+        q, v = there[:n], there[n:]
         vector, vector_slopes = coefficients[self._slots.deflection], slopes[:, self._slots.deflection]
         acceleration = accelerations(self._layout, coefficients, angle, q, v)
         derivatives = np.empty((2, size + 3))
-        derivatives[:, :size] = vector @ by_state[:n], vector @ by_state[n:]
+        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n:]))
+        by_all[:, size:] += np.stack((vector_slopes @ q, vector_slopes @ v))
+        derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
         derivatives[:, size] = coefficients[0] * vector @ v, coefficients[0] * vector @ acceleration
-        derivatives[0, size + 1 :] = vector @ by_both[:n] + vector_slopes @ q
-        derivatives[1, size + 1 :] = vector @ by_both[n:] + vector_slopes @ v
         derivatives *= stage.sign
         derivatives[0, size + 1 :] -= slopes[:, stage.clearance]
         depth = stage.sign * float(vector @ q) - float(coefficients[stage.clearance])

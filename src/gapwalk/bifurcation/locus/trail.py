@@ -16,7 +16,8 @@ from gapwalk.bifurcation.locus.corner import AWAY, Corner, turn_corner
 from gapwalk.bifurcation.locus.departure import LocusDeparture
 from gapwalk.bifurcation.locus.detect import Finding, find_codim2
 from gapwalk.bifurcation.locus.functions import ends_locus
-from gapwalk.bifurcation.locus.locus import Codim2Point, LocusEnd, LocusEndReason, LocusPoint
+from gapwalk.bifurcation.locus.locus import Codim2, Codim2Point, LocusEnd, LocusEndReason, LocusPoint
+from gapwalk.bifurcation.locus.merging import distance_to_merging, find_merging
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
@@ -29,6 +30,7 @@ _OVER = 3.0  # distance within which a corner that was seen to come must lie, in
 _SHALLOW, _WIDE = 1e-6, 1e-2  # depth, in units of the state, of a touch that is led to its corner from so far away
 _SHARE = 0.7  # of the way to a corner that a step may cover
 _BESIDE = 0.1 * AWAY  # distance from the way round a corner within which the start lies on it
+_EDGE = 1e-12  # distance from the edge of a range, in widths, within which the start lies on it
 _RESTART = 0.2  # first step beyond a corner, in lengths of the way there from the corner
 _REASONS = {
     EndReason.RANGE: LocusEndReason.RANGE,
@@ -85,7 +87,7 @@ class LocusTrail(Iterator[LocusStep]):
             self.end = LocusEnd(LocusEndReason.START, self.first.values)
             raise StopIteration
         while True:
-            step = self._around_corner_ahead()
+            step = self._to_merging() or self._around_corner_ahead()
             if step is not None:
                 return step
             state = self.walk.state
@@ -105,11 +107,11 @@ class LocusTrail(Iterator[LocusStep]):
                 self.walk = self._walk_from(self.walk.state)
                 continue
             step = None
-            if self._is_smooth(state, point, is_coarse):
-                try:
+            try:
+                if self._is_smooth(state, point, is_coarse):
                     step = self._step(state, point)
-                except NumericalError:
-                    step = None
+            except NumericalError:
+                step = None
             if step is not None:
                 return step
             # no points lead from one to the other: the step went astray, or over a corner
@@ -162,7 +164,7 @@ class LocusTrail(Iterator[LocusStep]):
         )
 
     def _step(self, state: WalkState, point: BranchPoint) -> LocusStep | None:
-        """The step to a point, cut off at the edge of the first range and at the end; None to step shorter."""
+        """The step to a point, cut off at the first range's edge and where the locus ends; None to step shorter."""
         reason = None
         if self._first_value(point) not in self.departure.within[0]:
             edge = self._at_edge(state.point, point)
@@ -177,6 +179,24 @@ class LocusTrail(Iterator[LocusStep]):
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
         if reason is not None:
             self.end = LocusEnd(reason, step.point.values)
+        return step
+
+    def _to_merging(self) -> LocusStep | None:
+        """The last step, if it leads to where the orbits take half their period."""
+        if self.departure.kind is not Kind.FOLD:
+            return None
+        state = self.walk.state
+        distance = distance_to_merging(state.previous, state.point)
+        if distance == float("inf"):
+            return None
+        try:
+            end = find_merging(self.departure.corrector, state.point, distance)
+        except NumericalError:
+            return None
+        if end is None:
+            return None
+        step = LocusStep(self._point(end), [self._codim2(Finding(Codim2.GENERALISED_FLIP, end))])
+        self.end = LocusEnd(LocusEndReason.JOINED, step.point.values)
         return step
 
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
@@ -222,7 +242,8 @@ class LocusTrail(Iterator[LocusStep]):
         if state.point is not first:
             return False
         for within, value, slope in zip(self.departure.within, self.first.values, first.tangent[-2:], strict=True):
-            if (value == within.low and slope < 0.0) or (value == within.high and slope > 0.0):
+            bound = within.low if slope < 0.0 else within.high
+            if slope != 0.0 and abs(value - bound) <= _EDGE * (within.high - within.low):
                 return True
         return False
 

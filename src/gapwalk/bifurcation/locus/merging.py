@@ -1,0 +1,61 @@
+"""Where a fold locus of doubled motions ends: at a generalised flip, where they take half their period."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.doubling import halves_apart, is_close
+from gapwalk.bifurcation.locus.curve import Secant, zero_along
+from gapwalk.bifurcation.locus.equation import MultiplierEquation
+from gapwalk.bifurcation.locus.normal_form import flip_coefficient
+from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit.orbit import Orbit
+
+_SECANT = Secant(first=1e-3, exact=1e-9)  # as well as the coefficient is known
+_OVER = 2.0  # distance within which the end must lie, in distances that were estimated
+
+
+def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float:
+    """Arclength ahead at which the halves of an orbit will coincide; infinite if they do not come nearer."""
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return float("inf")
+    past, now = (float(np.linalg.norm(halves_apart(each.orbit))) for each in (before, point))
+    return (point.arclength - before.arclength) * now / (past - now) if now < past else float("inf")
+
+
+def find_merging(corrector: Corrector, point: BranchPoint, distance: float) -> BranchPoint | None:
+    """The end of a fold locus, where its orbits take half their period, at about a distance ahead; None if not found.
+
+    The equation is singular there, because every flip of the parent solves it too. So the end is found on the locus
+    of those flips: as the zero of their cubic coefficient, by the secant method.
+    """
+    equation = corrector.equation
+    assert isinstance(equation, MultiplierEquation)
+    plane = replace(equation.plane, period=equation.period // 2)
+    flips = Corrector(replace(equation, plane=plane, kind=Kind.FLIP), corrector.scales)
+    size = len(point.orbit.state)
+    middle = 0.5 * (point.orbit.state + _half_later(point.orbit)) / corrector.scales[:size]
+
+    def coefficient(correction: Correction) -> float:
+        assert isinstance(flips.equation, MultiplierEquation)
+        return flip_coefficient(flips.equation, correction.x * flips.scales)
+
+    end = zero_along(flips, np.concatenate((middle, point.x[size:])), coefficient, _SECANT)
+    if end is None:
+        return None
+    way = end.x - point.x
+    length = float(np.linalg.norm(way))
+    return corrector.uncorrected(end.x, way / length, point.arclength + length) if length < _OVER * distance else None
+
+
+def _half_later(orbit: Orbit) -> NDArray[np.float64]:
+    """The state of an orbit after half its period."""
+    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+    return flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state

@@ -1,0 +1,130 @@
+"""Pictures of diagrams: panels, colours of periods, where branches are born, and restraint."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import gapwalk as gw
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.errors import ModelError
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.plot import plot_diagram, save_picture
+from gapwalk.plot.picture import draw_picture
+from gapwalk.plot.strobes import Birth, Strobes
+from gapwalk.plot.style import PERIODS
+from tests.study.diagrams import clutch_diagram
+
+
+@pytest.fixture(scope="module")
+def result() -> gw.Result:
+    return gw.run(clutch_diagram())
+
+
+@pytest.fixture(scope="module")
+def figure(result) -> Figure:
+    figure = draw_picture(result)
+    figure.draw_without_rendering()
+    return figure
+
+
+def legend_of(ax) -> list[str]:
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_there_are_two_panels_over_one_range(figure) -> None:
+    upper, lower = figure.axes
+    assert upper.get_xlim() == lower.get_xlim()
+    assert upper.get_ylabel() == "amplitude of q1 (half the peak to peak)"
+    assert lower.get_ylabel() == "q1(0), once every forcing period"
+    assert upper.get_xlabel() == lower.get_xlabel() == "excitation frequency Ω"
+    assert figure.get_suptitle() == "Second resonance"
+
+
+def test_what_is_drawn_is_explained(figure) -> None:
+    upper, lower = figure.axes
+    assert legend_of(upper) == [
+        "stable",
+        "unstable, beyond −1",
+        "unstable, beyond +1",
+        "fold (LP)",
+        "flip (PD)",
+        "grazing",
+    ]
+    assert legend_of(lower) == [
+        "period 1",
+        "period 2",
+        "period 4",
+        "stable",
+        "unstable",
+        "a branch begins or ends",
+    ]
+
+
+def test_a_motion_of_period_m_is_m_curves(result, figure) -> None:
+    lines = [line for line in figure.axes[1].lines if line.get_marker() == "None"]
+    for limb, color in zip(result.diagram.limbs, PERIODS, strict=False):
+        own = [line for line in lines if line.get_color() == color]
+        assert len(own) % limb.period == 0
+        drawn = np.concatenate([line.get_xydata() for line in own])
+        for point in limb.branch.points[::7]:
+            for state in stroboscopic(point.orbit)[:, 0]:
+                assert np.abs(drawn - (point.value, state)).max(axis=1).min() < 1e-12
+        stable = [line for line in own if line.get_linestyle() == "-"]
+        assert bool(stable) == any(point.stable for point in limb.branch.points)
+
+
+def test_branches_are_marked_where_they_are_born(result, figure) -> None:
+    marks = [line.get_xydata() for line in figure.axes[1].lines if line.get_marker() == "D"]
+    limbs = result.diagram.limbs[1:]
+    flips = {result.diagram[o.parent].branch.special_points[o.special].value for limb in limbs for o in limb.origins}
+    assert {mark[0, 0] for mark in marks} == flips
+    assert sorted(len(mark) for mark in marks) == [1, 1, 2, 2]
+
+
+def test_only_the_loops_of_the_second_period_have_names(figure) -> None:
+    assert [text.get_text() for text in figure.axes[1].texts] == ["b", "P2-1"]
+
+
+def test_a_part_can_be_enlarged(result) -> None:
+    figure = Figure(layout="constrained")
+    assert result.diagram.plot("q3", figure=figure, closeup=(0.68, 0.69), labels=False, legend=False) is figure
+    upper, middle, lower = figure.axes
+    assert lower.get_xlim() == (0.68, 0.69)
+    assert middle.get_xlim() == upper.get_xlim()
+    assert lower.get_ylabel() == "q3(0), once every forcing period"
+    assert upper.get_ylabel() == "amplitude of q3 (half the peak to peak)"
+    assert not [text for ax in figure.axes for text in ax.texts if text.get_text().startswith("P")]
+
+
+def test_a_crowd_is_enlarged_by_itself(result) -> None:
+    strobes = Strobes(result.diagram, "q1")
+    assert strobes.crowd() is None  # four are no crowd
+    low, high = result.diagram.within
+    strobes.births = [Birth(value, np.zeros(1), 1) for value in (low, *np.linspace(0.66, 0.68, 9), high)]
+    left, right = strobes.crowd()
+    assert low < left < 0.66
+    assert 0.68 < right < high
+    strobes.births = [Birth(value, np.zeros(1), 1) for value in np.linspace(low, high, 20)]
+    assert strobes.crowd() is None  # everywhere is no crowd
+
+
+def test_many_loops_have_no_names(result, monkeypatch) -> None:
+    monkeypatch.setattr("gapwalk.plot.strobes._NAMED", 0)
+    assert [text.get_text() for text in draw_picture(result).axes[1].texts] == ["b"]
+
+
+def test_a_diagram_that_is_not_complete_can_be_drawn(result, tmp_path) -> None:
+    first = Diagram("frequency", result.diagram.within, result.diagram.limbs[:1])
+    save_picture(first, tmp_path / "first.png")
+    assert (tmp_path / "first.png").stat().st_size > 10_000
+    with pytest.raises(ModelError, match="nothing to draw"):
+        plot_diagram(Diagram("frequency", (0.1, 0.2)))
+    with pytest.raises(ModelError, match="no measure"):
+        draw_picture(result, measure="loudness.q1")
+
+
+def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
+    for name in ("a", "b"):
+        save_picture(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+    for ending in ("png", "svg"):
+        assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
