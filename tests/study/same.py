@@ -17,7 +17,7 @@ def assert_same_result(one: Result, other: Result) -> None:
 
 
 def assert_same_tree(one: Diagram, other: Diagram) -> None:
-    for name in ("parameter", "within", "complete", "notes", "cascades"):
+    for name in ("parameter", "within", "complete", "notes", "failures", "cascades"):
         assert getattr(one, name) == getattr(other, name)
     for a, b in zip(one.limbs, other.limbs, strict=True):
         assert (a.name, a.begins, a.joins) == (b.name, b.begins, b.joins)

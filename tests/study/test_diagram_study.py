@@ -156,9 +156,9 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
 
 
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
-    from gapwalk.study import diagram_store
+    from gapwalk.study import rows
 
-    write, count = diagram_store.write_points, 0
+    write, count = rows.write_points, 0
 
     def write_some(*arguments) -> None:
         nonlocal count
@@ -168,7 +168,7 @@ def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, 
         write(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(diagram_store, "write_points", write_some)
+        patch.setattr(rows, "write_points", write_some)
         with pytest.raises(StoreError, match="No space left"):
             gw.run(clutch_diagram(), path)
     assert gw.load(path).names == ("P1-1", "P2-1")
@@ -193,8 +193,8 @@ def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
     result = gw.run(clutch_diagram(), path, resume=True)
     assert result.complete
     assert result.names == ("P1-1", "P2-1")
-    assert len(result.diagram.notes) == 2  # from both flips of the loop
-    assert all(note.endswith("could not be walked: no way") for note in result.diagram.notes)
+    assert len(result.diagram.failures) == 2  # from both flips of the loop
+    assert all(note.endswith("could not be walked: no way") for note in result.diagram.failures)
     assert_same_result(result, gw.load(path))
     monkeypatch.setattr(growing, "walk_out", lambda *_: fail([replace_period(4)], None))
     with pytest.raises(NumericalError, match="no way"):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.search.result import SearchResult
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.orbit.identity import stroboscopic
@@ -93,7 +94,11 @@ class Diagram:
     complete
         False if the work was stopped before its end.
     notes
-        What could not be done, in sentences.
+        What else there is to say, in sentences: what a search has covered, which limit was met.
+    failures
+        What could not be walked, in sentences.
+    search
+        What the search for branches that are attached to no other has met; None if there was none.
     """
 
     parameter: str
@@ -101,6 +106,8 @@ class Diagram:
     limbs: tuple[Limb, ...] = ()
     complete: bool = False
     notes: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+    search: SearchResult | None = None
 
     @property
     def branches(self) -> tuple[Branch, ...]:

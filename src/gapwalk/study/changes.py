@@ -58,7 +58,8 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
     walked = {name for name in changes if tables and all(_walks(table, name, changes) for table in tables)}
     for name, value in changes.items():
         if name in walked:
-            problem = f"{name} cannot be set: the study walks it from study.from on; set study.from instead"
+            key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
+            problem = f"{name} cannot be set: the study walks it from {key} on; set {key} instead"
             problems.append(Problem(problem, file=source.name))
             continue
         paths = [*_study_paths(source, name)] or ([("frequency",)] if name == "frequency" else [])
@@ -148,8 +149,22 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
         yield from ((*path, *keys) for path in tables or [("study",)])
 
 
+def walked_parameters(table: Mapping[str, object]) -> list[str]:
+    """The parameters that a study walks, as far as they are written down as texts."""
+    second = table.get("second")
+    found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
+    return [name for name in found if isinstance(name, str)]
+
+
+def _walks_second(table: Mapping[str, object], name: str) -> bool:
+    """Whether a study walks a parameter as its second one."""
+    return name in walked_parameters(table) and table.get("parameter") != name
+
+
 def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]) -> bool:
     """Whether a study walks a parameter and says from where."""
+    if _walks_second(table, name):
+        return True
     parameter = changes.get("study.parameter", table.get("parameter"))
     return parameter == name and ("from" in table or "study.from" in changes)
 

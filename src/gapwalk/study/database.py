@@ -1,4 +1,4 @@
-"""The result file as a database: its tables, how it is opened and locked, and what its errors mean in words."""
+"""The result file as a database: how it is opened and locked, and what its errors mean in words."""
 
 from __future__ import annotations
 
@@ -11,60 +11,10 @@ from pathlib import Path
 
 from gapwalk import __version__
 from gapwalk.errors import StoreError
+from gapwalk.study.layout import EXTRA_TABLES, SCHEMA, TABLES
 
 APPLICATION = 0x67617077
 """What marks a SQLite file as a result of gapwalk: the letters gapw."""
-
-SCHEMA = 1
-"""Version of the tables below; a file with a larger one comes from a newer gapwalk."""
-
-# The one branch of a response goes on from its `state` unless it has `ends`. The branches of a diagram are written
-# whole. The points of one moment stand in one row: thousands of small rows would take longer to write than the points
-# to compute.
-TABLES = (
-    """CREATE TABLE result (
-    key TEXT PRIMARY KEY, -- title, name, text, changes, system, study, versions, diagram: all in JSON
-    value TEXT NOT NULL
-) WITHOUT ROWID""",
-    """CREATE TABLE branch (
-    id INTEGER PRIMARY KEY,
-    name TEXT NOT NULL, -- such as P2-3
-    parameter TEXT NOT NULL,
-    period INTEGER NOT NULL, -- m
-    unknowns INTEGER NOT NULL, -- scaled variables of a point, N + 1
-    start BLOB, -- of a response: the orbit that was found first, see gapwalk.study.codec
-    start_events BLOB,
-    begins TEXT, -- where it begins on another branch, and where it ends on one, in JSON
-    joins TEXT,
-    state TEXT, -- where the walk has come to, in JSON
-    ends TEXT -- where and why it ends, at its beginning and at its end, in JSON
-)""",
-    """CREATE TABLE points (
-    branch INTEGER NOT NULL,
-    first INTEGER NOT NULL, -- number of the first of these points on the branch
-    count INTEGER NOT NULL,
-    data BLOB NOT NULL, -- see gapwalk.study.codec
-    events BLOB NOT NULL,
-    checksum INTEGER NOT NULL, -- CRC-32 of data, then events
-    PRIMARY KEY (branch, first)
-)""",
-    """CREATE TABLE special_point (
-    branch INTEGER NOT NULL,
-    number INTEGER NOT NULL, -- in the order of the walk
-    kind TEXT NOT NULL,
-    value REAL NOT NULL, -- of the parameter
-    uncertainty REAL NOT NULL,
-    contact TEXT NOT NULL,
-    nature TEXT NOT NULL,
-    judged REAL NOT NULL,
-    before TEXT NOT NULL, -- multipliers beyond +1, beyond -1, complex pairs outside the unit circle
-    after TEXT NOT NULL,
-    data BLOB NOT NULL,
-    events BLOB NOT NULL,
-    checksum INTEGER NOT NULL,
-    PRIMARY KEY (branch, number)
-)""",
-)
 
 _LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
 _SIDE_FILES = ("-wal", "-shm", "-journal")
@@ -95,8 +45,8 @@ def reading(path: str | os.PathLike[str]) -> Iterator[sqlite3.Connection]:
             connection.close()
 
 
-def create(path: str | os.PathLike[str]) -> sqlite3.Connection:
-    """A new and empty result file, open for writing and in the midst of its first transaction.
+def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
+    """A new and empty result file for a kind of study, open for writing and in the midst of its first transaction.
 
     Raises
     ------
@@ -107,7 +57,7 @@ def create(path: str | os.PathLike[str]) -> sqlite3.Connection:
         connection.execute(f"PRAGMA application_id = {APPLICATION}")
         connection.execute(f"PRAGMA user_version = {SCHEMA}")
         connection.execute("BEGIN IMMEDIATE")
-        for table in TABLES:
+        for table in (*TABLES, *EXTRA_TABLES.get(kind, ())):
             connection.execute(table)
         return connection
 
@@ -217,7 +167,7 @@ def _check_tables(path: str | os.PathLike[str], connection: sqlite3.Connection) 
             f"{__version__}, which reads schemas up to {SCHEMA}: update gapwalk"
         )
     found = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")}
-    if found != set(TABLES):
+    if found not in [{*TABLES, *extra} for extra in ((), *EXTRA_TABLES.values())]:
         raise StoreError(f"{os.fspath(path)} is damaged: its tables are not those of a result")
 
 

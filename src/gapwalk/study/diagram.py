@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,8 +40,8 @@ class DiagramOptions:
     workers
         Processes to work in; by default one for each local core. The result does not depend on it.
     search_values
-        Number of values of the parameter, spread evenly over the range, at which branches are sought that hang
-        together with no other; 0 for no search.
+        Values of the parameter at which branches are sought that hang together with no other. A number of them is
+        spread evenly over the range; 0 for no search.
     search
         How thoroughly to search there.
     """
@@ -48,7 +49,7 @@ class DiagramOptions:
     max_period: int = 8
     max_branches: int = 200
     workers: int | None = None
-    search_values: int = 0
+    search_values: int | tuple[float, ...] = 0
     search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
@@ -56,8 +57,24 @@ class DiagramOptions:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 1")
-        if isinstance(self.search_values, bool) or not isinstance(self.search_values, int) or self.search_values < 0:
-            raise ModelError(f"search_values is {self.search_values!r}; it must be an integer >= 0")
+        check_search_values(self.search_values)
+
+
+def check_search_values(values: object) -> None:
+    """A ModelError unless these can be the `search_values` of `DiagramOptions`."""
+    if isinstance(values, tuple):
+        if all(isinstance(value, float | int) and np.isfinite(value) for value in values):
+            return
+    elif isinstance(values, int) and not isinstance(values, bool) and values >= 0:
+        return
+    raise ModelError(f"search_values is {values!r}; it must be an integer >= 0, or values of the parameter")
+
+
+class Growth(NamedTuple):
+    """A diagram, and whether nothing is left to do, because it is complete or at a limit."""
+
+    diagram: Diagram
+    finished: bool
 
 
 @dataclass(frozen=True)
@@ -112,61 +129,102 @@ def diagram(
     ConvergenceError
         If no first orbit is found.
     """
-    options = options or DiagramOptions()
     orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, shooting=shooting)
+    return grow(orbit, parameter, to, options, walk, shooting, report, resume).diagram
+
+
+def grow(
+    orbit: Orbit,
+    parameter: str,
+    to: tuple[float, float],
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    shooting: Shooting | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Growth:
+    """The diagram from a first orbit, and whether it is finished; parameters and errors as in `diagram`."""
+    options = options or DiagramOptions()
     low, high = sorted((float(to[0]), float(to[1])))
     directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
-    grower = _Grower(resume or Diagram(parameter, (low, high)), options, walk, shooting, report)
+    known = resume or Diagram(parameter, (low, high))
+    # what could not be done before is tried again, and noted again
+    grower = _Grower(replace(known, notes=(), failures=(), complete=False), options, walk, shooting, report)
     try:
         with workers(options.workers) as hands:
-            grower.plant([orbit], hands)
-            if options.search_values:
+            grower.plant_first(orbit, hands)
+            if options.search_values and grower.diagram.limbs and not grower.truncated:
                 grower.search(orbit.system, hands)
     except KeyboardInterrupt:
-        return grower.diagram
-    return replace(grower.diagram, complete=not grower.truncated)
+        return Growth(grower.diagram, finished=False)
+    return Growth(replace(grower.diagram, complete=not grower.truncated), finished=True)
 
 
 class _Grower:
     """Grows one diagram, generation by generation."""
 
-    def __init__(self, empty: Diagram, options: DiagramOptions, walk, shooting, report: Report | None) -> None:
-        self.diagram, self.options, self.walk, self.shooting = empty, options, walk, shooting
+    def __init__(self, known: Diagram, options: DiagramOptions, walk, shooting, report: Report | None) -> None:
+        self.diagram, self.options, self.walk, self.shooting = known, options, walk, shooting
         self.report = report
         self.truncated = False
         self._tried: set[tuple[Origin, int]] = set()
 
-    def plant(self, orbits: Sequence[Orbit], hands: Workers) -> None:
-        """Add the branches through orbits that were found by themselves, and all that grows from them."""
+    def plant_first(self, orbit: Orbit, hands: Workers) -> None:
+        """Add the branch through the first orbit, and all that grows from it.
+
+        If branches are known that a search has found, then this was done before them; what it leaves out, such as a
+        branch that could not be walked, must not depend on them.
+        """
+        self._plant([orbit], hands)
+        self._grow_from(self.diagram.limbs[:1], hands)
+
+    def search(self, system: System, hands: Workers) -> None:
+        """Add the branches that hang together with no other, with all that grows from them.
+
+        The search knows the branches that were found without it. Its result is kept with the first branch that it
+        leads to, so that a diagram that is resumed plants the same orbits in the same order.
+        """
+        result = self.diagram.search
+        if result is None or not result.complete:
+            result = search(
+                system,
+                self.diagram.parameter,
+                self._search_values(),
+                known=self.diagram.branches,
+                options=self.options.search,
+                hands=hands,
+            )
+        notes = (*self.diagram.notes, *coverage(result))
+        self.diagram = replace(self.diagram, search=result, notes=notes)
+        if not result.complete:
+            raise KeyboardInterrupt
+        new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
+        self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
+        self._grow_from([limb for limb in self.diagram.limbs if limb.begins is None], hands)
+
+    def _search_values(self) -> np.ndarray:
+        values = self.options.search_values
+        if isinstance(values, tuple):
+            return np.array(values, dtype=float)
+        low, high = self.diagram.within
+        return low + (high - low) * (np.arange(values) + 0.5) / values
+
+    def _plant(self, orbits: Sequence[Orbit], hands: Workers) -> None:
+        """Add the branches through orbits that were found by themselves."""
         pieces = [self._piece(orbit, 0) for orbit in orbits]
 
         def is_new(index: int) -> bool:
-            return not self._full() and not any(lies_on(known, orbits[index]) for known in self.diagram.branches)
+            return not any(lies_on(known, orbits[index]) for known in self.diagram.branches) and not self._full()
 
         hands.run(_walk_piece, pieces, lambda index, branch: self._accept(branch, None), is_new)
-        depth = 0
-        while generation := [limb for limb in self.diagram.limbs if self.diagram.depth(limb) == depth]:
-            self._branch_off(generation, hands)
-            depth += 1
 
-    def search(self, system: System, hands: Workers) -> None:
-        """Add the branches that hang together with no other, and say what the search has covered."""
-        low, high = self.diagram.within
-        count = self.options.search_values
-        values = low + (high - low) * (np.arange(count) + 0.5) / count
-        result = search(
-            system,
-            self.diagram.parameter,
-            values,
-            known=self.diagram.branches,
-            options=self.options.search,
-            hands=hands,
-        )
-        new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
-        self.plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
-        if not result.complete:
-            raise KeyboardInterrupt
-        self.diagram = replace(self.diagram, notes=(*self.diagram.notes, *coverage(result)))
+    def _grow_from(self, roots: Sequence[Limb], hands: Workers) -> None:
+        """Add all that grows from some branches, generation by generation."""
+        generation = list(roots)
+        while generation:
+            self._branch_off(generation, hands)
+            names = {limb.name for limb in generation}
+            generation = [limb for limb in self.diagram.limbs if limb.begins and limb.begins.parent in names]
 
     def _branch_off(self, generation: list[Limb], hands: Workers) -> None:
         """Walk away from every flip and branch point of one generation of branches."""
@@ -177,7 +235,8 @@ class _Grower:
 
         def is_new(index: int) -> bool:
             origin, special, _ = buds[index]
-            return not self._full() and not is_attached(self.diagram, origin, 1 if special.kind is Kind.FLIP else 2)
+            needed = 1 if special.kind is Kind.FLIP else 2
+            return not is_attached(self.diagram, origin, needed) and not self._full()
 
         def accept(index: int, branch: Branch | str) -> None:
             if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.diagram.branches):
@@ -188,7 +247,7 @@ class _Grower:
 
     def _accept(self, branch: Branch | str, origin: Origin | None) -> None:
         if isinstance(branch, str):
-            self.diagram = replace(self.diagram, notes=(*self.diagram.notes, branch))
+            self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
             return
         self.diagram = self.diagram.with_branch(branch, origin)
         if self.report is not None:

@@ -2,47 +2,30 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
-from types import TracebackType
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
+from gapwalk.bifurcation.search import SearchResult
 from gapwalk.study.codec import PointCodec
-from gapwalk.study.database import close_whole, open_to_write
-from gapwalk.study.file import Study
-from gapwalk.study.rows import (
-    BranchRow,
-    begin_file,
-    transaction,
-    write_about,
-    write_branch,
-    write_points,
-    write_special_points,
-)
+from gapwalk.study.result_file import ResultFile
+from gapwalk.study.rows import BranchRow, write_about, write_whole_branch
+from gapwalk.study.search_result import plain_search
 
 
 class DiagramStore:
-    """The result file of a diagram that is being computed; it is made when the first branch comes.
+    """Writes the result file of a diagram that is being computed.
 
     Parameters
     ----------
-    path
+    file
         The file.
-    study
-        The study.
-    versions
-        Versions of everything that has computed the result.
     count
-        Branches that the file has already; 0 if it is to be made, over an earlier one.
+        Branches that it has already.
     """
 
-    def __init__(self, path: str | os.PathLike[str], study: Study, versions: dict[str, str], count: int = 0) -> None:
-        self.path, self.study, self.versions, self.count = path, study, versions, count
-        self._connection: sqlite3.Connection | None = None
-        if count:
-            self._connection = open_to_write(path)
-            with transaction(path, self._connection):
-                write_about(self._connection, "versions", versions)
+    def __init__(self, file: ResultFile, count: int = 0) -> None:
+        self.file, self.count = file, count
+        self._search: SearchResult | None = None
 
     def add(self, diagram: Diagram, limb: Limb) -> None:
         """Write the branch that was added to a diagram last.
@@ -52,46 +35,30 @@ class DiagramStore:
         StoreError
             If the file cannot be written.
         """
-        number = self.count + 1
-        if self._connection is None:
-            begin_file(
-                self.path, self.study, self.versions, lambda connection: self._write(connection, diagram, limb, number)
-            )
-            self._connection = open_to_write(self.path)
-        else:
-            with transaction(self.path, self._connection):
-                self._write(self._connection, diagram, limb, number)
-        self.count = number
+
+        def fill(connection: sqlite3.Connection) -> None:
+            branch, number = limb.branch, self.count + 1
+            codec = PointCodec(self.file.study.system, branch.parameter, branch.period, len(branch.points[0].x))
+            row = BranchRow(number, limb.name, codec, begins=limb.begins, joins=limb.joins, ends=branch.ends)
+            write_whole_branch(connection, row, branch)
+            self._write_state(connection, diagram, finished=False)
+
+        self.file.write(fill)
+        self.count += 1
+        self._search = diagram.search
 
     def finish(self, diagram: Diagram, *, finished: bool) -> None:
         """Write what is known of the diagram as a whole, and whether nothing is left to do. Errors as `add`."""
-        if self._connection is not None:
-            with transaction(self.path, self._connection):
-                _write_state(self._connection, diagram, finished)
+        self.file.write(lambda connection: self._write_state(connection, diagram, finished))
 
-    def close(self) -> None:
-        """Close the file; it is then one file again."""
-        if self._connection is not None:
-            close_whole(self.path, self._connection)
-
-    def __enter__(self) -> DiagramStore:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _write(self, connection: sqlite3.Connection, diagram: Diagram, limb: Limb, number: int) -> None:
-        branch = limb.branch
-        codec = PointCodec(self.study.system, branch.parameter, branch.period, len(branch.points[0].x))
-        row = BranchRow(number, limb.name, codec, begins=limb.begins, joins=limb.joins, ends=branch.ends)
-        write_branch(connection, row, branch.parameter)
-        write_points(connection, number, codec, branch.points, 0)
-        write_special_points(connection, number, codec, branch.special_points, 0)
-        _write_state(connection, diagram, finished=False)
-
-
-def _write_state(connection: sqlite3.Connection, diagram: Diagram, finished: bool) -> None:
-    state = {"finished": finished, "complete": diagram.complete, "notes": list(diagram.notes)}
-    write_about(connection, "diagram", state)
+    def _write_state(self, connection: sqlite3.Connection, diagram: Diagram, finished: bool) -> None:
+        """Write what is known of the diagram as a whole; its search only when it is new, for it may be long."""
+        state = {
+            "finished": finished,
+            "complete": diagram.complete,
+            "notes": list(diagram.notes),
+            "failures": list(diagram.failures),
+        }
+        write_about(connection, "diagram", state)
+        if diagram.search is not None and diagram.search is not self._search:
+            write_about(connection, "search", plain_search(diagram.search))

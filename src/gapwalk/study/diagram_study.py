@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.errors import NumericalError
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.claim import earlier_result, versions
 from gapwalk.study.database import lock
-from gapwalk.study.diagram import diagram
+from gapwalk.study.diagram import grow
 from gapwalk.study.diagram_store import DiagramStore
 from gapwalk.study.file import Study
 from gapwalk.study.options import DiagramStudyOptions
 from gapwalk.study.result import Result
-from gapwalk.study.stored import Stored, StoredDiagram, StoredWalk, read
+from gapwalk.study.result_file import ResultFile
+from gapwalk.study.stored import Stored, StoredDiagram, read
 
 Report = Callable[[Diagram, Limb], object]
 """Called with the diagram so far and the branch that was added to it last."""
@@ -34,17 +37,17 @@ def run_diagram(
     with nullcontext() if output is None else lock(output):
         earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
         found = StoredDiagram(_empty(study.options), finished=False) if earlier is None else earlier.found
-        assert not isinstance(found, StoredWalk)  # the study is the same
+        assert isinstance(found, StoredDiagram)  # the study is the same
         if report is not None:
             _report_again(found.diagram, report)
         if earlier is not None and found.finished:
             return earlier.result()
         written_by = versions(None if earlier is None else earlier.versions)
-        with _store(output, study, written_by, found.diagram) as store:
-            found = _grow(study, found.diagram, store, report)
-        if output is not None:
-            return read(output).result()  # after Ctrl-C at any moment, what is stored is what counts
-        return Stored(study, found, written_by).result()
+        if output is None:
+            return Stored(study, _grow(study, found.diagram, None, report), written_by).result()
+        with ResultFile(output, study, written_by, exists=earlier is not None) as file:
+            _grow(study, found.diagram, DiagramStore(file, len(found.diagram.limbs)), report)
+        return read(output).result()  # after Ctrl-C at any moment, what is stored is what counts
 
 
 def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Report | None) -> StoredDiagram:
@@ -58,33 +61,22 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
         if report is not None:
             report(tree, limb)
 
-    grown = diagram(
-        study.system,
-        options.parameter,
-        known.within,
-        start=known.branches[0].points[0].orbit if known.limbs else options.start,
-        period=options.period,
-        options=options.limits,
-        walk=options.walk,
-        shooting=options.shooting,
-        report=keep,
-        # what could not be done before is tried again, and noted again
-        resume=replace(known, notes=(), complete=False) if known.limbs else None,
+    start = known.branches[0].points[0].orbit if known.limbs else _first_orbit(study)
+    grown, finished = grow(
+        start, options.parameter, known.within, options.limits, options.walk, options.shooting, keep, known
     )
-    finished = grown.complete or len(grown.limbs) >= options.max_branches
     if not grown.limbs and not finished:
         raise KeyboardInterrupt  # there is nothing to keep
     if not grown.limbs:
-        raise NumericalError("; ".join(grown.notes) or "no branch was found")
+        raise NumericalError("; ".join(grown.failures) or "no branch was found")
     if store is not None:
         store.finish(grown, finished=finished)
     return StoredDiagram(grown, finished)
 
 
-def _store(
-    output: str | os.PathLike[str] | None, study: Study, written_by: dict[str, str], known: Diagram
-) -> AbstractContextManager[DiagramStore | None]:
-    return nullcontext() if output is None else DiagramStore(output, study, written_by, len(known.limbs))
+def _first_orbit(study: Study) -> Orbit:
+    options = study.options
+    return find_orbit(study.system, options.period, options.start, shooting=options.shooting)
 
 
 def _empty(options) -> Diagram:

@@ -13,9 +13,10 @@ from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, g
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
-from gapwalk.study.changes import change_source, change_system, study_changes, study_tables
+from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
+from gapwalk.study.kinds import KINDS, all_keys
 from gapwalk.study.options import StudyOptions
-from gapwalk.study.tables import KINDS, StudyPart, Surroundings
+from gapwalk.study.tables import StudyPart, Surroundings
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ def _validated(
         return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys())
     return validate(schema, tables[at], source, at, lambda: surroundings)
 
 
@@ -152,9 +153,9 @@ def _kind_problem(table: Mapping[str, object]) -> str:
 
 def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
     """A frequency may be left out only where the study gives one."""
-    walked = study_tables(source)[at].get("parameter")
-    if isinstance(walked, str) and walked != "frequency":
-        message = f"is missing; the study walks {walked}, so write at which frequency"
+    walked = walked_parameters(study_tables(source)[at])
+    if walked and "frequency" not in walked:
+        message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
         yield source.problem(message, ("frequency",))
 
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar
 
+from gapwalk.bifurcation.search import SearchOptions
+from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.map.options import MapOptions
 
-_LIMITS = DiagramOptions()
+_LIMITS, _MAP = DiagramOptions(), MapOptions()
 
 
 class Start(StrEnum):
@@ -66,14 +69,15 @@ class ResponseOptions(StudyOptions):
 
 @dataclass(frozen=True, slots=True)
 class DiagramStudyOptions(StudyOptions):
-    """A diagram: all branches that are attached to the first one, over one parameter.
+    """A diagram: all branches that are attached to the first one, over one parameter, and those that a search finds.
 
     Parameters
     ----------
     parameter, begin, end, measure, period, start, walk, shooting
         As `StudyOptions`, for the first branch; the range is that of all.
-    max_period, max_branches, workers
-        How far it goes, and in how many processes; as `DiagramOptions`.
+    max_period, max_branches, workers, search_values, search
+        How far it goes, in how many processes, and the search for branches that are attached to no other; as
+        `DiagramOptions`.
     """
 
     kind: ClassVar[str] = "diagram"
@@ -81,8 +85,65 @@ class DiagramStudyOptions(StudyOptions):
     max_period: int = _LIMITS.max_period
     max_branches: int = _LIMITS.max_branches
     workers: int | None = field(default=None, compare=False)  # it changes nothing of the result
+    search_values: int | tuple[float, ...] = _LIMITS.search_values
+    search: SearchOptions = _LIMITS.search
 
     @property
     def limits(self) -> DiagramOptions:
         """How far the diagram goes, and in how many processes."""
-        return DiagramOptions(self.max_period, self.max_branches, self.workers)
+        return DiagramOptions(self.max_period, self.max_branches, self.workers, self.search_values, self.search)
+
+
+@dataclass(frozen=True, slots=True)
+class SecondParameter:
+    """The second parameter of a plane, and its range.
+
+    Parameters
+    ----------
+    parameter
+        Its name.
+    begin, end
+        The range.
+    """
+
+    parameter: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapStudyOptions(StudyOptions):
+    """A map: all loci that bound regimes in the plane of two parameters.
+
+    Parameters
+    ----------
+    parameter, begin, end, period, start, walk, shooting
+        As `StudyOptions`, for the branches on which the loci are picked up; the range is that of the map too.
+    measure
+        What tables and lists of motions show.
+    second
+        The second parameter.
+    sections, max_period, kinds, workers, search_values, search
+        What the map shows, and where its loci are picked up; as `MapOptions`.
+    """
+
+    kind: ClassVar[str] = "map"
+
+    second: SecondParameter
+    sections: int | tuple[float, ...] = _MAP.sections
+    max_period: int = _MAP.max_period
+    kinds: tuple[Kind, ...] = _MAP.kinds
+    workers: int | None = field(default=None, compare=False)
+    search_values: int | tuple[float, ...] = _MAP.search_values
+    search: SearchOptions = _MAP.search
+
+    @property
+    def limits(self) -> MapOptions:
+        """What the map shows, and in how many processes."""
+        return MapOptions(self.sections, self.max_period, self.kinds, self.workers, self.search_values, self.search)
+
+    @property
+    def within(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The range of each parameter, the smaller value first."""
+        (a, b), (c, d) = sorted((self.begin, self.end)), sorted((self.second.begin, self.second.end))
+        return (a, b), (c, d)

@@ -11,6 +11,7 @@ from typing import Any
 
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.diagram import Origin
+from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
@@ -18,7 +19,14 @@ from gapwalk.model.contact import DampingLaw, Side
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start, StudyOptions
+from gapwalk.study.options import (
+    DiagramStudyOptions,
+    MapStudyOptions,
+    ResponseOptions,
+    SecondParameter,
+    Start,
+    StudyOptions,
+)
 
 Plain = Any
 """What JSON can write."""
@@ -98,10 +106,37 @@ def options_of(plain: Plain) -> StudyOptions:
         case ResponseOptions.kind:
             return ResponseOptions(**given)
         case DiagramStudyOptions.kind:
-            workers = plain["workers"]
-            given |= {name: int(plain[name]) for name in ("max_period", "max_branches")}
-            return DiagramStudyOptions(**given, workers=None if workers is None else int(workers))
+            given |= _limits_of(plain) | {"max_branches": int(plain["max_branches"])}
+            return DiagramStudyOptions(**given)
+        case MapStudyOptions.kind:
+            second = plain["second"]
+            given |= _limits_of(plain) | {
+                "second": SecondParameter(str(second["parameter"]), float(second["begin"]), float(second["end"])),
+                "sections": _count_or_numbers(plain["sections"]),
+                "kinds": tuple(Kind(kind) for kind in plain["kinds"]),
+            }
+            return MapStudyOptions(**given)
     raise ValueError(f"there is no study of the kind {plain['kind']!r}")
+
+
+def _limits_of(plain: Plain) -> dict[str, Any]:
+    """The options that diagrams and maps have in common; a result without a search may not mention it."""
+    workers, search = plain["workers"], plain.get("search", {})
+    return {
+        "max_period": int(plain["max_period"]),
+        "workers": None if workers is None else int(workers),
+        "search_values": _count_or_numbers(plain.get("search_values", 0)),
+        "search": SearchOptions(**with_tuples(search)),
+    }
+
+
+def _count_or_numbers(plain: Plain) -> int | tuple[float, ...]:
+    return tuple(float(value) for value in plain) if isinstance(plain, list) else int(plain)
+
+
+def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with tuples in place of lists, as frozen options have them."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
 
 def plain_end(end: End) -> Plain:

@@ -19,7 +19,7 @@ from gapwalk.study.database import lock
 from gapwalk.study.file import Study
 from gapwalk.study.result import Result
 from gapwalk.study.store import Report, Store, WalkFile, create_result
-from gapwalk.study.stored import Stored, StoredDiagram, StoredWalk
+from gapwalk.study.stored import Stored, StoredWalk
 
 
 def run_response(
@@ -48,7 +48,7 @@ def _set_out(
     earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
     if earlier is not None:
         walk = earlier.found
-        assert not isinstance(walk, StoredDiagram)  # the study is the same
+        assert isinstance(walk, StoredWalk)  # the study is the same
         if walk.is_complete:
             return walk, None, earlier.versions
         return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)

@@ -9,6 +9,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
 from gapwalk.model.system import System
 from gapwalk.study.file import Study
+from gapwalk.study.map.chart import Map
 from gapwalk.study.options import StudyOptions
 
 
@@ -28,6 +29,8 @@ class Result:
         Versions of gapwalk, heyoka, numpy and python that computed it.
     diagram
         The branches as a tree, if the study is of the kind diagram.
+    map
+        The loci, if the study is of the kind map; the branches are those of its sections.
     """
 
     study: Study
@@ -35,6 +38,7 @@ class Result:
     complete: bool
     versions: Mapping[str, str]
     diagram: Diagram | None = None
+    map: Map | None = None
 
     @property
     def title(self) -> str:
@@ -53,12 +57,15 @@ class Result:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the branches, such as ``P2-3``."""
+        """The names of the branches, such as ``P2-3``; on the sections of a map, such as ``S1-P2-3``."""
+        if self.map is not None:
+            sections = enumerate(self.map.sections, start=1)
+            return tuple(f"S{number}-{name}" for number, section in sections for name, _ in section.named)
         if self.diagram is not None:
             return tuple(limb.name for limb in self.diagram.limbs)
         return tuple(f"P{branch.period}-{number}" for number, branch in enumerate(self.branches, start=1))
 
     def __repr__(self) -> str:
         state = "complete" if self.complete else "incomplete"
-        parts = self.branches if self.diagram is None else [self.diagram]
+        parts = [part for part in (self.diagram, self.map) if part is not None] or self.branches
         return f"Result({self.title!r}, {state}, {', '.join(map(repr, parts))})"

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from gapwalk.bifurcation.diagram import Origin
-from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.orbit import Orbit
@@ -76,7 +76,7 @@ def begin_file(
     new = f"{os.fspath(path)}-new"
     with explained(path):
         remove(new)
-        connection = create(new)
+        connection = create(new, study.options.kind)
         try:
             for key, value in about.items():
                 write_about(connection, key, value)
@@ -124,6 +124,13 @@ def write_branch(connection: sqlite3.Connection, row: BranchRow, parameter: str)
             ends_text(row.ends),
         ),
     )
+
+
+def write_whole_branch(connection: sqlite3.Connection, row: BranchRow, branch: Branch) -> None:
+    """Write a branch that is walked to its ends, with all of its points."""
+    write_branch(connection, row, branch.parameter)
+    write_points(connection, row.number, row.codec, branch.points, 0)
+    write_special_points(connection, row.number, row.codec, branch.special_points, 0)
 
 
 def write_points(

@@ -7,9 +7,11 @@ from collections.abc import Callable
 
 from gapwalk.study.diagram_study import run_diagram
 from gapwalk.study.file import Study
-from gapwalk.study.options import DiagramStudyOptions
+from gapwalk.study.map.study import run_map
 from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
+
+_RUNNERS: dict[str, Callable[..., Result]] = {"response": run_response, "diagram": run_diagram, "map": run_map}
 
 
 def run(
@@ -23,7 +25,7 @@ def run(
     """Run a study.
 
     Ctrl-C stops it: what has been found is returned, and not `complete`. A failure of the numerics on the way does not
-    lose the rest; the end of a branch, or a note of a diagram, says what happened.
+    lose the rest; the end of a branch, or the `failures` of a diagram or a map, say what happened.
 
     Parameters
     ----------
@@ -39,7 +41,8 @@ def run(
     report
         Called with what is new, once it is in the file: of a response, each point and the special points before it
         (`gapwalk.study.store.Report`); of a diagram, the diagram and the branch that was added to it
-        (`gapwalk.study.diagram_study.Report`). What a resumed result has already comes first.
+        (`gapwalk.study.diagram_study.Report`); of a map, the map and the section or the locus that was added to it
+        (`gapwalk.study.map.Report`). What a resumed result has already comes first.
 
     Raises
     ------
@@ -51,8 +54,6 @@ def run(
     NumericalError
         If no first orbit is found.
     KeyboardInterrupt
-        After Ctrl-C before a diagram has its first branch.
+        After Ctrl-C before a diagram has its first branch, or a map its first section.
     """
-    if isinstance(study.options, DiagramStudyOptions):
-        return run_diagram(study, output, resume=resume, force=force, report=report)
-    return run_response(study, output, resume=resume, force=force, report=report)
+    return _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)

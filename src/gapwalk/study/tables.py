@@ -1,10 +1,10 @@
-"""The table ``[study]`` of a model file: one schema for each kind of study."""
+"""The table ``[study]`` of a model file: what the schemas of all kinds of study have in common."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
@@ -16,7 +16,7 @@ from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start, StudyOptions
+from gapwalk.study.options import Start, StudyOptions
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,15 @@ class Surroundings:
         Whether there is no other study in the file.
     taken
         Names of the studies before it.
+    keys
+        The keys of all kinds of study: none of them can name one.
     """
 
     system: System | None
     frequency_given: bool
     alone: bool = True
     taken: tuple[str, ...] = ()
+    keys: frozenset[str] = frozenset()
 
 
 class WalkPart(Part):
@@ -95,10 +98,34 @@ _StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0,
 _State = Annotated[list[Number], AfterValidator(_state_length)]
 
 
+def check_parameter(parameter: str, surroundings: Surroundings) -> str:
+    """Refuse a parameter that the system does not have."""
+    if surroundings.system:
+        try:
+            surroundings.system.structure.place(parameter)
+        except ModelError as error:
+            raise ValueError(f"is {given(parameter)}, but {error}") from None
+    return parameter
+
+
+def check_value(value: float, parameter: str | None, surroundings: Surroundings) -> float:
+    """Refuse a value that a parameter cannot have; nothing is said of a parameter that is wrong itself."""
+    system = surroundings.system
+    if system is None and parameter == "frequency":
+        system = System(["q"], [[1.0]])  # any has a frequency
+    if system and parameter:
+        try:
+            system.at({parameter: value})
+        except ModelError as error:
+            raise ValueError(f"is not allowed: {error}") from None
+    return value
+
+
 class StudyPart(Part):
     """What the schemas of all kinds of study have in common: a first orbit, and the range of one parameter.
 
-    A new kind is a subclass with a literal `kind` of its own, its place in `KINDS`, and a dataclass of options.
+    A new kind is a subclass with a literal `kind` of its own, its place in `gapwalk.study.kinds`, and a dataclass of
+    options.
     """
 
     name: Text | None = Field(default=None, validate_default=True)
@@ -124,7 +151,7 @@ class StudyPart(Part):
             return None
         if not re.fullmatch(r"\w[\w-]*", name):
             raise ValueError(f"is {given(name)}; write letters, digits, - and _, as in light-load")
-        if name in _keys():
+        if name in info.context.keys:
             raise ValueError(f"is {given(name)}, which is a key of studies; choose another name")
         if name.casefold() in (
             other.casefold() for other in info.context.taken
@@ -135,12 +162,7 @@ class StudyPart(Part):
     @field_validator("parameter")
     @classmethod
     def _exists(cls, parameter: str, info: ValidationInfo[Surroundings]) -> str:
-        if info.context.system:
-            try:
-                info.context.system.structure.place(parameter)
-            except ModelError as error:
-                raise ValueError(f"is {given(parameter)}, but {error}") from None
-        return parameter
+        return check_parameter(parameter, info.context)
 
     @field_validator("begin", "end")
     @classmethod
@@ -150,15 +172,7 @@ class StudyPart(Part):
             if parameter == "frequency" and not surroundings.frequency_given:
                 raise ValueError("is missing; the file gives no frequency to start at either")
             return None
-        system = surroundings.system
-        if system is None and parameter == "frequency":
-            system = System(["q"], [[1.0]])  # any has a frequency
-        if system and parameter:
-            try:
-                system.at({parameter: value})
-            except ModelError as error:
-                raise ValueError(f"is not allowed: {error}") from None
-        return value
+        return check_value(value, parameter, surroundings)
 
     @field_validator("end")
     @classmethod
@@ -207,38 +221,3 @@ class StudyPart(Part):
         if "start" in self.model_fields_set:
             found["start"] = tuple(self.start) if isinstance(self.start, list) else self.start
         return found
-
-
-class ResponsePart(StudyPart):
-    """The study ``kind = "response"``: one branch over one parameter."""
-
-    kind: Literal["response"]
-
-    def options(self, system: System) -> ResponseOptions:
-        """The options of the study of this system."""
-        return ResponseOptions(**self.given(system))
-
-
-class DiagramPart(StudyPart):
-    """The study ``kind = "diagram"``: all branches that are attached to the first one."""
-
-    kind: Literal["diagram"]
-    max_period: Count | None = None
-    max_branches: Count | None = None
-    workers: Count | None = None
-
-    def options(self, system: System) -> DiagramStudyOptions:
-        """The options of the study of this system; limits that are not given have the defaults of the options."""
-        limits = {name: getattr(self, name) for name in ("max_period", "max_branches", "workers")}
-        return DiagramStudyOptions(
-            **self.given(system), **{name: value for name, value in limits.items() if value is not None}
-        )
-
-
-KINDS: dict[str, type[StudyPart]] = {"response": ResponsePart, "diagram": DiagramPart}
-"""The schemas by the value of ``kind``."""
-
-
-def _keys() -> set[str]:
-    """The keys of all kinds of study."""
-    return {info.alias or name for part in KINDS.values() for name, info in part.model_fields.items()}

@@ -1,0 +1,58 @@
+"""Points of a locus as bytes, and back bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.locus import LocusPoint
+from gapwalk.model.system import System
+from gapwalk.study.codec import OrbitCodec, Packed, as_bytes, check_taken
+
+
+class LocusCodec:
+    """Packs the points of one locus.
+
+    The row of a point holds both parameters, then both of its orbit (they differ by rounding at most), angle,
+    arclength; x (N + 1); tangent (N + 1); then that of its orbit.
+
+    Parameters
+    ----------
+    system
+        The system of the map; the orbits differ from it by the two parameters alone.
+    first, second
+        Names of the parameters.
+    period
+        m of the orbits.
+    unknowns
+        N + 1, the number of scaled variables.
+    """
+
+    def __init__(self, system: System, first: str, second: str, period: int, unknowns: int) -> None:
+        self.period, self.unknowns = period, unknowns
+        self._orbits = OrbitCodec(system, (first, second), period)
+
+    def pack(self, points: Sequence[LocusPoint]) -> Packed:
+        """The bytes of some points."""
+        return as_bytes([self._row(point) for point in points]), as_bytes(
+            [event for point in points for event in point.orbit.events]
+        )
+
+    def unpack(self, packed: Packed, count: int) -> list[LocusPoint]:
+        """The points of their bytes; a ValueError if they are not those of `count` points."""
+        n, taken, points = self.unknowns, 0, []
+        rows, events = self._orbits.tables(packed, 6 + 2 * n + self._orbits.width, count)
+        for row, (first, second, *values, angle, arclength) in zip(rows, rows[:, :6].tolist(), strict=True):
+            orbit = self._orbits.orbit(row[6 + 2 * n :], values, events, taken)
+            taken += len(orbit.events)
+            x, tangent = row[6 : 6 + n], row[6 + n : 6 + 2 * n]
+            points.append(LocusPoint((first, second), orbit, angle, x, tangent, arclength))
+        check_taken(taken, events)
+        return points
+
+    def _row(self, point: LocusPoint) -> NDArray[np.float64]:
+        values = self._orbits.values(point.orbit)
+        head = [*point.values, *values, point.angle, point.arclength]
+        return np.concatenate((head, point.x, point.tangent, self._orbits.row(point.orbit, values)))

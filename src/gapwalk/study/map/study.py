@@ -1,0 +1,89 @@
+"""The study of a map: its sections and loci are stored one by one, and an interrupted run goes on."""
+
+from __future__ import annotations
+
+import os
+from contextlib import nullcontext
+
+from gapwalk.bifurcation.locus import Locus
+from gapwalk.errors import NumericalError
+from gapwalk.study.claim import earlier_result, versions
+from gapwalk.study.database import lock
+from gapwalk.study.file import Study
+from gapwalk.study.map.chart import Map, Section
+from gapwalk.study.map.charting import Report, bifurcation_map
+from gapwalk.study.map.read import StoredMap
+from gapwalk.study.map.store import MapStore
+from gapwalk.study.options import MapStudyOptions
+from gapwalk.study.result import Result
+from gapwalk.study.result_file import ResultFile
+from gapwalk.study.stored import Stored, read
+
+
+def run_map(
+    study: Study,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+) -> Result:
+    """Run the study of a map; parameters and errors as in `gapwalk.run`."""
+    options = study.options
+    assert isinstance(options, MapStudyOptions)
+    with nullcontext() if output is None else lock(output):
+        earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
+        empty = StoredMap(Map(options.parameter, options.second.parameter, options.within), finished=False)
+        found = empty if earlier is None else earlier.found
+        assert isinstance(found, StoredMap)  # the study is the same
+        if report is not None:
+            _report_again(found.chart, report)
+        if earlier is not None and found.finished:
+            return earlier.result()
+        written_by = versions(None if earlier is None else earlier.versions)
+        if output is None:
+            return Stored(study, _chart(study, options, found.chart, None, report), written_by).result()
+        with ResultFile(output, study, written_by, exists=earlier is not None) as file:
+            _chart(study, options, found.chart, MapStore(file, found.chart), report)
+        return read(output).result()  # after Ctrl-C at any moment, what is stored is what counts
+
+
+def _chart(
+    study: Study, options: MapStudyOptions, known: Map, store: MapStore | None, report: Report | None
+) -> StoredMap:
+    """Find what is not known yet, and keep it."""
+
+    def keep(chart: Map, addition: Section | Locus) -> None:
+        if store is not None:
+            store.add(chart, addition)
+        if report is not None:
+            report(chart, addition)
+
+    chart = bifurcation_map(
+        study.system,
+        options.parameter,
+        options.second.parameter,
+        options.within,
+        start=options.start,
+        period=options.period,
+        options=options.limits,
+        walk=options.walk,
+        shooting=options.shooting,
+        report=keep,
+        resume=known,
+    )
+    if not chart.sections:
+        raise KeyboardInterrupt  # there is nothing to keep
+    if chart.complete and not chart.branches:
+        raise NumericalError("; ".join(chart.failures) or "no branch was found")
+    if store is not None:
+        store.finish(chart, finished=chart.complete)
+    return StoredMap(chart, chart.complete)
+
+
+def _report_again(known: Map, report: Report) -> None:
+    """Report what a resumed result has already: its sections, then its loci, each with the map as it was then."""
+    for count, section in enumerate(known.sections, start=1):
+        report(Map(known.first, known.second, known.within, (), known.sections[:count]), section)
+    for count, locus in enumerate(known.loci, start=1):
+        report(Map(known.first, known.second, known.within, known.loci[:count], known.sections), locus)
