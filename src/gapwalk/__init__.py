@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from gapwalk import errors, paper
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
+    from gapwalk.bifurcation.locus import Locus, follow_locus
+    from gapwalk.bifurcation.search import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.switch import switch
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
     from gapwalk.orbit.shooting import Shooting
     from gapwalk.study.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
-    from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
+    from gapwalk.study.map import Map, MapOptions, bifurcation_map
+    from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
@@ -41,9 +44,16 @@ __all__ = [
     "Harmonic",
     "Kind",
     "Limb",
+    "Locus",
+    "Map",
+    "MapOptions",
+    "MapStudyOptions",
     "Orbit",
     "ResponseOptions",
     "Result",
+    "SearchOptions",
+    "SearchResult",
+    "SecondParameter",
     "Shooting",
     "Side",
     "SpecialPoint",
@@ -53,16 +63,19 @@ __all__ = [
     "WalkOptions",
     "__version__",
     "backlash",
+    "bifurcation_map",
     "diagram",
     "errors",
     "find_orbit",
     "follow",
+    "follow_locus",
     "integrate",
     "load",
     "paper",
     "read_studies",
     "read_study",
     "run",
+    "search",
     "switch",
 ]
 
@@ -79,9 +92,16 @@ _HOMES = {
     "Harmonic": "model.excitation",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
+    "Locus": "bifurcation.locus",
+    "Map": "study.map",
+    "MapOptions": "study.map",
+    "MapStudyOptions": "study.options",
     "Orbit": "orbit.orbit",
     "ResponseOptions": "study.options",
     "Result": "study.result",
+    "SearchOptions": "bifurcation.search",
+    "SearchResult": "bifurcation.search",
+    "SecondParameter": "study.options",
     "Shooting": "orbit.shooting",
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
@@ -90,14 +110,17 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
+    "bifurcation_map": "study.map",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
+    "follow_locus": "bifurcation.locus",
     "integrate": "motion.motion",
     "load": "study.stored",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
+    "search": "bifurcation.search",
     "switch": "bifurcation.switch",
 }
 _MODULES = ("errors", "paper")

@@ -20,7 +20,7 @@ def result() -> gw.Result:
 
 
 def test_the_table_of_points_reads_back_as_the_same_numbers(result, tmp_path) -> None:
-    export_csv(result, tmp_path / "points.csv", tmp_path / "special.csv")
+    export_csv(result, {"points": tmp_path / "points.csv", "special-points": tmp_path / "special.csv"})
     rows = list(csv.DictReader((tmp_path / "points.csv").read_text(encoding="utf-8").splitlines()))
     (branch,) = result.branches
     assert [float(row["frequency"]) for row in rows] == branch.values.tolist()
@@ -36,7 +36,7 @@ def test_the_table_of_points_reads_back_as_the_same_numbers(result, tmp_path) ->
 
 
 def test_the_table_of_special_points(result, tmp_path) -> None:
-    export_csv(result, tmp_path / "points.csv", tmp_path / "special.csv")
+    export_csv(result, {"points": tmp_path / "points.csv", "special-points": tmp_path / "special.csv"})
     rows = list(csv.DictReader((tmp_path / "special.csv").read_text(encoding="utf-8").splitlines()))
     special_points = result.branches[0].special_points
     assert [row["kind"] for row in rows] == [special.kind.value for special in special_points]

@@ -144,7 +144,7 @@ def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Fl
     result
         The result file.
     points
-        Show the special points of a diagram too.
+        Show the special points of a diagram or a map too.
     json
         Print one JSON document.
     debug
@@ -179,9 +179,9 @@ def export(
         What to write; by default what the ending of the output says, or else csv.
     output
         The file to write, over an earlier one; by default named after the result. For csv, the special points stand in
-        a second file beside it.
+        a second file beside it, and so do the sections of a map and what a search has covered.
     measure
-        What the picture shows, as in max.q1; by default what the study says.
+        What the picture shows, as in max.q1; by default what the study says. A map has none.
     debug
         Show the traceback of an error.
     """

@@ -56,7 +56,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
 
 
 def show_result(path: Path, *, points: bool, json: bool) -> int:
-    """Show what a result file holds; of a diagram the special points only if they are wanted."""
+    """Show what a result file holds; of a diagram or a map the special points only if they are wanted."""
     from gapwalk.cli.run import print_heading
     from gapwalk.cli.screen import console, print_result
     from gapwalk.study.document import result_document
@@ -73,7 +73,7 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
     screen.print(f"{path}: {state}\ncomputed with {printable(versions)}", soft_wrap=True)
     for name, value in result.study.changes:
         screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
-    print_result(screen, result, points=points or result.diagram is None)
+    print_result(screen, result, points=points or (result.diagram is None and result.map is None))
     return DONE
 
 
@@ -92,10 +92,11 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
     if form == "csv":
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
-        points, special_points = table_paths(path if output is None else output)
-        points = output or points
-        export_csv(result, points, special_points)
-        written = [points, special_points]
+        tables = table_paths(result, path if output is None else output)
+        if output is not None:
+            tables["points"] = output
+        export_csv(result, tables)
+        written = list(tables.values())
     else:
         from gapwalk.plot.picture import save_picture
 
@@ -112,8 +113,17 @@ def _plan(options: StudyOptions) -> str:
         f"{options.kind} over {options.parameter} from {options.begin:g} to {options.end:g}, "
         f"period {options.period}, showing {options.measure}"
     )
-    longest = getattr(options, "max_period", None)
-    return plan if longest is None else f"{plan}, to period {longest}"
+    second, longest, values = (getattr(options, name, None) for name in ("second", "max_period", "search_values"))
+    if second is not None:
+        plan = (
+            f"{options.kind} over {options.parameter} from {options.begin:g} to {options.end:g} "
+            f"and {second.parameter} from {second.begin:g} to {second.end:g}, period {options.period}"
+        )
+    if longest is not None:
+        plan += f", to period {longest}"
+    if values:
+        plan += f", with a search at {values if isinstance(values, int) else len(values)} values"
+    return plan
 
 
 def _contact(form) -> str:

@@ -8,18 +8,24 @@ from types import TracebackType
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
+from gapwalk.bifurcation.locus import Locus
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.screen import console
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study.options import DiagramStudyOptions, StudyOptions
+from gapwalk.study.map import Map, Section
+from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, StudyOptions
 
 
-def progress_of(options: StudyOptions, title: str = "", *, show: bool = True) -> WalkProgress | DiagramProgress:
+def progress_of(
+    options: StudyOptions, title: str = "", *, show: bool = True
+) -> WalkProgress | DiagramProgress | MapProgress:
     """The progress of a study of these options; `title` is what to call it."""
     if isinstance(options, DiagramStudyOptions):
         return DiagramProgress(title, show=show)
+    if isinstance(options, MapStudyOptions):
+        return MapProgress(options, title, show=show)
     return WalkProgress(options, title, show=show)
 
 
@@ -108,6 +114,31 @@ class DiagramProgress:
         self._line.update(self._name or "diagram", f"{counts}  last {limb.name}")
 
     def __enter__(self) -> DiagramProgress:
+        self._line.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._line.__exit__()
+
+
+class MapProgress:
+    """How many sections and loci a map has; parameters as `WalkProgress`."""
+
+    def __init__(self, options: MapStudyOptions, title: str = "", *, show: bool = True) -> None:
+        self._name = printable(title)
+        self._sections = len(options.limits.values(*options.within[1]))
+        self._line = _Line(f"{self._name} first section".strip(), [], None, show=show)
+
+    def __call__(self, chart: Map, addition: Section | Locus) -> None:
+        """Show a new section or locus."""
+        points = sum(len(locus.points) for locus in chart.loci)
+        last = f"  last {chart.names[-1]}" if chart.loci else ""
+        sections = f"sections {len(chart.sections)} of {self._sections}"
+        self._line.update(self._name or "map", f"{sections}  loci {len(chart.loci)}  points {points}{last}")
+
+    def __enter__(self) -> MapProgress:
         self._line.__enter__()
         return self
 

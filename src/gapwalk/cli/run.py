@@ -19,7 +19,7 @@ from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_change
 from gapwalk.study.claim import check_claim
 from gapwalk.study.document import result_document
-from gapwalk.study.export import export_csv
+from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
@@ -98,7 +98,7 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
 
 def _files(result: Result, path: Path) -> list[str]:
     """The names of the files that a run has written."""
-    products = [] if exit_code(result) == INTERRUPTED else product_paths(path)
+    products = [] if exit_code(result) == INTERRUPTED else product_paths(result, path)
     return [str(file) for file in (path, *products)]
 
 
@@ -119,37 +119,34 @@ def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool 
 
 def write_products(result: Result, output: Path) -> list[Path]:
     """Write picture and tables beside a result file, and return their names."""
-    png, svg, *tables = product_paths(output)
-    save_picture(result, png, svg)
-    export_csv(result, *tables)
-    return [png, svg, *tables]
+    save_picture(result, output.with_suffix(".png"), output.with_suffix(".svg"))
+    export_csv(result, table_paths(result, output))
+    return product_paths(result, output)
 
 
-def product_paths(output: Path) -> tuple[Path, Path, Path, Path]:
+def product_paths(result: Result, output: Path) -> list[Path]:
     """The names of picture and tables that belong to a result file."""
-    return output.with_suffix(".png"), output.with_suffix(".svg"), *table_paths(output)
+    return [output.with_suffix(".png"), output.with_suffix(".svg"), *table_paths(result, output).values()]
 
 
-def table_paths(output: Path) -> tuple[Path, Path]:
-    """The names of the tables that belong to a result file."""
-    return output.with_name(f"{output.stem}-points.csv"), output.with_name(f"{output.stem}-special-points.csv")
+def table_paths(result: Result, output: Path) -> dict[str, Path]:
+    """The names of the tables that belong to a result file, by what they hold."""
+    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in table_names(result)}
 
 
 def exit_code(result: Result) -> int:
-    """0 if every branch was walked to a proper end, 130 after an interruption, 3 if the numerics gave up."""
-    ends = [end for branch in result.branches for end in branch.ends]
-    if any(end.reason is EndReason.INTERRUPTED for end in ends) or (result.diagram and not result.complete):
+    """0 if all was walked to a proper end, 130 after an interruption, 3 if the numerics gave up somewhere."""
+    reasons = {end.reason for branch in result.branches for end in branch.ends}
+    grows = result.diagram is not None or result.map is not None
+    if EndReason.INTERRUPTED in reasons or (grows and not result.complete):
         return INTERRUPTED
-    return FAILED if any(end.reason.is_failure or end.reason is EndReason.STOPPED for end in ends) else DONE
+    return FAILED if result.failures or EndReason.STOPPED in reasons else DONE
 
 
 def say_why_it_failed(result: Result) -> None:
-    """Say on stderr where and why a walk gave up."""
-    for name, branch in zip(result.names, result.branches, strict=True):
-        for end in branch.ends:
-            if end.reason.is_failure:
-                text = f"{name}: {end}" if result.diagram else str(end)
-                print(f"gapwalk: {printable(text)}", file=sys.stderr)
+    """Say on stderr what could not be walked, and where and why a walk gave up."""
+    for text in result.failures:
+        print(f"gapwalk: {printable(text)}", file=sys.stderr)
 
 
 def print_heading(screen, study: Study) -> None:
@@ -164,6 +161,11 @@ def print_files(screen, files: Sequence[Path | str]) -> None:
 
 
 def _say_what_is_stored(result: Result) -> None:
+    if result.map is not None:
+        loci, sections = len(result.map.loci), len(result.map.sections)
+        text = f"interrupted; all {loci} loci and {sections} sections are stored"
+        console(stderr=True).print(text, soft_wrap=True)
+        return
     branch = result.branches[-1]
     if result.diagram is not None:
         text = f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"

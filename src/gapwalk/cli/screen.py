@@ -9,6 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.cli.chart import print_map
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -32,7 +33,10 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def print_result(screen: Console, result: Result, *, points: bool = True) -> None:
-    """Print the branches with their ends, and the table of special points; of a diagram only if that is wanted."""
+    """Print the branches with their ends, and the table of special points; of a diagram or a map only if wanted."""
+    if result.map is not None:
+        print_map(screen, result.map, result.options.measure, points=points)
+        return
     if result.diagram is not None:
         print_diagram(screen, result.diagram)
         if not points:

@@ -23,8 +23,10 @@ def print_diagram(screen: Console, diagram: Diagram) -> None:
         values = ", ".join(f"{value:.10g}" for value in cascade.values)
         ratios = ", ".join(f"{ratio:.4g}" for ratio in cascade.ratios)
         screen.print(f"  {' → '.join(cascade.limbs)}: {values}; ratios of the steps {ratios}", soft_wrap=True)
-    for note in diagram.notes:
-        screen.print(f"note: {printable(note)}", soft_wrap=True)
+    for text in diagram.notes:
+        screen.print(f"note: {printable(text)}", soft_wrap=True)
+    for text in diagram.failures:
+        screen.print(f"failed: {printable(text)}", soft_wrap=True)
 
 
 def diagram_tree(diagram: Diagram) -> Tree:

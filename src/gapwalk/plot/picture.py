@@ -10,15 +10,18 @@ from matplotlib.figure import Figure
 
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
+from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
+from gapwalk.plot.map import draw_map
 from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
 from gapwalk.study.export import write_whole
+from gapwalk.study.map import Map
 from gapwalk.study.result import Result
 
 
 def save_picture(
-    found: Result | Branch | Diagram,
+    found: Result | Branch | Diagram | Map,
     png: str | os.PathLike[str] | None = None,
     svg: str | os.PathLike[str] | None = None,
     *,
@@ -30,7 +33,7 @@ def save_picture(
     Parameters
     ----------
     found
-        The result of a study, one branch, or a diagram.
+        The result of a study, one branch, a diagram, or a map.
     png, svg
         The files to write; None for none.
     measure
@@ -40,6 +43,8 @@ def save_picture(
 
     Raises
     ------
+    ModelError
+        If there is no such measure, or a map is to show one.
     StoreError
         If a file cannot be written.
     """
@@ -53,12 +58,19 @@ def save_picture(
             write_whole(path, content.getvalue())
 
 
-def draw_picture(found: Result | Branch | Diagram, *, measure: str | None = None, title: str | None = None) -> Figure:
+def draw_picture(
+    found: Result | Branch | Diagram | Map, *, measure: str | None = None, title: str | None = None
+) -> Figure:
     """The picture as a matplotlib figure, without pyplot; parameters as `save_picture`."""
     if isinstance(found, Result):
-        measure, title = measure or found.options.measure, found.title if title is None else title
-        found = found.diagram or found.branches[0]
+        title = found.title if title is None else title
+        if found.map is not None and measure is not None:
+            raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
+        measure = measure or found.options.measure
+        found = found.diagram or found.map or found.branches[0]
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
+    if isinstance(found, Map):
+        return draw_map(found, title)
     with mpl.rc_context(RC):
         if isinstance(found, Diagram):
             figure = draw_diagram(found, measure, lambda panels: _figure(diagram_size(panels), title))

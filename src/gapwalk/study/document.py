@@ -7,11 +7,14 @@ import math
 from typing import Any
 
 from gapwalk.bifurcation.diagram import Diagram, Origin
+from gapwalk.bifurcation.search import SearchResult, coverage
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
+from gapwalk.study.map.document import map_document
 from gapwalk.study.result import Result
+from gapwalk.study.search_result import COVERAGE, coverage_rows
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""
@@ -31,6 +34,11 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
     }
     for branch, name in zip(document["branches"], result.names, strict=True):
         branch["name"] = name
+    if result.map is not None:
+        values = [section.value for section in result.map.sections for _ in section.branches]
+        for branch, value in zip(document["branches"], values, strict=True):
+            branch["section"] = value
+        document |= map_document(result.map, points)
     return document if result.diagram is None else document | _tree_document(result.diagram, document["branches"])
 
 
@@ -49,7 +57,7 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
 
 
 def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str, Any]:
-    """What the document of a diagram has besides: where branches are attached to others, cascades and notes."""
+    """What the document of a diagram has besides: where branches are attached to others, cascades, and the search."""
     for limb, document in zip(diagram.limbs, branches, strict=True):
         document["begins"], document["joins"] = _origin(limb.begins), _origin(limb.joins)
     return {
@@ -58,7 +66,18 @@ def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str
             {"branches": list(cascade.limbs), "values": list(cascade.values), "ratios": list(cascade.ratios)}
             for cascade in diagram.cascades
         ],
+        "search": None if diagram.search is None else search_document(diagram.search),
         "notes": list(diagram.notes),
+        "failures": list(diagram.failures),
+    }
+
+
+def search_document(result: SearchResult) -> dict[str, Any]:
+    """What a search has covered: numbers for each value of the parameter, and sentences."""
+    return {
+        "complete": result.complete,
+        "values": [dict(zip(COVERAGE, row, strict=True)) for row in coverage_rows(result)],
+        "coverage": list(coverage(result)),
     }
 
 

@@ -5,31 +5,51 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from gapwalk.continuation.branch import Branch
-from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import StoreError
-from gapwalk.orbit.measures import MEASURES
+from gapwalk.study.columns import measure_names, measure_values, parameter_headings
+from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
+from gapwalk.study.search_result import COVERAGE, coverage_rows
 
 
-def export_csv(result: Result, points: str | os.PathLike[str], special_points: str | os.PathLike[str]) -> None:
-    """Write the points and the special points of all branches of a result as CSV files.
+def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> None:
+    """Write the tables of a result as CSV files.
 
     Numbers have all digits: they read back as the same numbers.
+
+    Parameters
+    ----------
+    result
+        The result.
+    paths
+        The files to write, by the names of `table_names`.
 
     Raises
     ------
     StoreError
         If a file cannot be written.
     """
-    write_whole(points, points_csv(result).encode())
-    write_whole(special_points, special_points_csv(result).encode())
+    for name, path in paths.items():
+        write_whole(path, _TABLES[name](result).encode())
+
+
+def table_names(result: Result) -> tuple[str, ...]:
+    """The tables of a result.
+
+    ``points`` and ``special-points`` are those of its branches; of a map those of its loci, and the points of its
+    branches are in ``sections``. What a search for a diagram has covered is in ``search``.
+    """
+    if result.map is not None:
+        return "points", "special-points", "sections"
+    searched = result.diagram is not None and result.diagram.search is not None
+    return ("points", "special-points", *(["search"] if searched else []))
 
 
 def points_csv(result: Result) -> str:
@@ -37,24 +57,28 @@ def points_csv(result: Result) -> str:
 
     The columns are: number and name of the branch, period, parameter, stability, contacts; maximum, minimum, half the
     peak to peak, mean and rms of each coordinate; the state at theta = 0; modulus and argument (in radians) of the
-    multipliers.
+    multipliers. On the sections of a map, the second parameter comes after the first.
     """
     coordinates = result.system.coordinates
+    chart = result.map
+    second = [] if chart is None else [section.value for section in chart.sections for _ in section.branches]
     states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
     multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
-    header = ["branch", "name", "period", result.options.parameter, "stable", "instability", "contacts"]
+    names = parameter_headings([result.options.parameter, *([chart.second] if chart else [])], coordinates)
+    header = ["branch", "name", "period", *names, "stable", "instability", "contacts"]
     return _table(
-        [*header, *_measure_names(coordinates), *states, *multipliers],
+        [*header, *measure_names(coordinates), *states, *multipliers],
         (
             [
                 number,
                 name,
                 branch.period,
                 point.value,
+                *second[number - 1 : number],
                 point.stable,
                 point.instability.label,
                 point.orbit.pattern,
-                *_measures(point),
+                *measure_values(point),
                 *point.orbit.state.tolist(),
                 *np.column_stack((np.abs(point.orbit.multipliers), np.angle(point.orbit.multipliers))).ravel().tolist(),
             ]
@@ -71,7 +95,8 @@ def special_points_csv(result: Result) -> str:
     the branches of a diagram that begin or end there.
     """
     coordinates = result.system.coordinates
-    header = ["branch", "name", "period", "kind", result.options.parameter, "uncertainty", "before", "after"]
+    (parameter,) = parameter_headings([result.options.parameter], coordinates)
+    header = ["branch", "name", "period", "kind", parameter, "uncertainty", "before", "after"]
     header += [
         "unstable.before",
         "unstable.after",
@@ -84,7 +109,7 @@ def special_points_csv(result: Result) -> str:
         "leads.to",
     ]
     return _table(
-        [*header, *_measure_names(coordinates)],
+        [*header, *measure_names(coordinates)],
         (
             [
                 number,
@@ -103,12 +128,38 @@ def special_points_csv(result: Result) -> str:
                 special.contact,
                 special.orbit.pattern,
                 " ".join(limb.name for limb in result.diagram.attached(name, index)) if result.diagram else "",
-                *_measures(special.point),
+                *measure_values(special.point),
             ]
             for number, (name, branch) in enumerate(_named(result), start=1)
             for index, special in enumerate(branch.special_points)
         ),
     )
+
+
+def _loci_csv(result: Result) -> str:
+    assert result.map is not None
+    header, *rows = locus_rows(result.map, result.system.coordinates)
+    return _table(header, rows)
+
+
+def _codim2_csv(result: Result) -> str:
+    assert result.map is not None
+    header, *rows = codim2_rows(result.map, result.system.coordinates)
+    return _table(header, rows)
+
+
+def _search_csv(result: Result) -> str:
+    assert result.diagram is not None
+    assert result.diagram.search is not None
+    return _table(COVERAGE, coverage_rows(result.diagram.search))
+
+
+_TABLES: dict[str, Callable[[Result], str]] = {
+    "points": lambda result: points_csv(result) if result.map is None else _loci_csv(result),
+    "special-points": lambda result: special_points_csv(result) if result.map is None else _codim2_csv(result),
+    "sections": points_csv,
+    "search": _search_csv,
+}
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
@@ -142,15 +193,7 @@ def _named(result: Result) -> Iterator[tuple[str, Branch]]:
     return zip(result.names, result.branches, strict=True)
 
 
-def _measure_names(coordinates: Sequence[str]) -> list[str]:
-    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
-
-
-def _measures(point: BranchPoint) -> list[float]:
-    return [point.measure(name) for name in _measure_names(point.orbit.system.coordinates)]
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def _table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

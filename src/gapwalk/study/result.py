@@ -56,6 +56,22 @@ class Result:
         return self.study.options
 
     @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be walked, in sentences: whole branches and loci, and ends at which the numerics gave up."""
+        tree = self.diagram is not None or self.map is not None
+        found = [
+            f"{name}: {end}" if tree else str(end)
+            for name, branch in zip(self.names, self.branches, strict=True)
+            for end in branch.ends
+            if end.reason.is_failure
+        ]
+        if self.map is not None:
+            loci = zip(self.map.names, self.map.loci, strict=True)
+            found += [f"{name}: {end}" for name, locus in loci for end in locus.ends if end.reason.is_failure]
+        parts = [part for part in (self.diagram, self.map) if part is not None]
+        return (*found, *(text for part in parts for text in part.failures))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The names of the branches, such as ``P2-3``; on the sections of a map, such as ``S1-P2-3``."""
         if self.map is not None:

@@ -1,4 +1,4 @@
-"""The result of a search as plain JSON values, and back without loss."""
+"""The result of a search as plain JSON values, and back without loss; and its coverage as a table."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.bifurcation.search import Found, SearchResult, Tally
+from gapwalk.bifurcation.search import Found, SearchResult, Tally, unseen_share
 from gapwalk.model.system import System
 from gapwalk.motion.motion import switch_names
 from gapwalk.motion.switching import ContactEvent
@@ -59,6 +59,32 @@ def search_of(plain: Plain, system: System) -> SearchResult:
         for each in plain["found"]
     )
     return SearchResult(parameter, found, tallies, bool(plain["complete"]))
+
+
+COVERAGE = ("value", "starts", "settled", "not_periodic", "ran_away", "newton_starts", "orbits", "new", "unseen_share")
+"""The headings of `coverage_rows`."""
+
+
+def coverage_rows(result: SearchResult) -> list[list[float]]:
+    """What was tried at each value of the parameter, what was met there, and what may have been missed.
+
+    `orbits` counts those that were met, `new` those on no branch that was known before. With 95 % confidence, a
+    periodic attractor that was never met attracts no more than `unseen_share` of the box of starts.
+    """
+    return [
+        [
+            tally.value,
+            tally.starts,
+            tally.settled,
+            len(tally.unsettled),
+            tally.ran_away,
+            tally.newton_starts,
+            len(result.at(tally.value)),
+            sum(found.is_new for found in result.at(tally.value)),
+            unseen_share(tally.settled),
+        ]
+        for tally in result.tallies
+    ]
 
 
 def plain_tally(tally: Tally) -> Plain:

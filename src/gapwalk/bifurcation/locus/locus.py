@@ -24,6 +24,11 @@ class LocusEndReason(Enum):
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
 
+    @property
+    def is_failure(self) -> bool:
+        """Whether the numerics gave up."""
+        return self is LocusEndReason.STEP
+
 
 @dataclass(frozen=True, slots=True)
 class LocusEnd:

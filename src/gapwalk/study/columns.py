@@ -1,0 +1,25 @@
+"""The columns that several tables have: measures of a motion, and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gapwalk.bifurcation.locus import LocusPoint
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.measures import MEASURES
+
+
+def measure_names(coordinates: Sequence[str]) -> list[str]:
+    """The headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
+    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
+
+
+def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
+    """The measures of a point, in the order of `measure_names`."""
+    return [point.measure(name) for name in measure_names(point.orbit.system.coordinates)]
+
+
+def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
+    """The headings of parameters: their names, but ``parameter mean.q1`` where a measure is called ``mean.q1``."""
+    taken = measure_names(coordinates)
+    return [f"parameter {name}" if name in taken else name for name in parameters]
