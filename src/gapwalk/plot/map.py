@@ -2,123 +2,154 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Iterator
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import blended_transform_factory
+from numpy.typing import NDArray
 
-from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus
+from gapwalk.bifurcation.locus import Codim2Point, Locus
 from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.walk import EndReason
 from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREEN, GREY, RC, SIZE, VERMILLION
+from gapwalk.plot.map_style import CODIM2, ISLAND, LOCUS_TEXTS, SECTION, SECTION_TEXT, codim2_options, locus_options
+from gapwalk.plot.style import DPI, RC, SIZE
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
 
-_LINES: dict[Kind, dict[str, Any]] = {
-    Kind.FOLD: {"color": BLUE, "linestyle": "-", "linewidth": 1.6},
-    Kind.FLIP: {"color": VERMILLION, "linestyle": (0, (4.5, 1.4)), "linewidth": 1.5},
-    Kind.NEIMARK_SACKER: {"color": GREEN, "linestyle": (0, (6, 1.3, 1.2, 1.3)), "linewidth": 1.5},
-    Kind.GRAZING: {"color": GREY, "linestyle": (0, (1.2, 1.2)), "linewidth": 1.0},
-}
-_TEXTS = {
-    Kind.FOLD: "fold",
-    Kind.FLIP: "flip",
-    Kind.NEIMARK_SACKER: "Neimark–Sacker",
-    Kind.GRAZING: "grazing",
-}
-_SYMBOLS = {
-    Codim2.CUSP: ("cusp", "^", "CP"),
-    Codim2.FOLD_FLIP: ("fold-flip", "D", "FF"),
-    Codim2.RESONANCE_1_1: ("1:1 resonance", "s", "1:1"),
-    Codim2.RESONANCE_1_2: ("1:2 resonance", "s", "1:2"),
-    Codim2.RESONANCE_1_3: ("1:3 resonance", "s", "1:3"),
-    Codim2.RESONANCE_1_4: ("1:4 resonance", "s", "1:4"),
-}
+_TALL = (SIZE[0], 5.6)  # a plane needs more room than a curve
+_ONE = 6.0  # distance, in points, within which two symbols of one kind are one
+_COLUMNS = 4  # of the legend, at most
 
 
-def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True) -> Axes:
+def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend: bool = True) -> Axes:
     """Draw all loci of a map in the plane of its two parameters.
+
+    A thin line is a section, on which branches were followed; the islands on it (closed branches) are bars.
 
     Parameters
     ----------
     chart
         The map.
     ax
-        Where to draw; by default a new figure (without pyplot).
+        Where to draw; by default in a new figure of pyplot.
     labels
-        Whether points of codimension two are named.
+        Whether points of codimension two and sections are named.
+    legend
+        Whether to explain what is drawn.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
     """
-    if ax is None:
-        with mpl.rc_context(RC):
-            ax = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
-    for locus in sorted(chart.loci, key=lambda each: list(_LINES).index(each.kind), reverse=True):
-        values = _closed(locus)
-        ax.plot(values[:, 0], values[:, 1], zorder=2 + (locus.kind is not Kind.GRAZING), **_LINES[locus.kind])
-    named = [point for locus in chart.loci for point in locus.codim2_points if point.kind in _SYMBOLS]
-    for point in named:
-        ax.plot(*point.values, zorder=5, **_symbol(point))
-    (low, high), (bottom, top) = chart.within
-    ax.set_xlim(low, high)
-    ax.set_ylim(bottom, top)
-    ax.set_xlabel(parameter_words(chart.first))
-    ax.set_ylabel(parameter_words(chart.second))
-    _draw_legend(ax, chart, named)
-    if labels:
-        _name(ax, chart, named)
+    with mpl.rc_context(RC):
+        ax = _new_axes() if ax is None else ax
+        ax.set(xlim=chart.within[0], ylim=chart.within[1])
+        ax.set_xlabel(parameter_words(chart.first))
+        ax.set_ylabel(parameter_words(chart.second))
+        _draw_sections(ax, chart, labels)
+        order, periods = list(LOCUS_TEXTS), _periods(chart)
+        for locus in chart.loci:
+            options = locus_options(locus.kind, periods.index(locus.period))
+            ax.plot(*_curve(locus).T, zorder=3.0 - 0.1 * order.index(locus.kind), **options)
+        points = [point for locus in chart.loci for point in locus.codim2_points]
+        for point in points:
+            ax.plot(*point.values, zorder=5 if CODIM2[point.kind].label else 4, **codim2_options(point.kind))
+        if legend:
+            _draw_legend(ax, chart, points)
+        ax.figure.canvas.figure.draw_without_rendering()  # labels are placed in the final layout
+        if labels:
+            _name(ax, chart, points)
     return ax
 
 
 def draw_map(chart: Map, title: str = "") -> Figure:
     """The picture of a map as a matplotlib figure, without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        figure = Figure(figsize=_TALL, dpi=DPI, layout="constrained")
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)
         plot_map(chart, ax=ax)
     return figure
 
 
-def _closed(locus: Locus) -> np.ndarray:
+def _new_axes() -> Axes:
+    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
+
+    return plt.subplots(figsize=_TALL, layout="constrained")[1]
+
+
+def _periods(chart: Map) -> list[int]:
+    return sorted({locus.period for locus in chart.loci})
+
+
+def _curve(locus: Locus) -> NDArray[np.float64]:
     values = locus.values
     return np.vstack((values, values[:1])) if locus.is_closed else values
 
 
-def _symbol(point: Codim2Point) -> dict[str, Any]:
-    _, marker, _ = _SYMBOLS[point.kind]
-    return {
-        "linestyle": "none",
-        "marker": marker,
-        "markersize": 5.0,
-        "markerfacecolor": "white",
-        "markeredgecolor": BLACK,
-        "markeredgewidth": 0.9,
-    }
+def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
+    beside = blended_transform_factory(ax.transAxes, ax.transData)
+    for section in chart.sections:
+        ax.axhline(section.value, zorder=1.5, **SECTION)
+        if labels:
+            ax.text(1.006, section.value, f"{section.value:.6g}", transform=beside, va="center", **SECTION_TEXT)
+    for value, low, high in _islands(chart):
+        ax.plot((low, high), (value, value), zorder=3.5, **ISLAND)
 
 
-def _draw_legend(ax: Axes, chart: Map, named: list[Codim2Point]) -> None:
-    kinds = [kind for kind in _LINES if chart.of_kind(kind)]
-    handles = [Line2D([], [], label=_TEXTS[kind], **_LINES[kind]) for kind in kinds]
-    seen = [kind for kind in _SYMBOLS if any(point.kind is kind for point in named)]
-    for kind in seen:
-        point = next(each for each in named if each.kind is kind)
-        handles.append(Line2D([], [], label=f"{_SYMBOLS[kind][0]} ({_SYMBOLS[kind][2]})", **_symbol(point)))
+def _islands(chart: Map) -> Iterator[tuple[float, float, float]]:
+    """Of each closed branch of a section: the value of the section, and the range of the first parameter."""
+    for section in chart.sections:
+        for branch in section.branches:
+            if branch.ends[-1].reason is EndReason.CLOSED:
+                yield section.value, float(branch.values.min()), float(branch.values.max())
+
+
+def _draw_legend(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
+    periods = _periods(chart)
+    handles = []
+    for kind, text in LOCUS_TEXTS.items():
+        for rank, period in enumerate(periods):
+            if any(locus.period == period for locus in chart.of_kind(kind)):
+                name = text if len(periods) == 1 else f"{text}, period {period}"
+                handles.append(Line2D([], [], label=name, **locus_options(kind, rank)))
+    if next(_islands(chart), None):
+        handles.append(Line2D([], [], label="island on a section", **ISLAND))
+    shown = dict.fromkeys(style for kind, style in CODIM2.items() if any(point.kind is kind for point in points))
+    for style in shown:
+        kind = next(kind for kind, each in CODIM2.items() if each is style)
+        text = f"{style.text} ({style.label})" if style.label else style.text
+        handles.append(Line2D([], [], label=text, **codim2_options(kind)))
+    if chart.sections:
+        handles.append(Line2D([], [], label="section", **SECTION))
     figure = ax.figure
     if handles and isinstance(figure, Figure) and len(figure.axes) == 1 and figure.get_constrained_layout():
-        columns = len(handles) if len(handles) < 6 else (len(handles) + 1) // 2
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.8, handlelength=3.0)
+        columns = math.ceil(len(handles) / math.ceil(len(handles) / _COLUMNS))  # as even as can be
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.6, handlelength=2.8)
     elif handles:
-        ax.legend(handles=handles, loc="best", handlelength=3.0)
+        ax.legend(handles=handles, loc="best", handlelength=2.8)
 
 
-def _name(ax: Axes, chart: Map, named: list[Codim2Point]) -> None:
+def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
+    """Write the short names of points of codimension two beside them; loci that meet in one share its name."""
+    named: list[Codim2Point] = []
+    unit = ax.figure.dpi / 72.0
+    for point in (each for each in points if CODIM2[each.kind].label):
+        place = ax.transData.transform(point.values)
+        known = (ax.transData.transform(other.values) for other in named if other.kind is point.kind)
+        if all(np.hypot(*(place - other)) > _ONE * unit for other in known):
+            named.append(point)
     if not named:
         return
-    if isinstance(ax.figure, Figure):
-        ax.figure.draw_without_rendering()  # labels are placed in the final layout
     gap = np.full((1, 2), np.nan)
-    curve = np.vstack([part for locus in chart.loci for part in (_closed(locus), gap)])
-    symbols = np.array([point.values for point in named])
-    place_labels(ax, [Label(_SYMBOLS[point.kind][2], *point.values) for point in named], curve, symbols)
+    lines = [part for locus in chart.loci if locus.kind is not Kind.GRAZING for part in (_curve(locus), gap)]
+    symbols = np.array([point.values for point in points])
+    curve = np.vstack(lines or [symbols])
+    place_labels(ax, [Label(CODIM2[point.kind].label, *point.values) for point in named], curve, symbols)

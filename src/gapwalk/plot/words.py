@@ -11,9 +11,17 @@ _MEASURES = {
 }
 
 
+_OF = ("clearance", "amplitude", "phase", "impact_damping", "viscous_damping", "cubic")  # and of what
+
+
 def parameter_words(name: str) -> str:
     """The label of an axis over a parameter."""
-    return "excitation frequency Ω" if name == "frequency" else name.replace("_", " ")
+    if name == "frequency":
+        return "excitation frequency Ω"
+    owner, _, word = name.rpartition(".")
+    if owner == "mean":
+        return f"mean load on {word}"
+    return f"{word.replace('_', ' ')} of {owner}" if owner and word in _OF else name.replace("_", " ")
 
 
 def parameter_symbol(name: str) -> str:
