@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gapwalk import Branch, BranchPoint, Diagram, Orbit, Result
+from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
 
 
 def assert_same_result(one: Result, other: Result) -> None:
@@ -14,6 +14,32 @@ def assert_same_result(one: Result, other: Result) -> None:
     assert (one.diagram is None) == (other.diagram is None)
     if one.diagram is not None and other.diagram is not None:
         assert_same_tree(one.diagram, other.diagram)
+    assert (one.map is None) == (other.map is None)
+    if one.map is not None and other.map is not None:
+        assert_same_map(one.map, other.map)
+
+
+def assert_same_map(one: Map, other: Map) -> None:
+    for name in ("first", "second", "within", "complete", "notes", "failures", "tried", "names"):
+        assert getattr(one, name) == getattr(other, name)
+    for a, b in zip(one.sections, other.sections, strict=True):
+        assert a.value == b.value
+        for branch, same in zip(a.branches, b.branches, strict=True):
+            assert_same_branch(branch, same)
+    for a, b in zip(one.loci, other.loci, strict=True):
+        assert_same_locus(a, b)
+
+
+def assert_same_locus(one: Locus, other: Locus) -> None:
+    for name in ("kind", "first", "second", "period", "ends", "contact"):
+        assert getattr(one, name) == getattr(other, name)
+    for a, b in zip(one.codim2_points, other.codim2_points, strict=True):
+        assert (a.kind, a.contact) == (b.kind, b.contact)
+    points = [[*locus.points, *(codim2.point for codim2 in locus.codim2_points)] for locus in (one, other)]
+    for a, b in zip(*points, strict=True):
+        for name in ("values", "x", "tangent", "angle", "arclength"):
+            assert_same(getattr(a, name), getattr(b, name))
+        assert_same_orbit(a.orbit, b.orbit)
 
 
 def assert_same_tree(one: Diagram, other: Diagram) -> None:

@@ -96,5 +96,12 @@ SECTION: dict[str, Any] = {"color": "#b9b1a0", "linestyle": "-", "linewidth": 0.
 SECTION_TEXT: dict[str, Any] = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
 """Options of the value beside it."""
 
-ISLAND: dict[str, Any] = {"color": BLACK, "linestyle": "-", "linewidth": 2.0, "marker": "|", "markersize": 9.0, "markeredgewidth": 1.3}
+ISLAND: dict[str, Any] = {
+    "color": BLACK,
+    "linestyle": "-",
+    "linewidth": 2.0,
+    "marker": "|",
+    "markersize": 9.0,
+    "markeredgewidth": 1.3,
+}
 """Options of the line from one end of an island on a section to the other."""

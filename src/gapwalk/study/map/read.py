@@ -38,6 +38,8 @@ def read_map(connection: sqlite3.Connection, system: System, options: MapStudyOp
     """
     first, second = options.parameter, options.second.parameter
     loci = tuple(_loci(connection, system, first, second))
+    if len(loci) != int(about["loci"]):
+        raise ValueError("a locus is missing")
     notes, failures = (tuple(str(text) for text in about[key]) for key in ("notes", "failures"))
     sections = _sections(connection, system, first, second, about["sections"])
     complete, tried = bool(about["complete"]), int(about["tried"])

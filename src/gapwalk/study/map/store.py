@@ -84,6 +84,7 @@ def _write_state(connection: sqlite3.Connection, chart: Map, finished: bool) -> 
         "finished": finished,
         "complete": chart.complete,
         "tried": chart.tried,
+        "loci": len(chart.loci),
         "sections": [{"value": section.value, "branches": len(section.branches)} for section in chart.sections],
         "notes": list(chart.notes),
         "failures": list(chart.failures),
