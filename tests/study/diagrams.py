@@ -1,8 +1,9 @@
 """Diagrams that are found in a moment, and a program that finds one of them so that it can be killed."""
 
 import sys
+from collections.abc import Callable
 
-from gapwalk import DiagramStudyOptions, Study, run
+from gapwalk import DiagramStudyOptions, SearchOptions, Study, run
 from tests.systems import clutch
 
 
@@ -18,11 +19,31 @@ def many_branches(workers: int | None = 1) -> Study:
     return Study(system, DiagramStudyOptions("frequency", 0.44, 0.405, "half.q1", max_period=4, workers=workers))
 
 
-def main(path: str, workers: str) -> None:
-    """Find many branches and store them, or go on with it; write a line for each branch that is safe."""
-    result = run(
-        many_branches(int(workers)), path, resume=True, report=lambda diagram, limb: print(limb.name, flush=True)
+def islands(workers: int | None = 1) -> Study:
+    """Two islands of period 3 of figure 15 and the motions of periods 1 and 2 between them.
+
+    It begins on one island, so everything else has to be searched for; and from one of the roots that are found then
+    other branches grow.
+    """
+    system = clutch(frequency=0.45).at({"harmonic1.amplitude": 0.5})
+    options = DiagramStudyOptions(
+        "frequency",
+        0.345,
+        0.47,
+        "half.q1",
+        period=3,
+        start=(2.697, 1.655, -0.735, -0.205),
+        max_period=3,
+        workers=workers,
+        search_values=(0.351, 0.445),
+        search=SearchOptions(starts=12, newton_starts=2, newton_periods=(1, 3), patience=100),
     )
+    return Study(system, options, "Islands", "title = 'Islands'\n", name="islands")
+
+
+def main(path: str, workers: str, study: Callable[[int], Study] = many_branches) -> None:
+    """Find the branches of a study and store them, or go on with it; write a line for each branch that is safe."""
+    result = run(study(int(workers)), path, resume=True, report=lambda diagram, limb: print(limb.name, flush=True))
     print("complete" if result.complete else "stopped", flush=True)
 
 

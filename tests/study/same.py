@@ -3,6 +3,7 @@
 import numpy as np
 
 from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
+from gapwalk.study.search_result import plain_search
 
 
 def assert_same_result(one: Result, other: Result) -> None:
@@ -45,6 +46,9 @@ def assert_same_locus(one: Locus, other: Locus) -> None:
 def assert_same_tree(one: Diagram, other: Diagram) -> None:
     for name in ("parameter", "within", "complete", "notes", "failures", "cascades"):
         assert getattr(one, name) == getattr(other, name)
+    assert (one.search is None) == (other.search is None)
+    if one.search is not None and other.search is not None:
+        assert plain_search(one.search) == plain_search(other.search)
     for a, b in zip(one.limbs, other.limbs, strict=True):
         assert (a.name, a.begins, a.joins) == (b.name, b.begins, b.joins)
         assert_same_branch(a.branch, b.branch)
