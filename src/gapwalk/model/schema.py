@@ -12,6 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problem import Path, Problem, did_you_mean, given
 from gapwalk.model.source import Source
 
+_TOP = "the top of the file, above the first table in brackets"
 _TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
 
 _ALLOWED = {
@@ -111,7 +112,7 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
     kind, value = error["type"], error["input"]
     path: Path = error["loc"]
     if kind == "extra_forbidden":
-        message = _unknown_key(str(path[-1]), _owner(model, path), model)
+        message = _unknown_key(str(path[-1]), _owner(model, path), model, at)
         return source.problem(message, (*at, *path))
     path = tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
     owner = _owner(model, path)
@@ -145,11 +146,12 @@ def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path
     return refusal(error, str(path[-1]) if path else ""), path
 
 
-def _unknown_key(key: str, owner: type[Part] | None, root: type[Part]) -> str:
+def _unknown_key(key: str, owner: type[Part] | None, root: type[Part], at: Path) -> str:
     known = _fields(owner) if owner else {}
     homes = [name for name, info in root.model_fields.items() if key in _keys_below(info.annotation)]
     if owner is not root and key in _fields(root):
-        hint = f"{key} belongs to the top of the file, above the first table in brackets"
+        above = f"the {at[0]}, above the first of its tables" if at else _TOP
+        hint = f"{key} belongs to {above}"
     elif owner is root and homes:
         hint = f"it belongs in {homes[0]}"
     else:

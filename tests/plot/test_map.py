@@ -1,0 +1,125 @@
+"""Pictures of maps: loci by kind and period, sections with islands, and names of points of codimension two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import gapwalk as gw
+from gapwalk.bifurcation.locus import Codim2, LocusEndReason
+from gapwalk.continuation import End, EndReason
+from gapwalk.errors import ModelError
+from gapwalk.plot import plot_map, save_picture
+from gapwalk.plot.map_style import CODIM2, LOCUS_TEXTS, locus_options
+from gapwalk.plot.picture import draw_picture
+from gapwalk.plot.words import parameter_words
+from gapwalk.study.map import KINDS
+from tests.study.maps import clutch_map
+
+
+@pytest.fixture(scope="module")
+def result() -> gw.Result:
+    return gw.run(clutch_map(max_period=2))
+
+
+@pytest.fixture(scope="module")
+def figure(result) -> Figure:
+    figure = draw_picture(result)
+    figure.draw_without_rendering()
+    return figure
+
+
+def legend_of(figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_plane_is_the_whole_picture(result, figure) -> None:
+    (ax,) = figure.axes
+    assert (ax.get_xlim(), ax.get_ylim()) == result.map.within
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("excitation frequency Ω", "mean load on q1")
+    assert ax.get_title(loc="left") == "Second resonance"
+
+
+def test_every_locus_is_drawn_in_the_line_of_its_kind_and_period(result, figure) -> None:
+    lines = {line.get_xydata().tobytes(): line for line in figure.axes[0].lines}
+    for locus in result.map.loci:
+        line = lines[locus.values.tobytes()]
+        options = locus_options(locus.kind, locus.period - 1)
+        assert (line.get_color(), line.get_linewidth()) == (options["color"], options["linewidth"])
+
+
+def test_what_is_drawn_is_explained(result, figure) -> None:
+    assert legend_of(figure) == [
+        "fold, period 1",
+        "fold, period 2",
+        "flip, period 1",
+        "Neimark–Sacker, period 2",
+        "grazing, period 1",
+        "grazing, period 2",
+        "cusp (CP)",
+        "a contact grazes too",
+        "section",
+    ]
+
+
+def test_kinds_are_told_apart_without_colour() -> None:
+    assert set(LOCUS_TEXTS) == set(KINDS)
+    lines = [str(locus_options(kind, 0)["linestyle"]) for kind in KINDS]
+    assert len(set(lines)) == len(KINDS)
+    assert set(CODIM2) == set(Codim2)
+    labels = [style.label for style in CODIM2.values() if style.label]
+    assert len(set(labels)) == len(labels)
+
+
+def test_points_of_codimension_two_are_marked_and_named_once(result, figure) -> None:
+    (ax,) = figure.axes
+    cusps = [point.values for locus in result.map.loci for point in locus.codim2(Codim2.CUSP)]
+    marked = [tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == CODIM2[Codim2.CUSP].marker]
+    assert sorted(marked) == sorted(cusps)
+    assert [text.get_text() for text in ax.texts].count("CP") == len(cusps)
+    twice = replace(result.map, loci=(*result.map.loci, *result.map.loci))  # loci that meet share a name
+    texts = [text.get_text() for text in plot_map(twice, ax=Figure().add_subplot()).texts]
+    assert texts.count("CP") == len(cusps)
+
+
+def test_sections_have_their_values_and_islands_are_bars(result) -> None:
+    chart = result.map
+    branch = chart.sections[1].branches[0]
+    closed = replace(branch, ends=(branch.ends[0], End(EndReason.CLOSED, branch.values[-1])))
+    chart = replace(chart, sections=(chart.sections[0], replace(chart.sections[1], branches=(closed,))))
+    ax = plot_map(chart, ax=Figure().add_subplot())
+    assert {"0.2", "0.3"} <= {text.get_text() for text in ax.texts}
+    (bar,) = [line for line in ax.lines if line.get_marker() == "|"]
+    assert bar.get_xydata().tolist() == [[branch.values.min(), 0.3], [branch.values.max(), 0.3]]
+    assert "island on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_a_closed_locus_is_closed(result) -> None:
+    locus = result.map.loci[0]
+    closed = replace(locus, ends=tuple(replace(end, reason=LocusEndReason.CLOSED) for end in locus.ends))
+    ax = plot_map(replace(result.map, loci=(closed,)), ax=Figure().add_subplot(), labels=False, legend=False)
+    (curve,) = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) > 2]
+    assert np.array_equal(curve[0], curve[-1])
+    assert ax.get_legend() is None
+    assert not ax.texts
+
+
+def test_a_map_that_is_not_complete_can_be_drawn(result, tmp_path) -> None:
+    save_picture(replace(result.map, loci=(), sections=result.map.sections[:1]), tmp_path / "first.png")
+    assert (tmp_path / "first.png").stat().st_size > 10_000
+    with pytest.raises(ModelError, match="no measure; leave it out"):
+        draw_picture(result, measure="half.q1")
+
+
+def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
+    for name in ("a", "b"):
+        save_picture(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+    for ending in ("png", "svg"):
+        assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
+
+
+def test_parameters_are_called_by_words() -> None:
+    assert parameter_words("harmonic1.amplitude") == "amplitude of harmonic1"
+    assert parameter_words("stage2.impact_damping") == "impact damping of stage2"
+    assert parameter_words("stiffness.q1.q3") == "stiffness.q1.q3"
