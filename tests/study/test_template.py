@@ -4,12 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.study.diagram import DiagramOptions
 from gapwalk.study.file import check_study, read_studies, read_study
+from gapwalk.study.map import MapOptions
+from gapwalk.study.options import MapStudyOptions
 from gapwalk.study.template import template, write_template
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -48,11 +51,30 @@ def test_what_the_comments_of_the_template_offer_is_right() -> None:
     lines = [line.removeprefix("# ") for line in more if " = " in line and line != '# name = "tight"']
     bare = text.replace('kind = "response"', "\n".join(['kind = "diagram"', *lines]))
     study = check_study(parse_source(bare))
-    assert study.options.limits == DiagramOptions(8, 200, 2)
+    assert study.options.limits == DiagramOptions(8, 200, 2, 40, SearchOptions(starts=64))
     assert (study.system["stage2.clearance"], study.system["harmonic1.amplitude"]) == (0.5, 0.3)
     for parameter in ("stage2.clearance", "mean.q1", "harmonic1.amplitude", "stiffness.q1.q3"):
         assert f'"{parameter}"' in text
         assert case("13").structure.place(parameter)
+
+
+def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
+    text = template()
+    offered = text[text.index("# second = ") : text.index('# A study kind = "diagram"')]
+    lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
+    study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "map"', *lines]))))
+    assert isinstance(study.options, MapStudyOptions)
+    assert study.options.limits == MapOptions()
+    assert study.options.second.parameter == "mean.q1"
+
+
+def test_the_islands_of_the_example_are_those_of_figures_27_and_28() -> None:
+    load, islands = read_studies(EXAMPLES / "map.toml")
+    for figure, value in zip(("27", "28"), islands.options.sections, strict=True):
+        assert islands.system.at(dict(case(figure).parameters)) == case(figure)
+        changed = {"frequency": value, "harmonic1.amplitude": case(figure)["harmonic1.amplitude"]}
+        assert islands.system.at(changed) == case(figure)
+    assert load.system.at({"mean.q1": 0.25, "frequency": 1.9}).parameters.items() >= case("13").parameters.items()
 
 
 def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
