@@ -98,7 +98,7 @@ def test_sections_have_their_values_and_islands_are_bars(result) -> None:
 def test_a_closed_locus_is_closed(result) -> None:
     locus = result.map.loci[0]
     closed = replace(locus, ends=tuple(replace(end, reason=LocusEndReason.CLOSED) for end in locus.ends))
-    ax = plot_map(replace(result.map, loci=(closed,)), ax=Figure().add_subplot(), labels=False, legend=False)
+    ax = replace(result.map, loci=(closed,)).plot(ax=Figure().add_subplot(), labels=False, legend=False)
     (curve,) = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) > 2]
     assert np.array_equal(curve[0], curve[-1])
     assert ax.get_legend() is None

@@ -90,14 +90,20 @@ def test_the_map_does_not_depend_on_the_number_of_processes(chart):
         assert np.array_equal(a.values, b.values)
 
 
-def test_ctrl_c_keeps_what_there_is():
-    def stop(chart, addition):
-        if chart.loci:
+def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
+    def stop(part, addition):
+        if part.loci:
             raise KeyboardInterrupt
 
     partial = islands(report=stop)
     assert not partial.complete
     assert len(partial.loci) == 1
+    whole = islands(resume=partial)
+    assert whole.complete
+    assert whole.loci[0] is partial.loci[0]
+    assert whole.sections == partial.sections
+    for a, b in zip(chart.loci, whole.loci, strict=True):
+        assert np.array_equal(a.values, b.values)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.continuation.branch import Branch, Kind
@@ -90,6 +91,12 @@ class Map:
     def of_kind(self, kind: Kind | str) -> tuple[Locus, ...]:
         """The loci of one kind."""
         return tuple(locus for locus in self.loci if locus.kind == kind)
+
+    def plot(self, **options: Any):
+        """Draw all loci in the plane; `options` are those of `gapwalk.plot.plot_map`. Returns the axes."""
+        from gapwalk.plot import plot_map
+
+        return plot_map(self, **options)
 
     def __getitem__(self, name: str) -> Locus:
         """The locus of a name."""
