@@ -95,6 +95,16 @@ def test_sections_have_their_values_and_islands_are_bars(result) -> None:
     assert "island on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
+def test_an_end_at_which_the_numerics_gave_up_is_marked(result, figure) -> None:
+    first, *others = result.map.loci
+    lost = replace(first, ends=(first.ends[0], replace(first.ends[1], reason=LocusEndReason.STEP)))
+    ax = plot_map(replace(result.map, loci=(lost, *others)), ax=Figure().add_subplot())
+    (mark,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "x"]
+    assert mark.tolist() == [list(first.ends[1].values)]
+    assert "not followed further" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "not followed further" not in legend_of(figure)
+
+
 def test_a_closed_locus_is_closed(result) -> None:
     locus = result.map.loci[0]
     closed = replace(locus, ends=tuple(replace(end, reason=LocusEndReason.CLOSED) for end in locus.ends))

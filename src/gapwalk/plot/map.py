@@ -17,7 +17,16 @@ from gapwalk.bifurcation.locus import Codim2Point, Locus
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.map_style import CODIM2, ISLAND, LOCUS_TEXTS, SECTION, SECTION_TEXT, codim2_options, locus_options
+from gapwalk.plot.map_style import (
+    CODIM2,
+    ISLAND,
+    LOCUS_TEXTS,
+    LOST,
+    SECTION,
+    SECTION_TEXT,
+    codim2_options,
+    locus_options,
+)
 from gapwalk.plot.style import DPI, RC, SIZE
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
@@ -61,6 +70,8 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
         points = [point for locus in chart.loci for point in locus.codim2_points]
         for point in points:
             ax.plot(*point.values, zorder=5 if CODIM2[point.kind].label else 4, **codim2_options(point.kind))
+        for place in _lost(chart):
+            ax.plot(*place, zorder=5, **LOST)
         if legend:
             _draw_legend(ax, chart, points)
         ax.figure.canvas.figure.draw_without_rendering()  # labels are placed in the final layout
@@ -99,7 +110,7 @@ def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
     for section in chart.sections:
         ax.axhline(section.value, zorder=1.5, **SECTION)
         if labels:
-            ax.text(1.006, section.value, f"{section.value:.6g}", transform=beside, va="center", **SECTION_TEXT)
+            ax.text(1.006, section.value, f"{section.value:.4g}", transform=beside, va="center", **SECTION_TEXT)
     for value, low, high in _islands(chart):
         ax.plot((low, high), (value, value), zorder=3.5, **ISLAND)
 
@@ -110,6 +121,11 @@ def _islands(chart: Map) -> Iterator[tuple[float, float, float]]:
         for branch in section.branches:
             if branch.ends[-1].reason is EndReason.CLOSED:
                 yield section.value, float(branch.values.min()), float(branch.values.max())
+
+
+def _lost(chart: Map) -> list[tuple[float, float]]:
+    """Where loci end because the numerics gave up, and not because nothing goes on."""
+    return [end.values for locus in chart.loci for end in locus.ends if end.reason.is_failure]
 
 
 def _draw_legend(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
@@ -127,6 +143,8 @@ def _draw_legend(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
         kind = next(kind for kind, each in CODIM2.items() if each is style)
         text = f"{style.text} ({style.label})" if style.label else style.text
         handles.append(Line2D([], [], label=text, **codim2_options(kind)))
+    if _lost(chart):
+        handles.append(Line2D([], [], label="not followed further", **LOST))
     if chart.sections:
         handles.append(Line2D([], [], label="section", **SECTION))
     figure = ax.figure

@@ -105,3 +105,12 @@ ISLAND: dict[str, Any] = {
     "markeredgewidth": 1.3,
 }
 """Options of the line from one end of an island on a section to the other."""
+
+LOST: dict[str, Any] = {
+    "color": BLACK,
+    "linestyle": "none",
+    "marker": "x",
+    "markersize": 5.0,
+    "markeredgewidth": 1.2,
+}
+"""Options of the symbol at the end of a locus at which the numerics gave up."""
