@@ -107,7 +107,7 @@ def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
     assert_same_result(gw.run(clutch_map(workers=1), path, resume=True), undisturbed)
 
 
-@pytest.mark.parametrize("after", [1, 2, 4, 7])
+@pytest.mark.parametrize("after", [1, 3, 7])
 def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> None:
     def report(chart, addition) -> None:
         if len(chart.sections) + len(chart.loci) == after:
@@ -150,7 +150,7 @@ def test_ctrl_c_before_the_first_section_leaves_nothing(path, monkeypatch) -> No
     assert not list(path.parent.iterdir())
 
 
-@pytest.mark.parametrize(("workers", "aims"), [(1, [1, 3, 5]), (2, [4])])
+@pytest.mark.parametrize(("workers", "aims"), [(1, [2, 5]), (2, [4])])
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, undisturbed) -> None:
     random.seed(27 + workers)
     for aim in [*aims, 100]:
