@@ -351,13 +351,32 @@ def test_a_study_is_a_table_or_several(study: str) -> None:
     assert "it must be a table [study], or several tables [[study]]" in problem.message
 
 
+PLANE = """
+[study.search]
+values = [0.2, 0.9]
+starts = 16
+newton_periods = [1, 2]
+box = [1.0, 1.0, 2.0, 2.0]
+
+[[study]]
+name = "plane"
+kind = "map"
+parameter = "frequency"
+from = 2.0
+to = 0.15
+second = { parameter = "mean.q1", from = 0.1, to = 0.5 }
+sections = [0.2, 0.3]
+kinds = ["fold", "grazing"]
+search = { values = 3, seed = 1 }
+"""
+
 ODD = ["", "0", "-1", "1e308", "nan", "true", '"x"', '"q1"', "[]", "{}", "1.5", "2020-01-01", "[1, 2, 3, 4]", "=",
        '"mass.q1.q1"', '"max.q1"', '"rest"', '"\\u0000"']  # fmt: skip
 
 
 @st.composite
 def mutations(draw) -> str:
-    lines = list(draw(st.sampled_from([LINES, SEVERAL.splitlines()])))
+    lines = list(draw(st.sampled_from([LINES, SEVERAL.splitlines(), (SEVERAL + PLANE).splitlines()])))
     for _ in range(draw(st.integers(1, 3))):
         place = draw(st.integers(0, len(lines) - 1))
         key = lines[place].partition("=")[0]
@@ -379,6 +398,11 @@ CHANGES = st.dictionaries(
             "study.kind.x",
             "study.light.to",
             "study.set",
+            "study.second",
+            "study.second.from",
+            "study.plane.sections",
+            "study.search.values",
+            "mean.q1",
         ]
     ),
     st.sampled_from([1, 0.5, -1.0, "x", True, [1, 2], float("nan"), 10**400, None]),
@@ -386,7 +410,7 @@ CHANGES = st.dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=400)
 @given(mutations(), CHANGES)
 def test_no_file_raises_anything_but_a_model_error(text: str, changes) -> None:
     try:
