@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.cli.progress import DiagramProgress
 from gapwalk.errors import StoreError
+from tests.study.diagrams import islands
 from tests.study.same import assert_same_result
 
 MODEL = """
@@ -171,6 +173,17 @@ def test_show_has_the_tree_and_on_request_the_special_points(loop, capsys) -> No
     assert row.split()[0] == "flip"
     assert "0 → 1" in row
     assert row.rstrip().endswith("P2-1")
+
+
+def test_show_tells_what_a_search_has_found(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    gw.run(islands(), "x.gapwalk")
+    assert main(["show", "x.gapwalk"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", "").split())  # as one line
+    places = [text.index(f"── {name} ") for name in ("P3-1", "P1-1", "P2-1", "P3-2")]
+    parts = [text[a:b] for a, b in pairwise([*places, len(text)])]
+    assert ["found by the search; " in part for part in parts] == [False, True, False, True]
+    assert "note: 24 starts at 2 values of frequency, 0.351 to 0.445" in text
 
 
 def test_documents_and_tables_name_the_branches(loop, capsys) -> None:

@@ -65,7 +65,10 @@ def _begin(diagram: Diagram, limb: Limb) -> str:
     first = limb.branch.ends[0]
     if limb.begins is not None:
         return f"begins at {_place(diagram, limb.begins)}"
-    return f"begins at {first.value:.10g}" if first.reason is EndReason.START else f"ends at {_reason(limb, 0)}"
+    found = "" if limb is diagram.limbs[0] else "found by the search; "
+    if first.reason is EndReason.START:
+        return f"{found}begins at {first.value:.10g}"
+    return f"{found}ends at {_reason(limb, 0)}"
 
 
 def _end(diagram: Diagram, limb: Limb) -> str:
