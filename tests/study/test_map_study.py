@@ -232,6 +232,25 @@ def test_a_locus_at_whose_end_the_numerics_gave_up_is_a_failure(undisturbed) -> 
     assert undisturbed.failures == ()
 
 
+def test_a_special_point_just_beyond_the_edge_begins_no_locus(monkeypatch, undisturbed) -> None:
+    follow = charting._follow_section
+
+    def bulging(cut):
+        found = follow(cut)
+        (branch,) = found.branches
+        first, *others = branch.special_points
+        beyond = replace(first, point=replace(first.point, value=1.4 + 1e-9))
+        return replace(found, branches=(replace(branch, special_points=(beyond, *others)),))
+
+    first = undisturbed.branches[0].special_points[0]
+    assert (first.kind, undisturbed.map.names[0]) == (gw.Kind.FLIP, "flip-1")
+    monkeypatch.setattr(charting, "_follow_section", bulging)
+    result = gw.run(clutch_map(sections=(0.2,)))
+    assert result.complete
+    assert not result.failures
+    assert "flip-2" not in result.map.names
+
+
 def test_sections_may_stand_anywhere_and_be_searched(undisturbed) -> None:
     search = gw.SearchOptions(starts=2, newton_starts=0, patience=64)
     result = gw.run(clutch_map(sections=(0.27, 0.21), kinds=(gw.Kind.FLIP,), search_values=(1.3,), search=search))

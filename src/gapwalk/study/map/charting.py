@@ -158,12 +158,14 @@ class _Charter:
 
     def add_loci(self, hands: Workers) -> None:
         """Follow the loci that begin at the special points of the sections."""
+        low, high = self.chart.within[0]
         specials = [
             (section.value, special)
             for section in self.chart.sections
             for branch in section.branches
             for special in branch.special_points
-            if special.kind in self.options.kinds
+            # a fold between two points of a branch may lie just beyond the edge
+            if special.kind in self.options.kinds and low <= special.value <= high
         ]
         left = specials[self.chart.tried :]
         done = self.chart.tried
