@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots
+from gapwalk.model.contact import DampingLaw
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Equations:
     def gap(self, contact: int, stage: int) -> hy.expression:
         """Deflection of a contact past a breakpoint; the stage's event function."""
         slots = self.layout.contacts[contact]
-        return self._deflection(slots) - slots.stages[stage].sign * self._coefficient(slots.stages[stage].clearance)
+        return self._depth(self._deflection(slots), slots.stages[stage])
 
     @cached_property
     def state(self) -> list:
@@ -146,11 +147,14 @@ class Equations:
     def _switch(self, contact: int, stage: int) -> hy.expression:
         return hy.par[self.first_switch + self.switches.index((contact, stage))]
 
-    def _dot(self, slots, symbols) -> hy.expression:
-        terms = [
+    def _terms(self, slots, symbols) -> list[hy.expression]:
+        """Products of coefficients and symbols, without those that are zero."""
+        return [
             self._coefficient(slot) * symbol for slot, symbol in zip(slots, symbols, strict=True) if self.pattern[slot]
         ]
-        return hy.sum(terms) if terms else hy.expression(0.0)
+
+    def _dot(self, slots, symbols) -> hy.expression:
+        return hy.sum(self._terms(slots, symbols) or [hy.expression(0.0)])
 
     def _deflection(self, slots: ContactSlots) -> hy.expression:
         return self._dot(slots.deflection, self.positions)
@@ -164,30 +168,33 @@ class Equations:
         slots, form = self.layout.contacts[index], self.layout.structure.contacts[index]
         x, rate = self._deflection(slots), self._dot(slots.deflection, self.velocities)
         zero = hy.expression(0.0)
-        spring, slope, size, size_slope = [zero], [zero], [zero], [zero]
+        spring, slope, size, growth = [zero], [zero], [zero], [zero]
         for number, stage in enumerate(slots.stages):
             force, tangent = self._spring(x, stage)
             switch = self._switch(index, number)
+            weight = 1 if form.damping is DampingLaw.HUNT_CROSSLEY_AS_PRINTED else stage.sign
             spring.append(switch * force)
             slope.append(switch * tangent)
-            size.append(stage.sign * switch * force)
-            size_slope.append(stage.sign * switch * tangent)
+            # each parameter next to a variable: to the integrator a product of parameters is a series like any other
+            size.append(weight * (switch * force))
+            growth.append(weight * (switch * (tangent * rate)))
         g, k = hy.sum(spring), hy.sum(slope)
         if slots.damping is None or not self.pattern[slots.damping]:
             return g, k, zero
         c = self._coefficient(slots.damping)
-        match form.damping.value:
-            case "viscous":
-                touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
-                return g + c * touching * rate, k, c * touching
-            case "hunt-crossley":
-                magnitude = hy.sum(size)
-                return g + c * magnitude * rate, k + c * hy.sum(size_slope) * rate, c * magnitude
-            case _:
-                return g + c * g * rate, k + c * k * rate, c * g
+        if form.damping is DampingLaw.VISCOUS:
+            touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
+            return g + c * touching * rate, k, c * touching
+        magnitude = hy.sum(size)  # of the spring force: |g|, or g as the paper prints it
+        return g + c * (magnitude * rate), k + c * hy.sum(growth), c * magnitude
+
+    def _depth(self, x, stage: StageSlots):
+        """Deflection past a breakpoint."""
+        clearance = self._coefficient(stage.clearance)
+        return x - clearance if stage.sign > 0 else x + clearance
 
     def _spring(self, x, stage: StageSlots) -> tuple:
-        depth = x - stage.sign * self._coefficient(stage.clearance)
+        depth = self._depth(x, stage)
         force, tangent = self._coefficient(stage.stiffness) * depth, self._coefficient(stage.stiffness)
         if self.pattern[stage.cubic]:
             cubic = self._coefficient(stage.cubic)
@@ -205,15 +212,14 @@ class Equations:
         sines = [hy.sin(float(order) * hy.time) for order in orders]
         rows = []
         for row in slots:
-            forces = [self._dot(row[:n], self.positions), self._dot(row[n : 2 * n], self.velocities)]
+            forces = self._terms(row[: 2 * n], self.positions + self.velocities)
             forces += [
                 self._coefficient(row[2 * n + k]) * law[0]
                 for k, law in enumerate(self._contact_laws)
                 if self.pattern[row[2 * n + k]]
             ]
             loads = [self._coefficient(row[mean])]
-            loads.append(self._dot(row[mean + 1 : mean + 1 + len(orders)], cosines))
-            loads.append(self._dot(row[mean + 1 + len(orders) :], sines))
+            loads += self._terms(row[mean + 1 :], cosines + sines)
             rows.append(self.rate * (hy.sum(loads) - hy.sum(forces)))
         return rows
 
@@ -227,13 +233,13 @@ class Equations:
             for contact, (_, slope, damping) in zip(self.layout.contacts, self._contact_laws, strict=True)
         ]
         for symbol, row in zip(dv, slots, strict=True):
-            forces = [self._dot(row[:n], dq), self._dot(row[n : 2 * n], dv)]
+            forces = self._terms(row[: 2 * n], symbols)
             forces += [
                 self._coefficient(row[2 * n + k]) * change
                 for k, change in enumerate(changes)
                 if self.pattern[row[2 * n + k]]
             ]
-            equations.append((symbol, -self.rate * hy.sum(forces)))
+            equations.append((symbol, self.rate * -hy.sum(forces)))
         return equations
 
 
