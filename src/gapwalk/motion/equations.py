@@ -28,8 +28,8 @@ class Equations:
         Where the coefficients stand.
     pattern : shape (number of coefficients,), bool
         Which of them take part; the others are zero.
-    directions
-        How many sensitivities along directions of the coefficients are wanted.
+    varying
+        For each sensitivity that is wanted, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
     then the coefficients. The last of all, `1/W`, is in every equation, so the integrator has room for them all.
@@ -37,7 +37,7 @@ class Equations:
 
     layout: CoefficientLayout
     pattern: NDArray[np.bool_]
-    directions: int = 0
+    varying: tuple[NDArray[np.intp], ...] = ()
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
@@ -49,10 +49,19 @@ class Equations:
         """Run-time parameter of each active slot."""
         return {int(slot): self.first_coefficient + i for i, slot in enumerate(self.active)}
 
+    def first_component(self, index: int) -> int:
+        """Run-time parameter of the first component of a direction."""
+        return sum(len(slots) for slots in self.varying[:index])
+
+    @cached_property
+    def components(self) -> NDArray[np.intp]:
+        """Where the components of all directions stand among the coefficients of all directions, one after another."""
+        return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
+
     @property
     def first_switch(self) -> int:
         """Run-time parameter of the first switch."""
-        return self.directions * len(self.active)
+        return self.first_component(len(self.varying))
 
     @property
     def first_coefficient(self) -> int:
@@ -108,15 +117,14 @@ class Equations:
     def direction(self, index: int) -> list:
         """Equations of the sensitivity to the coefficients along a direction given at run time."""
         size = 2 * self.layout.structure.size
-        first = index * len(self.active)
+        first = self.first_component(index)
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
-            terms = [linear]
-            for parameter in _parameter_indices(force):
-                component = parameter - self.first_coefficient
-                if component >= 0:
-                    terms.append(hy.diff(force, hy.par[parameter]) * hy.par[first + component])
+            terms, used = [linear], _parameter_indices(force)
+            for component, slot in enumerate(self.varying[index].tolist()):
+                if self._indices[slot] in used:
+                    terms.append(hy.diff(force, hy.par[self._indices[slot]]) * hy.par[first + component])
             forced.append((variable, hy.sum(terms)))
         return forced
 
@@ -249,6 +257,6 @@ def _first_stages(slots: ContactSlots) -> list[int]:
     return [signs.index(sign) for sign in (1, -1) if sign in signs]
 
 
-def _parameter_indices(expression) -> list[int]:
+def _parameter_indices(expression) -> set[int]:
     """Indices of the run-time parameters on which an expression depends."""
-    return sorted(int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression))
+    return {int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression)}
