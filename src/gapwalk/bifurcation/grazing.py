@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.stretch import Stretch
@@ -13,6 +12,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.survey import Turns, apart
 
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
 _BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down
@@ -59,13 +59,18 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
 def _is_born_near_contact(first: Orbit, last: Orbit) -> bool:
     """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
     for switch in range(len(first.closings)):
-        fewer, more = sorted((first.turning_depths[switch], last.turning_depths[switch]), key=np.size)
-        if more.shape[1] < fewer.shape[1] + 2:
+        fewer, more = sorted((orbit.turning_depths[switch] for orbit in (first, last)), key=lambda t: len(t.thetas))
+        if len(more.thetas) < len(fewer.thetas) + 2:
             continue
-        lonely = [depth for theta, depth in more.T if not fewer.size or _apart(fewer[0], theta, last).min() > 0.05]
-        if lonely and min(map(abs, lonely)) < 0.02 * float(np.ptp(more[1])):
+        lonely = [depth for theta, depth in zip(*more, strict=True) if _is_lonely(theta, fewer, PERIOD * last.period)]
+        if lonely and min(map(abs, lonely)) < 0.02 * (max(more.values) - min(more.values)):
             return True
     return False
+
+
+def _is_lonely(theta: float, turns: Turns, full: float) -> bool:
+    """Whether no turning point is near an angle."""
+    return not turns.thetas or apart(turns.thetas[turns.nearest(theta, full)], theta, full) > 0.05
 
 
 def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
@@ -73,22 +78,17 @@ def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint
     if before is None or first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
-    for switch in range(len(first.orbit.closings)):
-        now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
-        if not now.size or not then.size or not past.size:
+    full = PERIOD * first.orbit.period
+    for now, then, past in zip(*(point.orbit.turning_depths for point in (first, last, before)), strict=True):
+        if not now.thetas or not then.thetas or not past.thetas:
             continue
-        for theta, depth in now.T:
-            following = _nearest(then, theta, last.orbit)
-            preceding = _nearest(past, theta, before.orbit)
+        for theta, depth in zip(*now, strict=True):
+            following = then.values[then.nearest(theta, full)]
+            preceding = past.values[past.nearest(theta, full)]
             bend = abs((following - depth) - ratio * (depth - preceding))
             if min(abs(depth), abs(following)) < _DOUBT * bend:
                 return True
     return False
-
-
-def _nearest(turns: NDArray[np.float64], theta: float, orbit: Orbit) -> float:
-    """Depth of the turning point nearest to an angle."""
-    return float(turns[1, np.argmin(_apart(turns[0], theta, orbit))])
 
 
 def describe_switch(orbit: Orbit, switch: int) -> str:
@@ -138,12 +138,6 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
 
 def _extremal_depth(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
     """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
-    thetas, depths = orbit.turning_depths[switch]
-    nearest = int(np.argmin(_apart(thetas, near, orbit)))
-    return float(thetas[nearest]), float(depths[nearest])
-
-
-def _apart(thetas: NDArray[np.float64], near: float, orbit: Orbit) -> NDArray[np.float64]:
-    """Distances of angles from one angle, on the circle of the orbit."""
-    full = PERIOD * orbit.period
-    return np.abs((thetas - near + full / 2) % full - full / 2)
+    turns = orbit.turning_depths[switch]
+    nearest = turns.nearest(near, PERIOD * orbit.period)
+    return turns.thetas[nearest], turns.values[nearest]

@@ -169,7 +169,10 @@ class ParameterLine:
         """The system of the line at one value of the parameter; unlike `System.at`, it trusts the value."""
         values = self.system.values.copy()
         values[self._place] = value
-        return System.from_values(self.system.structure, values)
+        system = System.from_values(self.system.structure, values)
+        if self._place == 0:  # cheap here, costly to compute later
+            object.__setattr__(system, "_coefficients", self.coefficients(value)[0])
+        return system
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The coefficients at one value of the parameter, and their derivative by it."""

@@ -63,7 +63,7 @@ class Turn(NamedTuple):
 
     event: int
     theta: float
-    positions: NDArray[np.float64]
+    positions: list[float]
 
 
 class Flow:
@@ -181,7 +181,7 @@ class Flow:
         """The function that the integrator calls where a coordinate or a deflection turns."""
 
         def note(integrator, theta: float, _direction: int) -> None:
-            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].copy()))
+            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].tolist()))
 
         return note
 

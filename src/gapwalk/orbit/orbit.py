@@ -16,7 +16,7 @@ from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure
-from gapwalk.orbit.survey import Survey, survey
+from gapwalk.orbit.survey import Survey, Turns, survey
 
 _SIGNS = {1: "+", -1: "-"}
 
@@ -97,14 +97,14 @@ class Orbit:
         return self.survey.extremes
 
     @cached_property
-    def turning_depths(self) -> tuple[NDArray[np.float64], ...]:
-        """For each switch: angles at which the deflection turns, and how far past the breakpoint; shape (2, turns)."""
+    def turning_depths(self) -> tuple[Turns, ...]:
+        """For each switch: angles at which the deflection turns, and how far past the breakpoint."""
         depths = []
         for index, contact in enumerate(self.system.structure.contacts):
             thetas, values = self.survey.turns[index]
             for stage in contact.stages:
                 clearance = self.system[f"{contact.stage_prefix(stage)}.clearance"]
-                depths += [np.array((thetas, side * values - clearance)) for side in stage.side.signs]
+                depths += [Turns(thetas, [side * x - clearance for x in values]) for side in stage.side.signs]
         return tuple(depths)
 
     def measure(self, name: str) -> float:
