@@ -109,6 +109,8 @@ class Flow:
             compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
         )
         self._state, self._parameters = self._integrator.state, self._integrator.pars
+        self._coefficients = self._parameters[equations.first_coefficient :]
+        self._components = self._parameters[: equations.first_switch]
         self._board.attach(self._integrator, self._columns)
         self._identity = np.zeros(len(right_hand_sides) - self.size)
         if transition:
@@ -195,7 +197,6 @@ class Flow:
         return np.array(states), contacts
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
-        active, board = self.equations.active, self._board
         self._turns = []
         Flow.calls += 1
         self._integrator.time = start
@@ -203,13 +204,12 @@ class Flow:
             self._integrator.reset_cooldowns()
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
-        self._parameters[self.equations.first_coefficient :] = coefficients[active]
+        self._coefficients[:] = coefficients[self.equations.active]
         if self.directions:
-            components = 0.0 if direction is None else direction.ravel()[self.equations.components]
-            self._parameters[: self.equations.first_switch] = components
+            self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        board.start(coefficients, start, int(_EVENTS * periods))
+        self._board.start(coefficients, start, int(_EVENTS * periods))
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         outcome, _, _, steps, *_ = self._integrator.propagate_until(
