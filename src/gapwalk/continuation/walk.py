@@ -24,6 +24,7 @@ from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
+_GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 _TRUST = 1e-7  # residual from which the next Newton step is exact to rounding, with exact derivatives
 _REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
@@ -186,8 +187,10 @@ class Walk(Iterator[BranchPoint]):
         correction = point = None
         for guess in ahead(self.previous, self.point, self.step):
             correction = self.corrector.correct(guess, self.point.tangent, self.trust)
-            point = None if correction is None else self._accepted(correction)
-            if point is not None:
+            if correction is None:
+                continue
+            point = self._accepted(correction)
+            if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
