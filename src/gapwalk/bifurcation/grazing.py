@@ -35,8 +35,8 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
     each other within one step leave no trace in the pattern: wherever an extremum of a deflection bends so fast that
     it may have touched its breakpoint between two points, the step is halved until that doubt is gone.
     """
-    changes = np.subtract(last.orbit.closings, first.orbit.closings)
-    number = int(np.abs(changes).sum())
+    changes = [then - now for now, then in zip(first.orbit.closings, last.orbit.closings, strict=True)]
+    number = sum(map(abs, changes))
     if number == 1:
         return [_locate(stretch, first, last, int(np.flatnonzero(changes)[0]))]
     length = last.arclength - first.arclength

@@ -84,15 +84,15 @@ class Corrector:
             right = np.zeros(len(x))
             right[:-1] -= evaluation.residual
             _, _, step, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
-            length = np.inf if singular else _length(step)
+            length = np.inf if singular else length_of(step)
             if solved:
                 x = x + step if length < _POLISH else x
-                return Correction(x, evaluation, iteration, _length(x - guess), last)
+                return Correction(x, evaluation, iteration, length_of(x - guess), last)
             if singular:
                 return None
             x, last, before = x + step, length, size
             if size <= trust * scale:
-                return Correction(x, evaluation, iteration + 1, _length(x - guess), last)
+                return Correction(x, evaluation, iteration + 1, length_of(x - guess), last)
         return None
 
     def refined(self, point: BranchPoint) -> BranchPoint:
@@ -111,7 +111,7 @@ class Corrector:
             tangent *= np.sign(tangent @ along) or 1.0
             matrix[-1] = tangent
             return tangent, float(np.linalg.det(matrix))
-        length = _length(tangent)
+        length = length_of(tangent)
         # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
         swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
         determinant = float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length
@@ -157,5 +157,6 @@ def _largest(vector: NDArray[np.float64]) -> float:
     return max(map(abs, vector.tolist()))
 
 
-def _length(vector: NDArray[np.float64]) -> float:
+def length_of(vector: NDArray[np.float64]) -> float:
+    """Length of a vector (for short vectors several times faster than NumPy's)."""
     return math.sqrt(float(vector @ vector))

@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.corrector import Correction, Corrector, length_of
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
@@ -197,7 +197,7 @@ class Walk(Iterator[BranchPoint]):
     def _accepted(self, correction: Correction) -> BranchPoint | None:
         """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
         chord = correction.x - self.point.x
-        length = float(np.linalg.norm(chord))
+        length = length_of(chord)
         if correction.distance > 0.5 * self.step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
@@ -219,15 +219,15 @@ class Walk(Iterator[BranchPoint]):
         along = float(chord @ gap) / length2
         if not 0.0 < along <= 1.0 or point.tangent @ self.origin.tangent < 0.8:
             return False
-        if float(np.linalg.norm(gap - along * chord)) > 0.3 * np.sqrt(length2):
+        if length_of(gap - along * chord) > 0.3 * np.sqrt(length2):
             return False
         flat = self.origin.tangent
         guess = self.point.x + along * chord
         meeting = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
-        return meeting is not None and float(np.linalg.norm(meeting.x - self.origin.x)) < 1e-6
+        return meeting is not None and length_of(meeting.x - self.origin.x) < 1e-6
 
     def _closing_point(self) -> BranchPoint:
-        gap = float(np.linalg.norm(self.origin.x - self.point.x))
+        gap = length_of(self.origin.x - self.point.x)
         o = self.origin
         return BranchPoint(o.value, o.orbit, o.x, o.tangent, o.determinant, self.point.arclength + gap)
 
@@ -242,7 +242,7 @@ class Walk(Iterator[BranchPoint]):
             self.step = shorter_step(self.step)
             return self._advance()
         self.end = End(reason, bound)
-        length = float(np.linalg.norm(correction.x - self.point.x))
+        length = length_of(correction.x - self.point.x)
         if length == 0.0:
             return None
         return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
@@ -288,5 +288,4 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Angle between two unit vectors, in radians."""
-    chord = a - b
-    return 2.0 * math.asin(min(1.0, math.sqrt(float(chord @ chord)) / 2.0))
+    return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))

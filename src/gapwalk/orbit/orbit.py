@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -64,8 +63,10 @@ class Orbit:
     @cached_property
     def closings(self) -> tuple[int, ...]:
         """How often each switch closes in one full period; it changes only where a contact grazes."""
-        counts = Counter(event.switch for event in self.events if event.enters)
-        return tuple(counts[index] for index in range(len(switch_names(self.system))))
+        counts = [0] * sum(len(stage.side.signs) for form in self.system.structure.contacts for stage in form.stages)
+        for event in self.events:
+            counts[event.switch] += event.enters
+        return tuple(counts)
 
     @cached_property
     def pattern(self) -> str:
