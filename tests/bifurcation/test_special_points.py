@@ -13,6 +13,7 @@ from gapwalk.continuation import EndReason, Kind, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case, frequency_responses
+from tests.independent import integrate
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
@@ -81,6 +82,36 @@ def test_nothing_is_missed_or_invented_in_any_figure(figure):
     fine = response(figure, walk=WalkOptions(initial_step=1e-4, largest_step=1e-3))
     assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
     assert [s.value for s in coarse.special_points] == pytest.approx([s.value for s in fine.special_points], abs=1e-9)
+
+
+def steps(longest: float) -> WalkOptions:
+    return WalkOptions(initial_step=min(0.002, longest / 5), largest_step=longest)
+
+
+@pytest.mark.parametrize("longest", [0.005, 0.014, 0.021])
+def test_a_pair_of_flips_within_one_step_is_found(longest):
+    # two multipliers meet, one just passes -1 and comes back, and both part again
+    flips = response("9b", walk=steps(longest)).special(Kind.FLIP)
+    pair = [flip.value for flip in flips if 0.18 < flip.value < 0.19]
+    assert pair == pytest.approx([0.1842869819, 0.1833494533], abs=1e-9)
+
+
+@pytest.mark.parametrize("longest", [0.005, 0.011, 0.021])
+def test_grazing_points_are_where_a_contact_touches_whatever_the_steps(longest):
+    # an extremum is born by the breakpoint, so it cannot be tracked over the step; two may change sides at once
+    grazes = response("23b", walk=steps(longest)).special(Kind.GRAZING)
+    pair = [special for special in grazes if 0.3126 < special.value < 0.3128]
+    assert [special.value for special in pair] == pytest.approx([0.3127323524, 0.3126295165], abs=1e-9)
+
+
+def test_another_integrator_sees_the_touch_at_a_grazing_point():
+    special = next(each for each in response("13").special(Kind.GRAZING) if each.value < 1.0)
+    system, full = special.orbit.system, 2 * np.pi / special.value
+    theta = min(zip(*special.orbit.survey.turns[0], strict=True), key=lambda turn: abs(abs(turn[1]) - 1.0))[0]
+    around = np.array([theta - 0.01, theta, theta + 0.01, 2 * np.pi]) / (2 * np.pi) * full
+    before, there, after, _ = integrate(system, special.orbit.state, t_eval=around)[:, 0]
+    assert abs(there) == pytest.approx(system["stage2.clearance"], abs=1e-7)
+    assert (there - before) * (after - there) < 0.0
 
 
 def test_a_pair_of_grazing_points_within_one_step_is_found():
