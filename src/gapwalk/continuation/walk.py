@@ -113,6 +113,9 @@ class Walk(Iterator[BranchPoint]):
         Where a walk that was stopped had come to: it goes on as if it had never been stopped.
     trust
         Residual from which the next Newton step is exact to rounding; 0 where the derivatives are approximate.
+    branched
+        Whether the branch begins at a special point of another one, perhaps across the parameter: then it has no side
+        of the range to turn back to.
     """
 
     def __init__(
@@ -124,9 +127,10 @@ class Walk(Iterator[BranchPoint]):
         options: WalkOptions,
         resume: WalkState | None = None,
         trust: float = _TRUST,
+        branched: bool = False,
     ) -> None:
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
-        self.trust = trust
+        self.trust, self.branched = trust, branched
         self.origin = first
         state = resume or WalkState(None, first, options.initial_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
@@ -235,7 +239,7 @@ class Walk(Iterator[BranchPoint]):
         """The point of the branch on the bound that the step to `beyond` has passed."""
         bound = self.within.bound(beyond.value)
         ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
-        reason = EndReason.RANGE if ahead else EndReason.TURNED_BACK
+        reason = EndReason.RANGE if ahead or self.branched else EndReason.TURNED_BACK
         share = (bound - self.point.value) / (beyond.value - self.point.value)
         correction = self.corrector.at_value(self.point.x + share * (beyond.x - self.point.x), bound)
         if correction is None:  # a fold lies between: come nearer in a shorter step
