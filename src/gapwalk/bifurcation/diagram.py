@@ -58,7 +58,11 @@ class Limb:
 
 @dataclass(frozen=True)
 class Cascade:
-    """Successive period doublings: flips that follow one another from a branch to its child and grandchild.
+    """Successive period doublings: flips that follow one another, all one way along the parameter.
+
+    Each flip lies on the child that leaves the flip before it, and is the first that is met along it from there. Where
+    the next one lies the other way, the child has turned round on its way to it: there a cascade ends, and another may
+    begin. Only so can the intervals between the flips shrink by a constant ratio.
 
     Attributes
     ----------
@@ -128,14 +132,17 @@ class Diagram:
 
     @cached_property
     def cascades(self) -> tuple[Cascade, ...]:
-        """All successions of three or more flips, longest first."""
-        found = [
-            cascade
+        """All successions of three or more flips, longest first; none is a part of another."""
+        chains = [
+            _chain(self, Origin(limb.name, index))
             for limb in self.limbs
             for index, special in enumerate(limb.branch.special_points)
-            if special.kind is Kind.FLIP and limb.begins is None
-            for cascade in [_cascade(self, limb, index)]
-            if len(cascade.values) >= 3
+            if special.kind is Kind.FLIP
+        ]
+        found = [
+            _cascade(self, chain)
+            for chain in chains
+            if len(chain) >= 3 and not any(set(chain) < set(other) for other in chains)
         ]
         return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
 
@@ -192,19 +199,32 @@ def _state_distance(parent: Orbit, child: Orbit) -> float:
     return float(np.abs(states - child.state).max(axis=1).min()) / (1.0 + float(np.abs(child.state).max()))
 
 
-def _cascade(diagram: Diagram, limb: Limb, index: int) -> Cascade:
-    """The flips that follow one another from one flip on, always the next one along the child."""
-    names, values = [limb.name], [limb.branch.special_points[index].value]
-    while True:
-        origin = Origin(limb.name, index)
-        child = next(
-            (each for each in diagram.limbs if origin in each.origins and each.period == 2 * limb.period), None
-        )
-        if child is None:
-            return Cascade(tuple(names), tuple(values))
-        flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
-        if not flips:
-            return Cascade(tuple(names), tuple(values))
-        limb, index = child, flips[0] if child.begins == origin else flips[-1]
-        names.append(limb.name)
-        values.append(limb.branch.special_points[index].value)
+def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
+    """The flips of a cascade from one flip on: the next one along each child, as long as all go one way."""
+    chain = [flip]
+    while (following := _next_flip(diagram, chain[-1])) is not None:
+        values = [_value(diagram, origin) for origin in (*chain[-2:], following)]
+        steps = np.diff(values)
+        if steps[0] * steps[-1] <= 0.0:
+            break
+        chain.append(following)
+    return chain
+
+
+def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
+    """The first flip along the branch of twice the period that leaves a flip."""
+    period = 2 * diagram[flip.parent].period
+    child = next((limb for limb in diagram.attached(flip.parent, flip.special) if limb.period == period), None)
+    if child is None:
+        return None
+    flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
+    return Origin(child.name, flips[0] if child.begins == flip else flips[-1]) if flips else None
+
+
+def _cascade(diagram: Diagram, chain: list[Origin]) -> Cascade:
+    return Cascade(tuple(flip.parent for flip in chain), tuple(_value(diagram, flip) for flip in chain))
+
+
+def _value(diagram: Diagram, origin: Origin) -> float:
+    """The parameter at a special point of a branch."""
+    return diagram[origin.parent].branch.special_points[origin.special].value
