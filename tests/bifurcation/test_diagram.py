@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Trail, follow, switch
+from gapwalk.bifurcation import Trail, follow, switch, walk_out
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.follow import join
 from gapwalk.continuation import Branch, BranchPoint, End, EndReason, Kind, SpecialPoint
@@ -103,3 +103,31 @@ def test_the_child_of_figure_29_that_turns_round_is_in_no_cascade_with_its_paren
     assert cascade.limbs[0] == "P2-1"
     assert cascade.values[0] == pytest.approx(0.56880397, abs=1e-8)
     assert all(ratio > 1.0 for ratio in cascade.ratios)
+
+
+def test_an_end_is_tied_to_the_flip_whose_orbit_it_shares_and_to_no_other_nearby():
+    # grazing points near their flips end the walks of both doubled branches of figure 15 a little too early. So the
+    # flip at which the second one ends is on no known branch, but another flip of its parent is 0.001 away
+    main = follow(find_orbit(case("15"), frequency=1.9), "frequency", to=0.15)
+    tree = Diagram("frequency", (0.15, 1.9)).with_branch(main)
+    for value in (0.2190504, 0.1976937, 0.2023369):
+        parent = tree.limbs[-1]
+        index = min(
+            (i for i, special in enumerate(parent.branch.special_points) if special.kind is Kind.FLIP),
+            key=lambda i: abs(parent.branch.special_points[i].value - value),
+        )
+        child = walk_out(switch(parent.branch.special_points[index], "frequency", (0.15, 1.9)))
+        tree = tree.with_branch(child, Origin(parent.name, index))
+    first, second, third, fourth = tree.limbs
+    for limb, parent in ((second, first), (third, second)):
+        special = parent.branch.special_points[limb.joins.special]
+        assert limb.joins.parent == parent.name
+        assert special.value == limb.branch.ends[-1].value
+        assert special.value == pytest.approx(limb.branch.points[-1].value, abs=1e-3)
+        assert special.value != limb.branch.points[-1].value
+    assert fourth.joins is None
+    assert min(abs(flip.value - fourth.branch.points[-1].value) for flip in third.branch.special(Kind.FLIP)) < 0.002
+    beyond = fourth.branch.ends[-1].value  # on the piece of its parent that was not walked
+    assert third.branch.ends[-1].value < beyond < third.branch.points[-1].value
+    flip = find_orbit(case("15"), 4, fourth.branch.points[-1].orbit.state, frequency=beyond)
+    assert np.abs(flip.multipliers + 1.0).min() < 1e-6

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.meeting import meets, parent_flip
+from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
-
-_MEETING = 2e-3  # relative distance, in parameter and state, within which an end is at a special point
 
 
 @dataclass(frozen=True)
@@ -173,30 +171,40 @@ def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
 
 
 def _tied(diagram: Diagram, limb: Limb) -> Limb:
-    """The limb with its end tied to the special point that it joins, if that is on a known branch."""
+    """The limb with its end tied to the special point that it joins, if that is on a known branch.
+
+    It is tied where both have one and the same orbit, never to what is merely near: the branch that it joins may not
+    be known up to there. If it ends just before the flip that it joins, that is located first.
+    """
     branch = limb.branch
-    value, orbit = branch.ends[-1].value, branch.points[-1].orbit
-    nearest: tuple[float, Origin, SpecialPoint] | None = None
-    for other in (*diagram.limbs,):
-        if branch.period not in (other.period, 2 * other.period):
-            continue
-        wanted = Kind.FLIP if branch.period == 2 * other.period else Kind.BRANCH_POINT
-        for index, special in enumerate(other.branch.special_points):
-            if special.kind is wanted and abs(special.value - value) <= _MEETING * (1.0 + abs(value)):
-                distance = abs(special.value - value) + _state_distance(special.orbit, orbit)
-                if distance <= 50 * _MEETING and (nearest is None or distance < nearest[0]):
-                    nearest = (distance, Origin(other.name, index), special)
-    if nearest is None:
-        return limb
-    _, origin, special = nearest
-    end = End(EndReason.JOINED, special.value, f"{origin.parent}, at its {special.kind.value}")
+    origin, value = _shared(diagram, limb, branch.points[-1].orbit), branch.ends[-1].value
+    if origin is None and (flip := parent_flip(branch, diagram.within)) is not None:
+        origin, value = _shared(diagram, limb, flip), flip.system[branch.parameter]
+    detail = branch.ends[-1].detail
+    if origin is not None:
+        special = diagram[origin.parent].branch.special_points[origin.special]
+        value, detail = special.value, f"{origin.parent}, at its {special.kind.value}"
+    end = End(EndReason.JOINED, value, detail)
     return replace(limb, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
 
 
-def _state_distance(parent: Orbit, child: Orbit) -> float:
-    """Least relative distance of the child's state from the parent's states a forcing period apart."""
-    states = stroboscopic(parent)
-    return float(np.abs(states - child.state).max(axis=1).min()) / (1.0 + float(np.abs(child.state).max()))
+def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
+    """The flip of a parent, or the branch point of a branch of equal period, that has an orbit; not the limb's own."""
+    kinds = {limb.period: Kind.BRANCH_POINT, limb.period / 2: Kind.FLIP}
+    candidates = (
+        (Origin(other.name, index), special)
+        for other in diagram.limbs
+        for index, special in enumerate(other.branch.special_points)
+        if special.kind is kinds.get(other.period)
+    )
+    return next(
+        (
+            origin
+            for origin, special in candidates
+            if origin != limb.begins and meets(orbit, special, diagram.parameter)
+        ),
+        None,
+    )
 
 
 def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
