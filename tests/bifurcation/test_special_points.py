@@ -11,7 +11,9 @@ from scipy.optimize import brentq
 from gapwalk.bifurcation import follow
 from gapwalk.continuation import EndReason, Kind, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
-from gapwalk.orbit import find_orbit
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
 from tests.independent import integrate
 
@@ -121,6 +123,35 @@ def test_a_pair_of_grazing_points_within_one_step_is_found():
     assert len(pair) == 2
     assert abs(pair[0].value - pair[1].value) < 2e-4
     assert abs(pair[0].point.arclength - pair[1].point.arclength) < WalkOptions().largest_step / 4
+
+
+AMPLITUDE = "harmonic1.amplitude"
+
+
+def mirrored(orbit: Orbit) -> Orbit:
+    """The same motion half a period later, where the load has the other sign."""
+    later = flow_of(orbit.system).integrate(coefficients_of(orbit.system), orbit.state, 0.0, PERIOD / 2).state
+    return find_orbit(orbit.system.at({AMPLITUDE: -orbit.system[AMPLITUDE]}), orbit.period, later)
+
+
+@pytest.mark.parametrize(("value", "longest"), [(0.383, 0.01), (0.3882, 0.02), (0.4025, 0.003)])
+def test_mirror_images_have_mirrored_special_points_wherever_they_are_entered(value, longest):
+    # over the amplitude of one load the system is its own mirror image, with the other sign, half a period later
+    start = find_orbit(case("28"), 2, [2.46807309, 1.11607739, 0.01055129, -0.01674301], at={AMPLITUDE: 0.393})
+    whole = follow(start, AMPLITUDE, to=(-1.0, 1.0))
+    orbit = min(whole.points, key=lambda point: abs(point.value - value)).orbit
+    image = mirrored(orbit)
+    # with steps ten times smaller
+    expected = [0.3832405852, 0.3834140692, 0.3934664613, 0.4040027333, 0.4043030548]
+    for to in ((-1.0, 1.0), (0.2, 0.6)):
+        one = follow(orbit, AMPLITUDE, to=to, walk=steps(longest))
+        other = follow(image, AMPLITUDE, to=(-to[1], -to[0]), walk=steps(longest))
+        for branch, sign in ((one, 1.0), (other, -1.0)):
+            assert [end.reason for end in branch.ends] == [EndReason.JOINED] * 2
+            assert len(branch.special(Kind.FOLD)) == 1
+            assert sorted(sign * each.value for each in branch.special_points) == pytest.approx(expected, abs=1e-9)
+            ends = sorted(sign * end.value for end in branch.ends)
+            assert ends == pytest.approx([0.3823772106, 0.4036304193], abs=1e-8)
 
 
 def preloaded(mean: float) -> System:

@@ -57,27 +57,35 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
     length = last.arclength - first.arclength
     if length <= _FINEST:
         return False
+    full = PERIOD * first.orbit.period
     for switch, change in enumerate(changes):
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
-        if _have_swapped_sides(now, then):
+        if _crossings(now, then, full) > abs(change):
             return True
         if change:
             continue
-        if length > _BIRTH and _is_born_near_contact(now, then, PERIOD * first.orbit.period):
+        if length > _BIRTH and _is_born_near_contact(now, then, full):
             return True
         if before is not None and _may_touch(before, first, last, switch):
             return True
     return False
 
 
-def _have_swapped_sides(now: Turns, then: Turns) -> bool:
-    """Whether two or more extremes have gone from one side of their breakpoint to the other.
+def _crossings(now: Turns, then: Turns, full: float) -> int:
+    """How many extremes have gone from one side of their breakpoint to the other.
 
-    A maximum that does so makes one visit more, a minimum one less: the pattern may be the same before and after.
+    One that comes in and one that goes out may leave the pattern as it was: a maximum makes one visit more or less, a
+    minimum one less or more.
     """
-    inside, outside = ([sum(side * depth > 0.0 for depth in turns.values) for turns in (now, then)] for side in (1, -1))
-    more, fewer = sorted((inside[1] - inside[0], outside[1] - outside[0]), reverse=True)
-    return more > 0 > fewer and more - fewer > 2
+    if [depth > 0.0 for depth in now.values] == [depth > 0.0 for depth in then.values]:
+        return 0
+    count = 0
+    for index, (theta, depth) in enumerate(zip(*now, strict=True)):
+        if then.thetas:
+            nearest = then.nearest(theta, full)
+            if now.nearest(then.thetas[nearest], full) == index:
+                count += (depth > 0.0) is not (then.values[nearest] > 0.0)
+    return count
 
 
 def _is_born_near_contact(now: Turns, then: Turns, full: float) -> bool:

@@ -15,6 +15,7 @@ from gapwalk.orbit.equation import Equation, Evaluation
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
 class Correction(NamedTuple):
@@ -62,8 +63,8 @@ class Corrector:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
 
         Where the residual is within the tolerance, or within `trust` if that is larger, one more step is taken
-        without looking: it leaves about the square of the residual. So the point is exact to rounding, and the
-        evaluation belongs to a point off by that residual; `trust` serves where its multipliers need no more digits.
+        without looking, if it is short: it leaves about the square of the residual. So the point is exact to rounding,
+        and the evaluation belongs to a point off by that step; `trust` serves where multipliers need no more digits.
 
         Each step solves the bordered system
 
@@ -91,7 +92,7 @@ class Corrector:
             if singular:
                 return None
             x, last, before = x + step, length, size
-            if size <= trust * scale:
+            if size <= trust * scale and length < _TRUSTED:
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last)
         return None
 
