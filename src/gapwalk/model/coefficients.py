@@ -191,6 +191,8 @@ def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
 
     A slope may be zero at one place by chance, as that of a cosine at 0 or of a product whose other factor is 0.
     """
+    if not names:
+        return []
     places = [system.structure.place(name) for name in names]
     moved = system.values.copy()
     moved[places] += _ASIDE * (1.0 + np.abs(moved[places]))
