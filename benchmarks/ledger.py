@@ -1,7 +1,7 @@
 """Where the time of figure 13's branch goes, and how often each part is called: ``python -m benchmarks.ledger``.
 
-The parts are wrapped by clocks, each of which counts its own time only, not that of the parts that it calls. The
-clocks cost something too, about a third of a microsecond a call, so the shares are good to a few per cent.
+The parts are wrapped by clocks, each of which counts its own CPU time only, not that of the parts that it calls. The
+clocks cost something too, about a microsecond a call, so the shares are good to a few per cent.
 """
 
 from __future__ import annotations
@@ -72,11 +72,11 @@ class Ledger:
                 self.flow_calls[self._stages[-1]] += 1
             self._stages.append(part if part in STAGES else self._stages[-1])
             self._inner.append(0.0)
-            start = time.perf_counter()
+            start = time.process_time()
             try:
                 return function(*args, **options)
             finally:
-                spent = time.perf_counter() - start
+                spent = time.process_time() - start
                 self.seconds[part] += spent - self._inner.pop()
                 self.calls[part] += 1
                 self._inner[-1] += spent
@@ -100,9 +100,9 @@ def measure() -> Ledger:
             follow(orbit, "frequency", to=1.7)  # makes the flows
             for counts in (ledger.seconds, ledger.calls, ledger.flow_calls):
                 counts.clear()
-            start = time.perf_counter()
+            start = time.process_time()
             follow(orbit, "frequency", to=0.15)
-            ledger.seconds["the rest"] += time.perf_counter() - start - sum(ledger.seconds.values())
+            ledger.seconds["the rest"] += time.process_time() - start - sum(ledger.seconds.values())
         ledgers.append(ledger)
     flows._compile.cache_clear()
     return min(ledgers, key=lambda each: sum(each.seconds.values()))
