@@ -40,6 +40,8 @@ class Catalogue:
     def __init__(self, scales: NDArray[np.float64]) -> None:
         self.scales = scales
         self.entries: list[Entry] = []
+        self._stable: list[Entry] = []  # one for each row of their states
+        self._stable_states = np.zeros((0, len(scales)))
 
     def add(self, orbit: Orbit) -> Entry:
         """The entry of an orbit, an old one if there is one."""
@@ -47,6 +49,9 @@ class Catalogue:
         if known is None:
             known = Entry(orbit, stroboscopic(orbit))
             self.entries.append(known)
+            if orbit.stable:
+                self._stable += [known] * len(known.states)
+                self._stable_states = np.concatenate((self._stable_states, known.states))
         return known
 
     def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
@@ -63,6 +68,14 @@ class Catalogue:
                 if distance < least:
                     best, least = entry, distance
         return best, least
+
+    def nearest_stable(self, state: NDArray[np.float64]) -> tuple[Entry | None, float]:
+        """The stable entry nearest to a state, whatever its period, and its distance."""
+        if not self._stable:
+            return None, np.inf
+        distances = np.abs((self._stable_states - state) / self.scales).max(axis=1)
+        nearest = int(np.argmin(distances))
+        return self._stable[nearest], float(distances[nearest])
 
     def states(self, period: int) -> NDArray[np.float64]:
         """All states, at the start of a forcing period, of orbits that repeat after `period` of them; shape (K, 2n)."""

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.search.catalogue import Catalogue, Entry, exact_orbit
 from gapwalk.bifurcation.search.deflation import newton_aside
 from gapwalk.bifurcation.search.options import SearchOptions
-from gapwalk.bifurcation.search.settling import Settler
+from gapwalk.bifurcation.search.settling import Settler, Settling
 from gapwalk.bifurcation.search.starts import generator
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
-_ALONG = 3  # forcing periods after which the state of a transient is a start of Newton's method too
+_ALONG = 2  # forcing periods, besides those sought, after which a transient's state is a start of Newton's method
+_THERE = 1e-2  # distance from a known orbit within which Newton's method would only come back to it
 _FEW = 0.25  # share of the starts that get more patience if no more than that have not settled
 _PATIENCE = 5  # times the patience that they get
-_MOST = 40  # known orbits beside which others are looked for: without damping there are whole families of them
+_MOST = 40  # new orbits beside which others are looked for: without damping there are whole families of them
 _KICK = 0.1  # how far from a known orbit the search for its neighbours begins, in half-widths of the box
 
 
@@ -80,8 +81,8 @@ class Catch:
 def search_chunk(chunk: Chunk) -> Catch:
     """Work off one chunk. The result depends on the chunk alone, so chunks can be mapped over processes.
 
-    Every start is let settle. From some of the transients, states by the way are starts of Newton's method for orbits
-    of several periods, stable or not. Last, Newton's method with deflation looks for orbits beside each of those met.
+    Every start is let settle. From the transients, states by the way are starts of Newton's method for orbits of
+    several periods, stable or not. Last, Newton's method with deflation looks for orbits beside each new one.
     """
     hunt, options = _Hunt(chunk), chunk.options
     settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience)
@@ -96,7 +97,7 @@ def search_chunk(chunk: Chunk) -> Catch:
         else:
             unsettled.append(settling.path[-1])
         if every and number % every == 0:
-            hunt.along(settling.path, settled=settling.entry is not None)
+            hunt.along(number // every, settling)
     if len(unsettled) <= _FEW * len(
         chunk.starts
     ):  # where most have settled, a few may be lingering by a chaotic saddle
@@ -127,35 +128,47 @@ class _Hunt:
     def __init__(self, chunk: Chunk) -> None:
         self._chunk = chunk
         self._random = generator(chunk.options.seed, chunk.value, chunk.block + 1)
-        self._equations = {
-            period: ShootingEquation(chunk.system, None, period) for period in chunk.options.newton_periods
-        }
+        self._equations: dict[int, ShootingEquation] = {}
         self.catalogue = Catalogue(chunk.box)
         self.tried = 0
         for orbit in chunk.known:
             self.catalogue.add(orbit)
+        self._known = len(self.catalogue.entries)
 
-    def along(self, path: NDArray[np.float64], settled: bool) -> None:
-        """From states along a transient; where it has not settled, from where it came back most closely too."""
+    def along(self, number: int, settling: Settling) -> None:
+        """From states along a transient; where it has not settled, from where it came back most closely too.
+
+        One transient in m serves period m, so that all periods have the same time. Newton's method for long periods
+        reaches less far, so it begins later, when the transient is nearer to where it leads.
+        """
+        path = settling.path
         for period in self._chunk.options.newton_periods:
-            self._try(path[min(_ALONG, len(path) - 1)], period)
-            if not settled and len(path) > 2 * period:
+            if number % period:
+                continue
+            place = path[min(_ALONG + period, len(path) - 1)]
+            if self.catalogue.nearest(place, period)[1] > _THERE:
+                self._try(place, period)
+            if settling.entry is None and len(path) > 2 * period:
                 returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
                 self._try(path[int(np.argmin(returns))], period)
 
     def beside(self) -> None:
-        """From a little beside each known orbit, all known ones deflated: where one is, a partner is often near."""
-        for period in self._chunk.options.newton_periods:
-            done = 0
-            while done < min(len(self.catalogue.entries), _MOST):  # it grows
-                orbit = self.catalogue.entries[done].orbit
-                kick = self._random.normal(size=len(orbit.state))
-                kick *= _KICK / np.linalg.norm(kick)
-                self._try(orbit.state + kick * self._chunk.box, period, self.catalogue.states(period))
-                done += 1
+        """From a little beside each orbit met, all known ones deflated: where one is, a partner is often near.
+
+        Not beside those that were known before: what is near them is on their branches, or attached to these.
+        """
+        done = self._known
+        while done < min(len(self.catalogue.entries), self._known + _MOST):  # it grows
+            orbit = self.catalogue.entries[done].orbit
+            kick = self._random.normal(size=len(orbit.state))
+            kick *= _KICK / np.linalg.norm(kick)
+            self._try(orbit.state + kick * self._chunk.box, orbit.period, self.catalogue.states(orbit.period))
+            done += 1
 
     def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> Entry | None:
         self.tried += 1
+        if period not in self._equations:
+            self._equations[period] = ShootingEquation(self._chunk.system, None, period)
         state = newton_aside(self._equations[period], start, self._chunk.box, known)
         if state is None:
             return None
