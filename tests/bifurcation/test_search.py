@@ -407,10 +407,10 @@ def test_coverage_in_sentences(figure_27):
     settled = sum(tally.settled for tally in result.tallies)
     hits = sorted(found.hits_settled for found in result.found if found.hits_settled)
     assert sum(hits) == settled
-    assert sentences[0].startswith(f"352 starts at 11 values of harmonic1.amplitude, -1 to 1: {settled} settled to ")
+    assert sentences[0].startswith(f"264 starts at 11 values of harmonic1.amplitude, -1 to 1: {settled} settled to ")
     assert "An island narrower than 0.2 in harmonic1.amplitude may lie between two values." in text
     assert f"settled to one motion are {hits[0]} to {hits[-1]}, {hits[(len(hits) - 1) // 2]} in the median" in text
-    assert "with 95 % confidence, less than 8.9 % of the box of starts at any of these values" in text
+    assert "with 95 % confidence, less than 12 % of the box of starts at any of these values" in text
     once = sum(found.hits_settled == 1 for found in result.found)
     assert next_is_new(result) == once / settled
     assert f"{once} motion" in text
@@ -423,12 +423,12 @@ def test_a_bound_for_each_value_where_they_differ():
     assert "at the best value, and at the worst, 0.85, nothing can be said" in text
 
 
-@pytest.mark.parametrize(("narrowest", "count"), [(None, 200), (0.0175, 100), (0.01, 175), (0.0101, 174), (5.0, 1)])
+@pytest.mark.parametrize(("narrowest", "count"), [(None, 300), (0.0175, 100), (0.01, 175), (0.0101, 174), (5.0, 1)])
 def test_every_island_wide_enough_holds_a_value(narrowest, count):
     values = values_between(0.15, 1.9, narrowest)
     assert len(values) == count
     edges = np.concatenate(([0.15 - (values[0] - 0.15)], values, [1.9 + (1.9 - values[-1])]))
-    assert np.diff(edges).max() <= (narrowest or 1.75 / 200) * (1.0 + 1e-9)
+    assert np.diff(edges).max() <= (narrowest or 1.75 / 300) * (1.0 + 1e-9)
     assert values[0] > 0.15
     assert values[-1] < 1.9
 

@@ -17,7 +17,9 @@ from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
-_ALONG = 2  # forcing periods, besides those sought, after which a transient's state is a start of Newton's method
+_EARLY = 1  # forcing periods after which the state of a transient is a start of Newton's method for short periods
+_SHORT = 3  # the longest of them
+_LATE = 2  # forcing periods, besides those sought, after which it is a start for any
 _THERE = 1e-2  # distance from a known orbit within which Newton's method would only come back to it
 _FEW = 0.25  # share of the starts that get more patience if no more than that have not settled
 _PATIENCE = 5  # times the patience that they get
@@ -139,15 +141,17 @@ class _Hunt:
         """From states along a transient; where it has not settled, from where it came back most closely too.
 
         One transient in m serves period m, so that all periods have the same time. Newton's method for long periods
-        reaches less far, so it begins later, when the transient is nearer to where it leads.
+        reaches less far, so it begins later, when the transient is nearer to where it leads; that for short periods
+        begins early too, where it may reach orbits from which the transient leads away.
         """
         path = settling.path
         for period in self._chunk.options.newton_periods:
             if number % period:
                 continue
-            place = path[min(_ALONG + period, len(path) - 1)]
-            if self.catalogue.nearest(place, period)[1] > _THERE:
-                self._try(place, period)
+            for place in (_EARLY, _LATE + period)[period > _SHORT :]:
+                state = path[min(place, len(path) - 1)]
+                if self.catalogue.nearest(state, period)[1] > _THERE:
+                    self._try(state, period)
             if settling.entry is None and len(path) > 2 * period:
                 returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
                 self._try(path[int(np.argmin(returns))], period)

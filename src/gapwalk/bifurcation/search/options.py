@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 
-VALUES = 200
-"""Values of a parameter in a range at which a search is thorough: it misses no island wider than a 200th of it."""
+VALUES = 300
+"""Values of a parameter in a range at which a search is thorough: it misses no island wider than a 300th of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +44,15 @@ class SearchOptions:
         Starts in one piece of work. It is part of the result's definition, as a piece does not know what others find.
     """
 
-    starts: int = 32
+    starts: int = 24
     periods: int = 8
-    newton_starts: int = 32
+    newton_starts: int = 24
     newton_periods: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7, 8)
     patience: int = 400
     box: tuple[float, ...] | None = None
     spread: float = 1.5
     seed: int = 0
-    block: int = 32
+    block: int = 24
 
     def __post_init__(self) -> None:
         for name, least in (("starts", 1), ("periods", 1), ("patience", 16), ("block", 1)):
@@ -78,7 +78,7 @@ def values_between(low: float, high: float, narrowest: float | None = None) -> N
         The range of the parameter.
     narrowest
         Width of the narrowest island that must not lie between two of the values, in units of the parameter; by
-        default a two-hundredth of the range.
+        default a three-hundredth of the range.
 
     Returns
     -------

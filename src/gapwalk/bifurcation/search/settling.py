@@ -17,7 +17,7 @@ from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.shooting import ShootingEquation
 
 _EVERY = 8  # forcing periods from one look at the returns to the next
-_STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # all in one call: the time of a call is half of that of a period
+_STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # in one call: a call costs as much as a period
 _RETURN = 1e-3  # a state that returns so closely, in half-widths of the box, may be settling
 _FINEST = 1e-11  # the closest return that is asked for
 _NEAR = 1e-2  # distance from a stable orbit within which a transient that returns has settled to it
@@ -70,14 +70,14 @@ class Settler:
         It has settled where it returns closely and Newton's method finds a stable orbit there; or, which is seen
         sooner, where it comes nearer and nearer to a stable orbit that is known already.
         """
-        path, finest, before = [state], _RETURN, math.inf
+        path, finest, beside, before = [state], _RETURN, None, math.inf
         try:
             while self._goes_on(path):
                 path += list(self._flow.sample(self._coefficients, path[-1], _STROBES)[0][1:])
                 entry, distance = self._catalogue.nearest_stable(path[-1])
-                if distance < before <= _NEAR:
+                if entry is beside and distance < before <= _NEAR:
                     return Settling(np.array(path), entry)
-                before = distance
+                beside, before = entry, distance
                 period = self._returns(path, finest)
                 if period:
                     entry = self._orbit_near(path[-1], period)
