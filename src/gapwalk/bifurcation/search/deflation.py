@@ -83,8 +83,10 @@ def newton_aside(
             newton = np.linalg.solve(evaluation.by_unknowns, -evaluation.residual)
         except np.linalg.LinAlgError:
             return None
-        away = (x - known) / (scales * options.reach)
-        step = newton * _stretch(away, newton / (scales * options.reach), options)
+        step = newton
+        if len(known):
+            away = (x - known) / (scales * options.reach)
+            step = newton * _stretch(away, newton / (scales * options.reach), options)
         step *= min(1.0, options.longest / float(np.linalg.norm(step / scales)))
         x, evaluation = _line_search(equation, x, evaluation, step, scales, known, options)
     if evaluation is None or not is_solved(equation, x, evaluation):
@@ -94,8 +96,6 @@ def newton_aside(
 
 def _stretch(away: NDArray[np.float64], step: NDArray[np.float64], options: Deflation) -> float:
     """The number by which deflation stretches (or turns) the Newton step."""
-    if not len(away):
-        return 1.0
     p, distance2 = options.power, np.maximum((away * away).sum(axis=1), 1e-300)
     slopes = -p / (distance2 * (1.0 + options.shift * distance2 ** (p / 2.0)))
     rest = 1.0 - float(slopes @ (away @ step))
@@ -116,10 +116,12 @@ def _line_search(equation, x, evaluation, step, scales, known, options: Deflatio
 
 def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> float:
     """Logarithm of the size of the deflated residual."""
+    size = math.log(max(math.hypot(*(evaluation.residual / scales).tolist()), 1e-300))
+    if not len(known):
+        return size
     away = (x - known) / (scales * options.reach)
     distance2 = np.maximum((away * away).sum(axis=1), 1e-300)
-    size = float(np.linalg.norm(evaluation.residual / scales))
-    return math.log(max(size, 1e-300)) + float(np.log(distance2 ** (-options.power / 2.0) + options.shift).sum())
+    return size + float(np.log(distance2 ** (-options.power / 2.0) + options.shift).sum())
 
 
 def _evaluate(equation: Equation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:
