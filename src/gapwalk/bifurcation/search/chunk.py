@@ -169,18 +169,22 @@ class _Hunt:
             self._try(orbit.state + kick * self._chunk.box, orbit.period, self.catalogue.states(orbit.period))
             done += 1
 
-    def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> Entry | None:
+    def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> None:
+        """Newton's method from a start, given up where it leads to an orbit that was met before."""
         self.tried += 1
+        met: list[Entry] = []
+
+        def is_met(state: NDArray[np.float64]) -> bool:
+            entry, distance = self.catalogue.nearest(state, period)
+            if entry is not None and distance <= _THERE:
+                met.append(entry)
+            return bool(met)
+
         if period not in self._equations:
             self._equations[period] = ShootingEquation(self._chunk.system, None, period)
-        state = newton_aside(self._equations[period], start, self._chunk.box, known)
-        if state is None:
-            return None
-        entry = self.catalogue.at(state, period)
-        if entry is None:
-            orbit = exact_orbit(self._chunk.system, period, state)
-            if orbit is None:
-                return None
-            entry = self.catalogue.add(orbit)
-        entry.newton += 1
-        return entry
+        state = newton_aside(self._equations[period], start, self._chunk.box, known, is_enough=is_met)
+        orbit = None if state is None else exact_orbit(self._chunk.system, period, state)
+        if orbit is not None:
+            met.append(self.catalogue.add(orbit))
+        for entry in met:
+            entry.newton += 1

@@ -16,6 +16,7 @@ flatten everything between them, and fewer new ones are found than without any d
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,7 @@ def newton_aside(
     scales: NDArray[np.float64],
     known: NDArray[np.float64] | None = None,
     options: Deflation = Deflation(),
+    is_enough: Callable[[NDArray[np.float64]], bool] = lambda _: False,
 ) -> NDArray[np.float64] | None:
     """A solution other than the known ones, from a start; None if Newton's method comes to none.
 
@@ -73,6 +75,8 @@ def newton_aside(
         The known solutions; without any it is Newton's method with damping and bounds.
     options
         How to look.
+    is_enough
+        Asked after each step; True gives up, for instance because it leads to where nothing new is.
     """
     known = np.zeros((0, len(start))) if known is None else known
     x, evaluation = start, _evaluate(equation, start, scales, options)
@@ -89,6 +93,8 @@ def newton_aside(
             step = newton * _stretch(away, newton / (scales * options.reach), options)
         step *= min(1.0, options.longest / float(np.linalg.norm(step / scales)))
         x, evaluation = _line_search(equation, x, evaluation, step, scales, known, options)
+        if evaluation is not None and is_enough(x):
+            return None
     if evaluation is None or not is_solved(equation, x, evaluation):
         return None
     return x
