@@ -62,15 +62,16 @@ def random_starts(system: System, count: int) -> NDArray[np.float64]:
 
 
 def settled(system: System, state: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
-    """Where a start comes to, and after how many forcing periods it returns there; 0 if it does not."""
+    """Where a start comes to, and after how many forcing periods it returns there each time; 0 if it does not."""
     flow, coefficients, done = flow_of(system), coefficients_of(system), 0
     for patience in PATIENCE:
         strobes = PERIOD * np.arange(patience - done + 1)
         state, done = flow.sample(coefficients, state, strobes)[0][-1], patience
         path = flow.sample(coefficients, state, PERIOD * np.arange(LONGEST + 1))[0]
-        returns = np.flatnonzero(np.abs(path[1:] - path[0]).max(axis=1) <= RETURN)
-        if len(returns):
-            return path[0], int(returns[0]) + 1
+        away = np.abs(path[1:] - path[0]).max(axis=1)
+        farthest = np.array([away[m - 1 :: m].max() for m in range(1, LONGEST + 1)])
+        if farthest.min() <= RETURN:  # a multiple of the period may be just below that, and the period just above
+            return path[0], int(np.flatnonzero(farthest <= 10 * RETURN)[0]) + 1
     return state, 0
 
 
