@@ -32,7 +32,11 @@ def rows(effort: Effort) -> list[Row]:
     eight = find_orbit(paper.case("15"), 8, _EIGHT, frequency=_AT)
     if true_period(eight) != 8:
         raise RuntimeError(f"the motion at W = {_AT:g} repeats after {true_period(eight)} forcing periods")
-    return [measure_walk(one, Target(1e-3), effort), measure_walk(eight, Target(10e-3), effort), measure(one, effort)]
+    return [
+        measure_walk(one, Target(15.0, "ratio"), effort),
+        measure_walk(eight, Target(50.0, "ratio"), effort),
+        measure(one, effort),
+    ]
 
 
 def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
@@ -82,7 +86,7 @@ def measure(start: Orbit, effort: Effort) -> Row:
         f"{counts['branches']} branches of {points} points; the search tries {counts['search starts']} starts at "
         f"{values} values of W. The baseline is an estimate: as many periods, {counts['periods']}, by DOP853"
     )
-    targets = (Target(100.0),) if low == _RANGE[0] else ()
+    targets = (Target(60.0, "ratio"),) if low == _RANGE[0] else ()
     what = f"P1 to P8 with search, W = {low:g} to {high:g}"
     return Row(GROUP, what, seconds, estimate(periods, effort), "estimate", targets, counts, note)
 

@@ -28,13 +28,13 @@ from gapwalk.study.diagram import DiagramOptions, diagram
 
 MAX_PERIOD = 8
 LONGEST = 64  # forcing periods up to which a return is a periodic motion, though too long for the diagram
-PATIENCE = (200, 800, 3200, 6400)  # forcing periods after which the returns are looked at
+PATIENCE = (200, 800, 3200)  # forcing periods after which the returns are looked at
 RETURN = 1e-6
 AT = 1e-4  # of a state that returns so closely, from the orbit to which it goes
 SCIPY_RETURN, SCIPY_AT = 1e-3, 5e-3  # its errors at contacts shake a motion by 2e-4 at W = 0.45
 
 WHOLE = (0.15, 1.9)
-FREQUENCIES = (0.25, 0.45, 0.6, 0.82, 1.25)
+FREQUENCIES = (0.25, 0.45, 0.6, 0.82, 1.25, 1.69)  # at the last, one start in a hundred leads to the island
 ISLANDS = [  # of period 3, as found by searches much denser
     (0.1915, 0.2019),
     (0.2469, 0.2583),
