@@ -1,19 +1,22 @@
 """The benchmarks run and say what they should; no times are asserted here."""
 
 import json
+from collections import Counter
 
+import numpy as np
 import pytest
 
 from benchmarks import period
 from benchmarks.__main__ import main
 from benchmarks.chain import ScipyChain, chain
 from benchmarks.clutch import ScipyClutch
+from benchmarks.diagram import count_periods, estimate
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import flow_of
+from gapwalk.motion.flow import PERIOD, flow_of
 
 LEAST = Effort(repeats=1, burst=0.0)
 
@@ -61,6 +64,28 @@ def test_targets_are_judged():
 @pytest.mark.parametrize(("seconds", "text"), [(2e-5, "20 us"), (0.0123, "12.3 ms"), (3.456, "3.46 s")])
 def test_durations_are_told_in_their_unit(seconds, text):
     assert duration(seconds) == text
+
+
+def test_periods_are_counted_as_they_are_integrated():
+    orbit = find_orbit(paper.case("15"), frequency=0.5)
+    coefficients, plain, full = (
+        coefficients_of(orbit.system),
+        flow_of(orbit.system),
+        flow_of(orbit.system, transition=True),
+    )
+
+    def work() -> str:
+        plain.integrate(coefficients, orbit.state)
+        plain.integrate(coefficients, orbit.state, 0.0, 3 * PERIOD)
+        plain.sample(coefficients, orbit.state, np.linspace(0.0, 8 * PERIOD, 9))
+        full.integrate(coefficients, orbit.state, stop=2 * PERIOD)
+        return "done"
+
+    result, periods = count_periods(work)
+    assert result == "done"
+    assert periods == pytest.approx({"plain": 12.0, "sensitive": 2.0})
+    assert estimate(periods, LEAST) > estimate(Counter(plain=1.0), LEAST) > 0.0
+    assert count_periods(lambda: None)[1] == {}
 
 
 @pytest.mark.parametrize("frequency", [0.5, 0.62, 1.3])
