@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
+    from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -41,6 +42,7 @@ __all__ = [
     "Harmonic",
     "Kind",
     "Limb",
+    "MassOptions",
     "Orbit",
     "ResponseOptions",
     "Result",
@@ -59,6 +61,7 @@ __all__ = [
     "follow",
     "integrate",
     "load",
+    "mass_flow_of",
     "paper",
     "read_studies",
     "read_study",
@@ -79,6 +82,7 @@ _HOMES = {
     "Harmonic": "model.excitation",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
+    "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "ResponseOptions": "study.options",
     "Result": "study.result",
@@ -95,6 +99,7 @@ _HOMES = {
     "follow": "bifurcation.follow",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "mass_flow_of": "motion.mass",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
