@@ -7,6 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper
+    from gapwalk.attractor.attractor import Attractor
+    from gapwalk.attractor.classify import ClassifyOptions, classify
+    from gapwalk.attractor.lyapunov import lyapunov
+    from gapwalk.attractor.match import match
+    from gapwalk.attractor.plane import Plane, impact_plane
+    from gapwalk.attractor.rattle import rattle
+    from gapwalk.attractor.section import section, strobe
+    from gapwalk.attractor.settle import SettleOptions, settle
+    from gapwalk.attractor.settled import Settled
+    from gapwalk.attractor.spectrum import spectrum
+    from gapwalk.attractor.waterfall import waterfall
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
     from gapwalk.bifurcation.switch import switch
@@ -30,9 +41,11 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Attractor",
     "Branch",
     "BranchPoint",
     "Cascade",
+    "ClassifyOptions",
     "Contact",
     "DampingLaw",
     "Diagram",
@@ -42,8 +55,11 @@ __all__ = [
     "Kind",
     "Limb",
     "Orbit",
+    "Plane",
     "ResponseOptions",
     "Result",
+    "SettleOptions",
+    "Settled",
     "Shooting",
     "Side",
     "SpecialPoint",
@@ -53,24 +69,36 @@ __all__ = [
     "WalkOptions",
     "__version__",
     "backlash",
+    "classify",
     "diagram",
     "errors",
     "find_orbit",
     "follow",
+    "impact_plane",
     "integrate",
     "load",
+    "lyapunov",
+    "match",
     "paper",
+    "rattle",
     "read_studies",
     "read_study",
     "run",
+    "section",
+    "settle",
+    "spectrum",
+    "strobe",
     "switch",
+    "waterfall",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
+    "Attractor": "attractor.attractor",
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
+    "ClassifyOptions": "attractor.classify",
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
     "Diagram": "bifurcation.diagram",
@@ -80,8 +108,11 @@ _HOMES = {
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
     "Orbit": "orbit.orbit",
+    "Plane": "attractor.plane",
     "ResponseOptions": "study.options",
     "Result": "study.result",
+    "SettleOptions": "attractor.settle",
+    "Settled": "attractor.settled",
     "Shooting": "orbit.shooting",
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
@@ -90,15 +121,25 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
+    "classify": "attractor.classify",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
+    "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "lyapunov": "attractor.lyapunov",
+    "match": "attractor.match",
+    "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
+    "section": "attractor.section",
+    "settle": "attractor.settle",
+    "spectrum": "attractor.spectrum",
+    "strobe": "attractor.section",
     "switch": "bifurcation.switch",
+    "waterfall": "attractor.waterfall",
 }
 _MODULES = ("errors", "paper")
 
