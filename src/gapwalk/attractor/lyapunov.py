@@ -25,6 +25,7 @@ from gapwalk.motion.motion import check_state
 _FIRST = 1024  # forcing periods after which the errors are looked at for the first time
 _RESOLVED = -14.0  # logarithm of the stretching over a segment, below which rounding errors show
 _MOST_SEGMENTS = 64
+_ROUNDING = 1e-9  # spread of averages, a forcing period, that says nothing about the motion
 _ALIGNING = 8  # one in so many of the first periods is left out: the directions are still turning into place
 
 
@@ -146,7 +147,7 @@ def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: 
 
 def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
     rate = system.frequency / PERIOD
-    regular = bool(np.all(found.spread <= found.error))
+    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
     return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
 
 
