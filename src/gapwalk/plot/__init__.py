@@ -1,13 +1,20 @@
 """Pictures: branches, diagrams and settled motions, drawn with matplotlib."""
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from gapwalk.plot.branch import plot_branch
 from gapwalk.plot.diagram import plot_diagram
-from gapwalk.plot.history import plot_history, plot_loop
 from gapwalk.plot.picture import save_picture
-from gapwalk.plot.section import plot_section
-from gapwalk.plot.settled import plot_settled
-from gapwalk.plot.spectrum import plot_spectrum
-from gapwalk.plot.waterfall import plot_waterfall
+
+if TYPE_CHECKING:
+    from gapwalk.plot.history import plot_history, plot_loop
+    from gapwalk.plot.section import plot_section
+    from gapwalk.plot.settled import plot_settled
+    from gapwalk.plot.spectrum import plot_spectrum
+    from gapwalk.plot.waterfall import plot_waterfall
 
 __all__ = [
     "plot_branch",
@@ -20,3 +27,21 @@ __all__ = [
     "plot_waterfall",
     "save_picture",
 ]
+
+# Imported when first asked for: they need scipy.signal, which the picture of a branch should not wait for.
+_HOMES = {
+    "plot_history": "history",
+    "plot_loop": "history",
+    "plot_section": "section",
+    "plot_settled": "settled",
+    "plot_spectrum": "spectrum",
+    "plot_waterfall": "waterfall",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gapwalk.plot' has no attribute {name!r}")
+    value = getattr(import_module(f"gapwalk.plot.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
