@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
+    from gapwalk.study.sweep import Sweep, SweepOptions
+    from gapwalk.study.sweeping import sweep
+    from gapwalk.study.workers import workers
 
     __version__: str
 
@@ -49,6 +52,8 @@ __all__ = [
     "SpecialPoint",
     "Stage",
     "Study",
+    "Sweep",
+    "SweepOptions",
     "System",
     "WalkOptions",
     "__version__",
@@ -63,7 +68,9 @@ __all__ = [
     "read_studies",
     "read_study",
     "run",
+    "sweep",
     "switch",
+    "workers",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
@@ -87,6 +94,8 @@ _HOMES = {
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
     "Study": "study.file",
+    "Sweep": "study.sweep",
+    "SweepOptions": "study.sweep",
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
@@ -98,7 +107,9 @@ _HOMES = {
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
+    "sweep": "study.sweeping",
     "switch": "bifurcation.switch",
+    "workers": "study.workers",
 }
 _MODULES = ("errors", "paper")
 
