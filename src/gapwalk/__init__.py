@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
     from gapwalk.study.sweep import Sweep, SweepOptions
+    from gapwalk.study.sweep_store import load_sweep
     from gapwalk.study.sweeping import sweep
-    from gapwalk.study.workers import workers
+    from gapwalk.study.workers import on_cluster, workers
 
     __version__: str
 
@@ -64,6 +65,8 @@ __all__ = [
     "follow",
     "integrate",
     "load",
+    "load_sweep",
+    "on_cluster",
     "paper",
     "read_studies",
     "read_study",
@@ -104,6 +107,8 @@ _HOMES = {
     "follow": "bifurcation.follow",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "load_sweep": "study.sweep_store",
+    "on_cluster": "study.workers",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
