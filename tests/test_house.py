@@ -38,7 +38,7 @@ ROOT_NAMES = ("__version__",)
 PERMITTED = {
     ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
-    ("study/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
+    ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 MAX_LINES = 350

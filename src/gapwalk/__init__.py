@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
-    from gapwalk.study.sweep import Sweep, SweepOptions
-    from gapwalk.study.sweep_store import load_sweep
-    from gapwalk.study.sweeping import sweep
+    from gapwalk.study.sweep.options import SweepOptions
+    from gapwalk.study.sweep.record import Sweep
+    from gapwalk.study.sweep.store import load_sweep
+    from gapwalk.study.sweep.sweeping import sweep
     from gapwalk.study.workers import on_cluster, workers
 
     __version__: str
@@ -97,8 +98,8 @@ _HOMES = {
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
     "Study": "study.file",
-    "Sweep": "study.sweep",
-    "SweepOptions": "study.sweep",
+    "Sweep": "study.sweep.record",
+    "SweepOptions": "study.sweep.options",
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
@@ -107,12 +108,12 @@ _HOMES = {
     "follow": "bifurcation.follow",
     "integrate": "motion.motion",
     "load": "study.stored",
-    "load_sweep": "study.sweep_store",
+    "load_sweep": "study.sweep.store",
     "on_cluster": "study.workers",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
-    "sweep": "study.sweeping",
+    "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",
     "workers": "study.workers",
 }

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot.sweep import draw_sweep, plot_sweep
-from gapwalk.study.sweep import Lane, Way
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import Lane
 from tests.systems import clutch
 
 

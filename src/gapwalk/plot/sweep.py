@@ -16,8 +16,9 @@ from matplotlib.patches import Patch
 from gapwalk.errors import ModelError
 from gapwalk.plot.style import BLACK, BLUE, DPI, RC, VERMILLION
 from gapwalk.plot.words import parameter_words, state_words
-from gapwalk.study.regime import RAN_AWAY, Band
-from gapwalk.study.sweep import Sweep, Way
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import Sweep
+from gapwalk.study.sweep.regime import RAN_AWAY, Band
 
 AnyFigure = Figure | SubFigure
 
