@@ -32,15 +32,19 @@ class MassSwarm:
     Parameters
     ----------
     crowd
-        The motions' systems: one for all, or one for each.
+        The systems: one for all motions, or one for each.
     fleet
-        The steps.
+        Their steps.
+    lanes
+        Which of the systems the motions have; None if there is one for all.
     trials
         What was compared with the exact flow, with the systems: shared by all parts of a swarm.
     """
 
-    def __init__(self, crowd: Crowd, fleet: Fleet, trials: list[tuple[Trial, System]]) -> None:
-        self._crowd, self._fleet, self._trials = crowd, fleet, trials
+    def __init__(
+        self, crowd: Crowd, fleet: Fleet, lanes: NDArray[np.intp] | None, trials: list[tuple[Trial, System]]
+    ) -> None:
+        self._crowd, self._fleet, self._lanes, self._trials = crowd, fleet, lanes, trials
         self._random = np.random.default_rng(_SEED)
 
     @property
@@ -78,35 +82,53 @@ class MassSwarm:
         impacts = peaks.copy()
         finite = np.isfinite(states).all(axis=1)
         if finite.any():
-            blocks = self._run(states, finite, periods, survey=True)
-            survey = blocks.survey(periods)
-            ends[finite], peaks[finite] = blocks.states, survey.peak_force
-            impacts[finite] = survey.impacts.sum(axis=2)
+            ends[finite], peaks[finite], impacts[finite] = self._run(states, finite, periods, True).figures(periods)
         return ContactFigures(ends, peaks, impacts)
 
     def part(self, which: NDArray[np.intp]) -> MassSwarm:
         """See `Swarm.part`."""
-        if self._fleet.shared:
-            return self
-        return MassSwarm(self._crowd.some(which), self._fleet.some(which), self._trials)
+        lanes = None if self._lanes is None else self._lanes[which]
+        return MassSwarm(self._crowd, self._fleet, lanes, self._trials)
 
     def _run(
         self, states: NDArray[np.float64], finite: NDArray[np.bool_], periods: int, survey: bool = False
-    ) -> Blocks:
+    ) -> _Blocks:
         """Carry the motions that have not run away, and look at some of them in the first period."""
-        lanes = np.flatnonzero(finite)
-        fleet = self._fleet if self._fleet.shared else self._fleet.some(lanes)
-        blocks = Blocks(fleet, states[lanes], 0, 0, survey, 1)
-        if survey:
-            blocks.begin_survey()
+        which = np.flatnonzero(finite)
+        lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
+        blocks = _Blocks(self._fleet, lanes, states[which], survey)
         blocks.advance(1)
         after = blocks.states
-        for index in self._random.choice(len(lanes), min(_LOOKS, len(lanes)), replace=False):
-            lane = int(lanes[index])
-            self._trials.append((Trial(lane, states[lane], after[index]), self._crowd.system(lane)))
+        for index in self._random.choice(len(which), min(_LOOKS, len(which)), replace=False):
+            trial = Trial(0, states[which[index]], after[index])
+            self._trials.append((trial, self._crowd.system(int(lanes[index]))))
         if periods > 1:
             blocks.advance(periods - 1)
         return blocks
+
+
+class _Blocks:
+    """The run of some lanes of a fleet; a single one goes in company, for it would get a kernel of its own."""
+
+    def __init__(self, fleet: Fleet, lanes: NDArray[np.intp], states: NDArray[np.float64], survey: bool) -> None:
+        self.count = len(states)
+        if self.count == 1:
+            lanes, states = np.repeat(lanes, 2), np.repeat(states, 2, axis=0)
+        self._blocks = Blocks(fleet if fleet.shared else fleet.some(lanes), states, 0, 0, survey, 1)
+        if survey:
+            self._blocks.begin_survey()
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        return self._blocks.states[: self.count]
+
+    def advance(self, periods: int) -> None:
+        self._blocks.advance(periods)
+
+    def figures(self, periods: int) -> ContactFigures:
+        survey = self._blocks.survey(periods)
+        impacts = survey.impacts.sum(axis=2)
+        return ContactFigures(self.states, survey.peak_force[: self.count], impacts[: self.count])
 
 
 def swarm_of(
@@ -137,4 +159,5 @@ def swarm_of(
         steps = flow.run(pilot.states, _PILOT_PERIODS, parameters=parameters).steps
     except FlowError:
         return ExactSwarm(system, values)
-    return MassSwarm(crowd, Fleet(crowd.linear, crowd.pattern, steps), [])
+    fleet = Fleet(crowd.linear, crowd.pattern, steps)
+    return MassSwarm(crowd, fleet, None if fleet.shared else np.arange(crowd.count), [])
