@@ -40,6 +40,7 @@ PERMITTED = {
     ("attractor/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
+    ("study/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 MAX_LINES = 350

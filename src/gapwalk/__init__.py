@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
+    from gapwalk.study.sweep import Sweep, SweepOptions
+    from gapwalk.study.sweeping import sweep
+    from gapwalk.study.workers import workers
 
     __version__: str
 
@@ -65,6 +68,8 @@ __all__ = [
     "SpecialPoint",
     "Stage",
     "Study",
+    "Sweep",
+    "SweepOptions",
     "System",
     "WalkOptions",
     "__version__",
@@ -88,8 +93,10 @@ __all__ = [
     "settle",
     "spectrum",
     "strobe",
+    "sweep",
     "switch",
     "waterfall",
+    "workers",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
@@ -118,6 +125,8 @@ _HOMES = {
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
     "Study": "study.file",
+    "Sweep": "study.sweep",
+    "SweepOptions": "study.sweep",
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
@@ -138,8 +147,10 @@ _HOMES = {
     "settle": "attractor.settle",
     "spectrum": "attractor.spectrum",
     "strobe": "attractor.section",
+    "sweep": "study.sweeping",
     "switch": "bifurcation.switch",
     "waterfall": "attractor.waterfall",
+    "workers": "study.workers",
 }
 _MODULES = ("errors", "paper")
 
