@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -33,21 +33,21 @@ _REGIMES = {
 }
 
 
-def settle_doubts(verdicts: Verdicts, system_of: Callable[[int], System]) -> Verdicts:
+def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
     """Look for a stable orbit beside each motion that seems quasi-periodic or is undecided.
 
     Parameters
     ----------
     verdicts
         What the fast flow says.
-    system_of
-        Gives the system of a motion.
+    systems
+        Gives the system of each motion.
     """
     regimes, periods = verdicts.regimes.copy(), verdicts.periods.copy()
     for regime, options in ((Regime.QUASI_PERIODIC, _SLOW), (Regime.UNDECIDED, _LOCKED)):
         for place in np.flatnonzero(verdicts.regimes == regime).tolist():
             with suppress(FlowError):
-                orbit = settle(system_of(place), verdicts.states[place], options).orbit
+                orbit = settle(systems[place](), verdicts.states[place], options).orbit
                 if orbit is not None:
                     regimes[place], periods[place] = Regime.PERIODIC, orbit.period
     return verdicts._replace(regimes=regimes, periods=periods)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.swarm import ContactFigures, ExactSwarm, Swarm
+from gapwalk.attractor.swarm import ContactFigures, ExactSwarm, Swarm, finite_rows
 from gapwalk.errors import FlowError
 from gapwalk.model.system import System
 from gapwalk.motion.mass.blocks import LIMIT, Blocks, Fleet
@@ -57,7 +57,7 @@ class MassSwarm:
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
         """See `Swarm.advance`."""
         ends = np.full(states.shape, np.nan)
-        finite = np.isfinite(states).all(axis=1)
+        finite = finite_rows(states)
         if finite.any():
             ends[finite] = self._run(states, finite, periods).states
         return ends
@@ -65,7 +65,7 @@ class MassSwarm:
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
         """See `Swarm.strobes`; all in one run, for each run begins with a small error of its own."""
         track = np.full((periods, *states.shape), np.nan)
-        finite = np.isfinite(states).all(axis=1)
+        finite = finite_rows(states)
         if not finite.any():
             return track
         blocks = self._run(states, finite, after + 1)
@@ -80,7 +80,7 @@ class MassSwarm:
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self._crowd.systems[0].structure.contacts)), np.nan)
         impacts = peaks.copy()
-        finite = np.isfinite(states).all(axis=1)
+        finite = finite_rows(states)
         if finite.any():
             ends[finite], peaks[finite], impacts[finite] = self._run(states, finite, periods, True).figures(periods)
         return ContactFigures(ends, peaks, impacts)

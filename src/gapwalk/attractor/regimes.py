@@ -14,6 +14,8 @@ from gapwalk.attractor.regime import regime_word
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
+_SHORT = 8  # periods that are told one by one in few words
+
 
 @dataclass(frozen=True)
 class RegimeCheck:
@@ -114,7 +116,15 @@ class Regimes:
 
         return plot_regimes(self, **options)
 
+    def _groups(self) -> dict[str, int]:
+        """The same as `cells`, with all long periods in one."""
+        longer = int(np.sum(self.periods > _SHORT))
+        short = {f"period {m}": int(np.sum(self.periods == m)) for m in range(1, _SHORT + 1)}
+        others = {word: count for word, count in self.cells.items() if not word.startswith("period ")}
+        groups = {**short, f"longer periods than {_SHORT}": longer, **others}
+        return {word: count for word, count in groups.items() if count}
+
     def __repr__(self) -> str:
         columns, rows = self.resolution
-        parts = ", ".join(f"{word}: {count}" for word, count in self.cells.items())
+        parts = ", ".join(f"{word}: {count}" for word, count in self._groups().items())
         return f"Regimes({self.first}, {self.second}; {columns} x {rows} cells; {parts})"

@@ -60,6 +60,11 @@ class Swarm(Protocol):
         ...
 
 
+def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the states, shape (count, 2n), are those of motions that have not run away."""
+    return np.asarray(np.isfinite(states).all(axis=1))
+
+
 class ExactSwarm:
     """The exact flow, one motion after the other.
 
@@ -80,7 +85,7 @@ class ExactSwarm:
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
         """See `Swarm.advance`."""
         ends = np.full(states.shape, np.nan)
-        for index in np.flatnonzero(np.isfinite(states).all(axis=1)):
+        for index in np.flatnonzero(finite_rows(states)).tolist():
             with suppress(FlowError):  # it stays nan
                 ends[index] = Strobe(self._system(index)).arc(states[index], periods).state
         return ends
@@ -89,8 +94,8 @@ class ExactSwarm:
         """See `Swarm.strobes`."""
         track = np.empty((periods, *states.shape))
         states = self.advance(states, after) if after else states
-        for row in track:
-            row[:] = states = self.advance(states, 1)
+        for period in range(periods):
+            track[period] = states = self.advance(states, 1)
         return track
 
     def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
@@ -98,7 +103,7 @@ class ExactSwarm:
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
         impacts = np.full(peaks.shape, np.nan)
-        for index in np.flatnonzero(np.isfinite(states).all(axis=1)):
+        for index in np.flatnonzero(finite_rows(states)).tolist():
             try:
                 motion = integrate(self._system(index), states[index], periods, _SAMPLES)
             except FlowError:

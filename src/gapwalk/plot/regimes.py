@@ -20,7 +20,8 @@ from gapwalk.plot.style import DPI, GREY, RC, diagram_size
 from gapwalk.plot.words import parameter_words
 
 _NAMED = 8  # periods with a colour of their own
-_SEQUENCE = "YlGnBu"  # of the periods, from light to dark
+_FIRST = "#f6f2e4"  # of period 1
+_SEQUENCE = "YlGnBu"  # of the other periods, from light to dark
 _LONGER, _TORUS, _CHAOS, _UNDECIDED, _RUNAWAY = "#8b5a9e", "#e8702a", "#000000", "#b5b5b5", "#ffffff"
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
 
@@ -52,14 +53,13 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None) -> Axes:
         codes[entry.cells] = code
     colors = ListedColormap([entry.color for entry in entries])
     _draw_cells(ax, found, codes, cmap=colors, vmin=-0.5, vmax=len(entries) - 0.5)
-    ax.legend(
-        handles=[Patch(facecolor=e.color, edgecolor=GREY, linewidth=0.5, label=e.text) for e in entries],
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        borderaxespad=0.0,
-        handlelength=1.3,
-        handleheight=1.1,
-    )
+    handles = [Patch(facecolor=e.color, edgecolor=GREY, linewidth=0.5, label=e.text) for e in entries]
+    size = {"columnspacing": 1.5, "handlelength": 1.3, "handleheight": 1.1}
+    figure = ax.figure
+    if isinstance(figure, Figure) and figure.get_constrained_layout():
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6), **size)
+    else:
+        ax.legend(handles=handles, loc="best", frameon=True, **size)
     return ax
 
 
@@ -147,7 +147,8 @@ def _entries(found: Regimes) -> Iterator[_Entry]:
     scale = mpl.colormaps[_SEQUENCE]
     periods = [m for m in range(1, _NAMED + 1) if np.any(found.periods == m)]
     for m in periods:
-        yield _Entry(f"period {m}", to_hex(scale(0.04 + 0.96 * (m - 1) / (_NAMED - 1))), found.periods == m)
+        color = _FIRST if m == 1 else to_hex(scale(0.22 + 0.78 * (m - 2) / (_NAMED - 2)))
+        yield _Entry(f"period {m}", color, found.periods == m)
     others = (
         (f"period {_NAMED + 1} and more", _LONGER, found.periods > _NAMED),
         ("quasi-periodic", _TORUS, found.regimes == Regime.QUASI_PERIODIC),

@@ -1,31 +1,19 @@
-"""Basins of attraction as a job: of the cells of a plane, or of random starts in a box, in chunks on all workers."""
+"""Basins of attraction: of the cells of a plane of initial states, or of random starts in a box."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gapwalk.attractor.basins import Basins, BasinShares, Check, border_cells, in_order
+from gapwalk.attractor.basins import Basins, BasinShares, in_order
 from gapwalk.attractor.box import Box, Range, Window
-from gapwalk.attractor.catalogue import Catalogue, Effort, explore
-from gapwalk.attractor.haunt import Haunt
-from gapwalk.attractor.mass_swarm import swarm_of
-from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
-from gapwalk.attractor.swarm import ExactSwarm
+from gapwalk.attractor.catalogue import Effort
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.study.basin_job import BasinChunk, BasinJob, Report
 from gapwalk.study.grid import check_resolution
 from gapwalk.study.workers import Workers, workers
-
-_CHUNK = 4096  # states; their results depend neither on the number of workers nor on what else is asked for
-_CHECKED = 32  # states of a chunk that is followed with the exact flow
-_PILOT = 64  # states that are looked at first: most attractors are found by them
-
-Report = Callable[[int, int], None]
-"""Called with the number of states done so far, and of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +34,7 @@ class BasinOptions:
     check
         Random cells elsewhere whose label is found again with the exact flow.
     seed
-        Of the choice of the cells that are looked at first and checked, and of random starts.
+        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
     workers
         Processes to work in; by default one for each local core. The result does not depend on it.
     """
@@ -78,7 +66,9 @@ def basins(
     *,
     fixed: Mapping[str, float] | None = None,
     options: BasinOptions | None = None,
+    hands: Workers | None = None,
     report: Report | None = None,
+    resume: Iterable[BasinChunk] = (),
 ) -> Basins:
     """Basins of attraction in a plane of initial states.
 
@@ -99,32 +89,37 @@ def basins(
         The other components of the state at theta = 0; those that are not named are 0.
     options
         How the basins are found.
+    hands
+        Who does the work; by default as many local processes as the options say. ``with workers(scheduler=...) as
+        hands:`` is a cluster. The result does not depend on it.
     report
-        Called when a part is done.
+        Called with each chunk of cells when it is done.
+    resume
+        Chunks of the same job that have been done already.
 
     Raises
     ------
     ModelError
         For a plane that makes no sense.
+    WorkError
+        If other processes cannot do the work.
     """
     options = options or BasinOptions()
     window = Window.of(system, plane, fixed or {})
     columns, rows = check_resolution(resolution)
     states = window.states((columns, rows))
-    with workers(options.workers) as hands:
-        job = _Job(system, states, options, hands, report)
-        job.run(lambda: job.check((rows, columns)))
+    job = BasinJob(system, states, options.effort, options.seed, resume)
+    at_borders = len(states) if options.exact_borders else options.check
+    try:
+        with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
+            job.sort(crew, report)
+            job.check(crew, (rows, columns), at_borders, options.check)
+            job.complete = True
+    except KeyboardInterrupt:
+        pass
     attractors, labels = in_order(job.catalogue.attractors, job.labels)
-    return Basins(
-        system,
-        window,
-        labels.reshape(rows, columns),
-        attractors,
-        job.checked,
-        job.error,
-        job.complete,
-        tuple(job.notes()),
-    )
+    how = (job.checked, job.error, job.complete, tuple(job.notes()))
+    return Basins(system, window, labels.reshape(rows, columns), attractors, *how)
 
 
 def basin_shares(
@@ -134,7 +129,9 @@ def basin_shares(
     *,
     confidence: float = 0.95,
     options: BasinOptions | None = None,
+    hands: Workers | None = None,
     report: Report | None = None,
+    resume: Iterable[BasinChunk] = (),
 ) -> BasinShares:
     """The shares of a box of initial states that lead to each attractor, with confidence limits.
 
@@ -150,14 +147,16 @@ def basin_shares(
     confidence
         Probability with which the limits of a share hold.
     options
-        How the basins are found; its ``check`` is not used.
-    report
-        Called when a part is done.
+        How the basins are found; nothing is checked here.
+    hands, report, resume
+        As in `basins`.
 
     Raises
     ------
     ModelError
         For a box that makes no sense.
+    WorkError
+        If other processes cannot do the work.
     """
     options = options or BasinOptions()
     room = Box.of(system, box)
@@ -168,131 +167,12 @@ def basin_shares(
     if not 0.0 < confidence < 1.0:
         raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
     states = room.draw(starts, options.seed)
-    with workers(options.workers) as hands:
-        job = _Job(system, states, options, hands, report)
-        job.run(lambda: None)
+    job = BasinJob(system, states, options.effort, options.seed, resume)
+    try:
+        with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
+            job.sort(crew, report)
+            job.complete = True
+    except KeyboardInterrupt:
+        pass
     attractors, labels = in_order(job.catalogue.attractors, job.labels)
     return BasinShares(system, room, states, labels, attractors, confidence, job.complete, tuple(job.notes()))
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Some of the states, and what is known of the attractors."""
-
-    system: System
-    states: NDArray[np.float64]
-    haunts: tuple[Haunt, ...]
-    longest: int
-
-
-class _Job:
-    """Finds the labels of many states."""
-
-    def __init__(
-        self, system: System, states: NDArray[np.float64], options: BasinOptions, hands: Workers, report: Report | None
-    ) -> None:
-        self.states, self.options, self.hands, self.report = states, options, hands, report
-        self.catalogue = Catalogue(system)
-        self.labels = np.full(len(states), UNRESOLVED)
-        self.ends = states.copy()  # where the motions have come to
-        self.done, self.error = 0, 0.0
-        self.checked = Check(len(states))
-        self.complete = False
-
-    def run(self, then: Callable[[], None]) -> None:
-        """Find all labels, then do what remains; Ctrl-C ends it."""
-        try:
-            self._look_around()
-            self._sort()
-            self._explore(np.flatnonzero(self.labels == UNRESOLVED))
-            then()
-            self.complete = True
-        except KeyboardInterrupt:
-            pass
-
-    def notes(self):
-        """What could not be done, in sentences."""
-        if not self.complete:
-            yield f"stopped when {self.done} of {len(self.states)} states were done"
-        left = int(np.sum(self.labels == UNRESOLVED))
-        if left and self.complete:
-            yield f"{left} states lead to no attractor that was found; raise longest or tries"
-
-    def check(self, shape: tuple[int, int]) -> None:
-        """Find labels at borders, and of some other cells, again with the exact flow, and mend what is wrong."""
-        most = len(self.states) if self.options.exact_borders else self.options.check
-        checked = np.zeros(len(self.states), dtype=bool)
-        at_borders = wrong_there = 0
-        while True:  # mended labels make new borders
-            borders = border_cells(self.labels.reshape(shape)).ravel()
-            chosen = self._choose(borders & ~checked, most - at_borders)
-            if not len(chosen):
-                break
-            at_borders, wrong_there = at_borders + len(chosen), wrong_there + self._mend(chosen)
-            checked[chosen] = True
-        chosen = self._choose(~borders & ~checked, self.options.check)
-        wrong = self._mend(chosen)
-        self.checked = Check(
-            len(self.states), int((borders | checked).sum()), at_borders, wrong_there, len(chosen), wrong
-        )
-
-    def _choose(self, group: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
-        """Random ones of a group of cells, in order."""
-        random = np.random.default_rng(self.options.seed)
-        return np.sort(random.permutation(np.flatnonzero(group))[:most])
-
-    def _mend(self, which: NDArray[np.intp]) -> int:
-        """Find labels again with the exact flow; how many were wrong."""
-        exact = np.full(len(which), UNRESOLVED)
-
-        def accept(index: int, found: Sorted) -> None:
-            exact[index * _CHECKED : index * _CHECKED + len(found.labels)] = found.labels
-
-        self.hands.run(_sort_exactly, self._pieces(self.states[which], _CHECKED), accept)
-        wrong = int(np.sum(exact != self.labels[which]))
-        # one that has come to no attractor by then keeps its label, but counts as wrong
-        self.labels[which] = np.where(exact == UNRESOLVED, self.labels[which], exact)
-        return wrong
-
-    def _look_around(self) -> None:
-        """Find the attractors to which some of the states lead."""
-        random = np.random.default_rng(self.options.seed)
-        pilot = np.sort(random.permutation(len(self.states))[:_PILOT])
-        self._explore(pilot)
-
-    def _sort(self) -> None:
-        """Sort all states by the attractors that are known."""
-
-        def accept(index: int, result: tuple[Sorted, float]) -> None:
-            found, error = result
-            self.error = max(self.error, error)
-            place = slice(index * _CHUNK, index * _CHUNK + len(found.labels))
-            self.labels[place], self.ends[place] = found.labels, found.states
-            self.done += len(found.labels)
-            if self.report is not None:
-                self.report(self.done, len(self.states))
-
-        self.hands.run(_sort_fast, self._pieces(self.states, _CHUNK), accept)
-
-    def _explore(self, which: NDArray[np.intp]) -> None:
-        if not len(which):
-            return
-        swarm = swarm_of(self.catalogue.system, self.states[which])
-        self.catalogue, labels = explore(self.catalogue, swarm.advance, self.ends[which], self.options.effort)
-        self.labels[which] = labels
-
-    def _pieces(self, states: NDArray[np.float64], size: int) -> list[_Piece]:
-        return [
-            _Piece(self.catalogue.system, states[first : first + size], self.catalogue.haunts, self.options.longest)
-            for first in range(0, len(states), size)
-        ]
-
-
-def _sort_fast(piece: _Piece) -> tuple[Sorted, float]:
-    """Sort states by the mass flow, and tell its error."""
-    swarm = swarm_of(piece.system, piece.states)
-    return sort_states(swarm.advance, piece.states, piece.haunts, piece.longest), swarm.error
-
-
-def _sort_exactly(piece: _Piece) -> Sorted:
-    return sort_states(ExactSwarm(piece.system).advance, piece.states, piece.haunts, piece.longest)
