@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.attractor import AttractorKind
 from gapwalk.attractor.basins import Basins, Check
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.style import BLACK, DPI, GREY, RC
 
 SIZE = (6.6, 6.2)
@@ -74,7 +75,6 @@ def draw_basins(found: Basins, title: str = "", *, strobes: str = "in the plane"
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)
         plot_basins(found, ax=ax, strobes=strobes)
-        figure.text(0.995, 0.005, check_words(found.check), ha="right", va="bottom", fontsize=7.0, color=GREY)
     return figure
 
 
@@ -136,9 +136,4 @@ def _draw_legend(ax: Axes, found: Basins, marked: list[int]) -> None:
             text = f"{text} ({100 * count / total:.2g} %)"
             handles.append(Patch(facecolor=color, edgecolor=GREY, linewidth=0.5, label=text))
     handles += [Line2D([], [], label=f"orbit of {found.names[index]}", **_marker(index)) for index in marked]
-    figure = ax.figure
-    if isinstance(figure, Figure) and len(figure.axes) == 1 and figure.get_constrained_layout():
-        columns = min(len(handles), 3)
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.8, handlelength=1.6)
-    else:
-        ax.legend(handles=handles, loc="best", handlelength=1.6, frameon=True)
+    draw_fill_legend(ax, handles, check_words(found.check), columns=3)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.regime import Regime
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.errors import ModelError
+from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.style import DPI, GREY, RC, diagram_size
 from gapwalk.plot.words import parameter_words
 
@@ -54,12 +55,7 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None) -> Axes:
     colors = ListedColormap([entry.color for entry in entries])
     _draw_cells(ax, found, codes, cmap=colors, vmin=-0.5, vmax=len(entries) - 0.5)
     handles = [Patch(facecolor=e.color, edgecolor=GREY, linewidth=0.5, label=e.text) for e in entries]
-    size = {"columnspacing": 1.5, "handlelength": 1.3, "handleheight": 1.1}
-    figure = ax.figure
-    if isinstance(figure, Figure) and figure.get_constrained_layout():
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6), **size)
-    else:
-        ax.legend(handles=handles, loc="best", frameon=True, **size)
+    draw_fill_legend(ax, handles, _check_words(found), columns=6)
     return ax
 
 
@@ -119,7 +115,6 @@ def draw_regimes(found: Regimes, title: str = "", panels: tuple[str, ...] = ("pe
             plot_figure_of_contact(found, which, ax=ax)
         for ax in axes[:-1]:
             ax.set_xlabel("")
-        figure.text(0.995, 0.005, _check_words(found), ha="right", va="bottom", fontsize=7.0, color=GREY)
     return figure
 
 
