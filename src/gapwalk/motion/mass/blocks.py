@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.motion.mass.form import Form
+from gapwalk.motion.mass.frame import LANES
 from gapwalk.motion.mass.kernel import Kernel, kernel_of
 from gapwalk.motion.mass.run import MassSurvey
 from gapwalk.motion.mass.scheme import Linear, Scheme, scheme_of
-from gapwalk.motion.mass.source import LANES, Form
 from gapwalk.motion.mass.start import history_of
 
 LIMIT = 1e12
@@ -163,7 +164,7 @@ class Blocks:
 
     def _in_blocks(self, rows: NDArray) -> NDArray[np.float64]:
         """Rows of N numbers as blocks, shape (blocks, rows, LANES)."""
-        return rows[:, self._lanes].reshape(len(rows), -1, LANES).transpose(1, 0, 2)
+        return rows[:, self._lanes].reshape(len(rows), len(self._lanes) // LANES, LANES).transpose(1, 0, 2)
 
     def _physical(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
         """States in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""

@@ -13,9 +13,9 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
 from gapwalk.motion.mass.blocks import LIMIT, Blocks, Fleet
 from gapwalk.motion.mass.crowd import Crowd, crowd_of
+from gapwalk.motion.mass.frame import LANES
 from gapwalk.motion.mass.options import MOST_STEPS, MassOptions
 from gapwalk.motion.mass.run import MassRun
-from gapwalk.motion.mass.source import LANES
 from gapwalk.motion.mass.steps import first_guess, revised
 from gapwalk.motion.mass.trial import Trial, judge
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.motion.mass.source import Form, Source
+from gapwalk.motion.mass.form import Form
+from gapwalk.motion.mass.source import Source
 
 # No assumption that there is no NaN: a motion that ran away must be seen. Otherwise terms may be reordered and fused.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}

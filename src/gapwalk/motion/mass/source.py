@@ -7,7 +7,6 @@ there is no branch. What differs from lane to lane is an array, what all lanes s
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,38 +14,11 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import ContactSlots, StageSlots, layout_of
 from gapwalk.model.contact import DampingLaw
-from gapwalk.model.structure import Structure
+from gapwalk.motion.mass.form import Form, patterns_of
+from gapwalk.motion.mass.frame import FRAME, LANES
 from gapwalk.motion.mass.scheme import HISTORY, Linear, Scheme
 
-LANES = 64
-"""Trajectories in a block: they go through the same instructions side by side."""
-
 _TINY = "1e-300"  # keeps the inverse of a vanishing speed finite
-
-
-@dataclass(frozen=True)
-class Form:
-    """All that the source text depends on.
-
-    Parameters
-    ----------
-    structure
-        Of the system.
-    pattern
-        Which coefficients of the flow may differ from zero: bytes of an array of bool.
-    modal
-        Whether the lanes hold modal coordinates, two by two.
-    shared
-        Whether all lanes have the same coefficients.
-    survey
-        Whether extremes, contacts and largest forces are noted.
-    """
-
-    structure: Structure
-    pattern: bytes
-    modal: bool
-    shared: bool
-    survey: bool
 
 
 class Source:
@@ -56,7 +28,7 @@ class Source:
         self.form, self.layout = form, layout_of(form.structure)
         self.n, self.contacts = form.structure.size, len(form.structure.contacts)
         self._slots: dict[tuple[str, tuple[int, ...]], int] = {}
-        self._patterns = _patterns(form)
+        self._patterns = patterns_of(form)
 
     @cached_property
     def text(self) -> str:
@@ -69,7 +41,7 @@ class Source:
             outside = []
             body = [f"{name} = C[{place * LANES} + l]" for place, name in enumerate(names)] + body
         times = [f"t{column} = T[i * {self.columns} + {column}]" for column in range(self.columns)]
-        return _FRAME.format(
+        return FRAME.format(
             lanes=LANES,
             size=2 * self.n,
             outside=_indented(outside, 1),
@@ -295,25 +267,6 @@ class Source:
         return bool(np.frombuffer(self.form.pattern, dtype=bool)[slot])
 
 
-def _patterns(form: Form) -> dict[str, NDArray[np.bool_]]:
-    """Which entries of a scheme's arrays may differ from zero."""
-    layout, n = layout_of(form.structure), form.structure.size
-    linear = Linear(layout, np.frombuffer(form.pattern, dtype=bool).astype(float)[None])
-    push, loads, rows = linear.push[0] != 0, linear.loads[0] != 0, linear.deflections[0] != 0
-    loads[:, 1:] |= loads[:, 1:].reshape(2 * n, -1, 2)[:, :, ::-1].reshape(2 * n, -1)  # over a step they mix
-    reach = np.eye(2 * n, dtype=bool) | (linear.matrix[0] != 0)
-    for _ in range(2 * n):
-        reach = reach @ reach
-    patterns = {"transition": reach, "loads": reach @ loads, "weights": reach @ push, "rows": rows}
-    patterns["forecast"] = rows @ patterns["weights"]
-    if form.modal:
-        patterns["transition"] = np.kron(np.eye(n, dtype=bool), np.ones((2, 2), dtype=bool))
-        patterns["loads"] = np.broadcast_to(loads.any(axis=0), loads.shape)
-        patterns["weights"] = np.broadcast_to(push.any(axis=0), push.shape)
-        patterns["rows"] = np.broadcast_to(rows.any(axis=2, keepdims=True), rows.shape)
-    return patterns
-
-
 def _first_stages(slots: ContactSlots) -> list[tuple[int, StageSlots]]:
     """The innermost stage on each side that has one."""
     first = {}
@@ -329,40 +282,3 @@ def _sum(terms: Sequence[str]) -> str:
 
 def _indented(lines: Iterable[str], depth: int) -> str:
     return "\n".join("    " * depth + line for line in lines)
-
-
-# S: states, force history (and tally), one row of lanes after the other.  C: numbers of the scheme.  T: the excitation
-# step by step.  A lane whose state leaves the limit is noted with its last state within it, and goes on as NaN.
-_FRAME = """\
-def advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop):
-{outside}
-    for p in range(first, first + periods):
-        if stop[0] != 0:
-            return False
-        for i in range(steps):
-{times}
-            for l in range({lanes}):
-{body}
-        alive = 0
-        for l in range({lanes}):
-            if left[l] < 0:
-                size = 0.0
-                for j in range({size}):
-                    size = size if abs(S[j * {lanes} + l]) < size else abs(S[j * {lanes} + l])
-                if size <= limit:
-                    alive += 1
-                    for j in range({size}):
-                        last[j, l] = S[j * {lanes} + l]
-                else:
-                    left[l] = p
-                    for j in range({size}):
-                        S[j * {lanes} + l] = np.nan
-        if every > 0 and (p + 1) % every == 0:
-            row = (p + 1) // every - 1
-            for j in range({size}):
-                for l in range({lanes}):
-                    record[row, j, l] = S[j * {lanes} + l]
-        if alive == 0:
-            return True
-    return True
-"""
