@@ -13,6 +13,7 @@ from gapwalk.attractor.classify import classify
 from gapwalk.attractor.judge import LONGEST_RETURN, Verdicts
 from gapwalk.attractor.regime import Regime
 from gapwalk.attractor.settle import SettleOptions, settle
+from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.errors import FlowError
 from gapwalk.model.system import System
 
@@ -43,14 +44,19 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
     systems
         Gives the system of each motion.
     """
-    regimes, periods = verdicts.regimes.copy(), verdicts.periods.copy()
+    found = Verdicts(*(part.copy() for part in verdicts))
     for regime, options in ((Regime.QUASI_PERIODIC, _SLOW), (Regime.UNDECIDED, _LOCKED)):
         for place in np.flatnonzero(verdicts.regimes == regime).tolist():
+            system = systems[place]()
             with suppress(FlowError):
-                orbit = settle(systems[place](), verdicts.states[place], options).orbit
+                orbit = settle(system, verdicts.states[place], options).orbit
                 if orbit is not None:
-                    regimes[place], periods[place] = Regime.PERIODIC, orbit.period
-    return verdicts._replace(regimes=regimes, periods=periods)
+                    found.regimes[place], found.periods[place] = Regime.PERIODIC, orbit.period
+                    found.states[place] = orbit.state
+                    if found.peaks.size:
+                        contacts = ExactSwarm(system).contacts(orbit.state[None, :], orbit.period)
+                        found.peaks[place], found.impacts[place] = contacts.peaks[0], contacts.impacts[0]
+    return found
 
 
 def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:

@@ -154,32 +154,18 @@ class _Court:
             self.peaks[which], self.impacts[which] = found.peaks, found.impacts
 
     def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:
-        """Follow motions, and mark those that then return after up to `longest` forcing periods; the others still open.
-
-        With d1 and d2 the changes over two returns in a row, all further ones add up to ``d2^2 / (d1 - d2)``. A motion
-        that spirals into an orbit returns by chance after longer times too: it must have been far away in between.
-        """
+        """Follow motions, mark those that then return after up to `longest` forcing periods, and give the others."""
         if not len(which):
             return which
         track = self.swarm.part(which).strobes(self.states[which], 2 * longest + 1, after)
         self.states[which] = track[-1]
-        track *= self.weights[which]
-        sizes = np.abs(track).max(axis=(0, 2))
-        periods, nearest = np.zeros(len(which), dtype=int), np.full(len(which), np.inf)
-        for m in range(1, longest + 1):
-            first = np.abs(track[m] - track[0]).max(axis=1) / sizes
-            second = np.abs(track[2 * m] - track[m]).max(axis=1) / sizes
-            with np.errstate(divide="ignore", invalid="ignore"):  # where it does not shrink
-                missing = np.where(second < first, second + second**2 / (first - second), np.inf)
-            missing[second <= _EXACT] = _EXACT
-            ends = (second <= _RETURNED) & (missing <= _ARRIVED) & (nearest > _CLEAR * missing)
-            periods[ends & (periods == 0)] = m
-            nearest = np.minimum(nearest, first)
+        is_lost = ~np.isfinite(track).all(axis=(0, 2))
+        self.regimes[which[is_lost]] = Regime.RUNAWAY
+        which = which[~is_lost]
+        periods = _periods(track[:, ~is_lost] * self.weights[which], longest)
         returned = which[periods > 0]
         self.periods[returned], self.regimes[returned] = periods[periods > 0], Regime.PERIODIC
-        lost = which[~np.isfinite(sizes)]
-        self.periods[lost], self.regimes[lost] = 0, Regime.RUNAWAY
-        return which[np.isfinite(sizes) & (periods == 0)]
+        return which[periods == 0]
 
     def _exponents(self, which: NDArray[np.intp], periods: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The largest exponent of motions, a forcing period, and its standard error."""
@@ -201,3 +187,30 @@ class _Court:
         logs = logs[len(logs) // 8 :] / _STRETCH  # the directions have turned into place
         blocks = np.array([block.mean(axis=0) for block in np.array_split(logs, _BLOCKS)])
         return logs.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
+
+
+def _periods(track: NDArray[np.float64], longest: int) -> NDArray[np.int_]:
+    """After how many forcing periods motions return, at most `longest`; 0 for those that do not.
+
+    With d1 and d2 the changes over two returns in a row, all further ones add up to ``d2^2 / (d1 - d2)``. A motion that
+    spirals into an orbit returns by chance after longer times too: it must have been far away in between.
+
+    Parameters
+    ----------
+    track : shape (2 longest + 1, count, 2n)
+        Strobes of the motions, weighted.
+    longest
+        The longest period.
+    """
+    sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+    periods, nearest = np.zeros(track.shape[1], dtype=int), np.full(track.shape[1], np.inf)
+    for m in range(1, longest + 1):
+        first = np.abs(track[m] - track[0]).max(axis=1) / sizes
+        second = np.abs(track[2 * m] - track[m]).max(axis=1) / sizes
+        with np.errstate(divide="ignore", invalid="ignore"):  # where it does not shrink
+            missing = np.where(second < first, second + second**2 / (first - second), np.inf)
+        missing[second <= _EXACT] = _EXACT
+        ends = (second <= _RETURNED) & (missing <= _ARRIVED) & (nearest > _CLEAR * missing)
+        periods[ends & (periods == 0)] = m
+        nearest = np.minimum(nearest, first)
+    return periods
