@@ -40,7 +40,7 @@ class Approach:
     orbit
         The orbit, of its smallest period; its state is the one next to the motion.
     converging
-        Whether the orbit is stable and the motion comes to rest on it.
+        Whether the orbit is stable and the motion comes to rest on it, or is on it already.
     distance
         Of the motion from the orbit, relative to the size of the motion.
     state : shape (2n,)
@@ -56,16 +56,18 @@ class Approach:
     periods: int
 
 
-def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int) -> Orbit | None:
-    """The orbit that Newton's method finds from a state, of its smallest period; None if there is none nearby."""
+def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int, least: float) -> Orbit | None:
+    """The orbit that Newton's method finds from a state, of its smallest period; None if there is none nearby.
+
+    `least` is the smallest size of a motion, as by `size_of`: a state of rest has none of its own.
+    """
     try:
-        if not _steps_nearby(strobe.system, state, period):
+        if not _steps_nearby(strobe.system, state, period, least):
             return None
         orbit = find_orbit(strobe.system, period, state, newton=_NEWTON)
     except (ConvergenceError, FlowError):
         return None
-    scale = size_of(strobe.system, stroboscopic(orbit))
-    if np.abs((orbit.state - state) / scale).max() > _NEAR:
+    if np.abs((orbit.state - state) / _scale(orbit, least)).max() > _NEAR:
         return None
     smallest = true_period(orbit)
     if smallest == period:
@@ -76,21 +78,27 @@ def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int) -> Orb
         return None
 
 
-def _steps_nearby(system: System, state: NDArray[np.float64], period: int) -> bool:
+def _scale(orbit: Orbit, least: float) -> NDArray[np.float64]:
+    return size_of(orbit.system, stroboscopic(orbit), least)
+
+
+def _steps_nearby(system: System, state: NDArray[np.float64], period: int, least: float) -> bool:
     """Whether the first step of Newton's method stays near: on a torus or in chaos most lead nowhere, and far."""
     equation = ShootingEquation(system, None, period)
     evaluation = equation.evaluate(state, 0.0)
     step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
-    return bool(np.abs(step / size_of(system, state)).max() <= _NEAR)
+    return bool(np.abs(step / size_of(system, state, least)).max() <= _NEAR)
 
 
-def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit) -> Approach:
+def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float) -> Approach:
     """Follow a motion over several returns beside an orbit, and judge whether it comes to rest there."""
-    scale = size_of(strobe.system, stroboscopic(orbit))
+    scale = _scale(orbit, least)
     distance = float(np.abs((state - orbit.state) / scale).max())
     rate = float(np.abs(orbit.multipliers).max())
-    if rate >= 1.0 - _NEUTRAL or distance <= _ARRIVED:
-        return Approach(orbit, rate < 1.0 - _NEUTRAL, distance, state, 0)
+    if distance <= _ARRIVED:  # without damping an orbit may be neutral, and a motion that is on it stays there
+        return Approach(orbit, rate <= 1.0 + _NEUTRAL, distance, state, 0)
+    if rate >= 1.0 - _NEUTRAL:
+        return Approach(orbit, False, distance, state, 0)
     followed = strobe.run(state, _RETURNS, orbit.period)
     track = np.vstack((state, followed))
     converging = _contracts(_monodromy(orbit), (track - orbit.state) / scale, scale)

@@ -69,6 +69,8 @@ def block_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def average(values: NDArray[np.float64]) -> Average:
     """Mean and error of each column of a sequence, shape (length, columns) with a length of at least 16."""
     plain, weighted = block_error(values), birkhoff_spread(values)
-    regular = weighted < plain
+    rounding = np.finfo(float).eps * np.abs(values).max(axis=0)
+    plain, weighted = np.maximum(plain, rounding), np.maximum(weighted, rounding)
+    regular = weighted <= plain
     mean = np.where(regular, birkhoff_mean(values), values.mean(axis=0))
     return Average(mean, np.where(regular, weighted, plain), weighted)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.approach import nearby_orbit, watch
 from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.lyapunov import Lyapunov, LyapunovOptions, lyapunov_run, of_multipliers
-from gapwalk.attractor.recurrence import recurrences
+from gapwalk.attractor.recurrence import Recurrence, recurrences
 from gapwalk.attractor.rotation import Rotation, rotation
 from gapwalk.attractor.settle import SettleOptions, settle
 from gapwalk.attractor.settled import Settled
@@ -26,9 +26,8 @@ _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes that an attractor keeps
 _RELAXED = 12.0  # a torus counts as reached when its slowest mode has decayed by exp(-12)
 _AGAIN = 512  # forcing periods after which a chaotic motion is looked at again: its chaos may have been a transient
-_TIGHT = 1e-6  # distance of return from which a period beyond max_period is tried
+_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, from which any period is tried
 _LEAD = 1e-3  # the largest error of the leading exponent, a forcing period, with which a torus is told from chaos
-_ROTATION = 1e-4  # the largest error of a rotation number that is one
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,14 +171,19 @@ def _late_orbit(settled: Settled, measured: _Measured, options: ClassifyOptions)
     orbit = settle(settled.system, measured.strobes[-1], again).orbit
     if orbit is not None:
         return orbit
-    tail = measured.strobes[-_KEPT:]
-    returns = recurrences(tail / size_of(settled.system, tail), len(tail) // 2, _TIGHT)
-    for period in [each.period for each in returns]:
-        strobe = Strobe(settled.system)
-        orbit = nearby_orbit(strobe, tail[-1], period)
-        if orbit is not None and watch(strobe, tail[-1], orbit).converging:
+    last, strobe = measured.strobes[-1], Strobe(settled.system)
+    for period in [each.period for each in _returns(settled.system, measured.strobes)]:
+        orbit = nearby_orbit(strobe, last, period, 0.0)
+        if orbit is not None and watch(strobe, last, orbit, 0.0).converging:
             return orbit
     return None
+
+
+def _returns(system: System, strobes: NDArray[np.float64]) -> list[Recurrence]:
+    """Periods after which the last strobes return as closely as no torus and no chaos does, be it ever so small."""
+    tail = strobes[-_KEPT:]
+    tail = tail - tail.mean(axis=0)
+    return recurrences(tail / size_of(system, tail), len(tail) // 2, _TIGHT)
 
 
 def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _Verdict:
@@ -190,8 +194,14 @@ def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _
         return _Verdict(AttractorKind.CHAOTIC, None, (f"{text}: positive",))
     if lead < -options.zero and lead < -options.errors * error:
         return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",))
+    returns = _returns(settled.system, measured.strobes)
+    if returns:
+        words = (
+            f"it returns to {returns[0].distance:.1e} after {returns[0].period} forcing periods, but attracts nothing"
+        )
+        return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: zero", words))
     found = rotation(_enough(settled, measured))
-    if found is not None and found.error <= _ROTATION and error <= _LEAD:
+    if found is not None and error <= _LEAD:
         how = f"its strobes go round {found.curves} closed curve{'s' * (found.curves > 1)} (roughness"
         words = (f"{text}: zero", f"{how} {found.roughness:.3f}), rotation number {found.number:.9g}")
         return _Verdict(AttractorKind.QUASI_PERIODIC, found, words)

@@ -8,19 +8,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from gapwalk.attractor.average import Average, average
-from gapwalk.attractor.strobe import Strobe, check_count
+from gapwalk.attractor.strobe import check_count
 from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
-from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
 
 _FIRST = 1024  # forcing periods after which the errors are looked at for the first time
+_RESOLVED = -14.0  # logarithm of the stretching over a segment, below which rounding errors show
+_MOST_SEGMENTS = 64
+_ROUNDING = 1e-9  # spread of averages, a forcing period, that says nothing about the motion
 _ALIGNING = 8  # one in so many of the first periods is left out: the directions are still turning into place
 
 
@@ -142,7 +147,7 @@ def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: 
 
 def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
     rate = system.frequency / PERIOD
-    regular = bool(np.all(found.spread <= found.error))
+    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
     return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
 
 
@@ -150,8 +155,9 @@ class _Stretching:
     """The logarithms of the stretching of an orthonormal frame, one forcing period after the other."""
 
     def __init__(self, system: System, state: NDArray[np.float64]) -> None:
-        self._strobe = Strobe(system, transition=True)
+        self._flow, self._coefficients = flow_of(system, transition=True), coefficients_of(system)
         self._state, self._frame = state, np.eye(len(state))
+        self._segments = 1
         self._logs: list[NDArray[np.float64]] = []
         self._strobes: list[NDArray[np.float64]] = []
 
@@ -165,12 +171,22 @@ class _Stretching:
 
     def extend(self, length: int) -> None:
         """Go on until `length` periods have been seen."""
-        tiny = np.finfo(float).tiny
         while len(self._logs) < length:
-            arc = self._strobe.arc(self._state)
+            state, frame, logs = self._period()
+            while logs.min() < _RESOLVED and self._segments < _MOST_SEGMENTS:
+                self._segments *= 2  # what shrinks so fast is lost beside the rest: factorise more often
+                state, frame, logs = self._period()
+            self._state, self._frame = state, frame
+            self._logs.append(logs.sum(axis=0))
+            self._strobes.append(state)
+
+    def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """State and frame after a period, and the logarithms for each segment of it, shape (segments, 2n)."""
+        state, frame, logs = self._state, self._frame, []
+        for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
+            arc = self._flow.integrate(self._coefficients, state, start, stop)
             assert arc.transition is not None
-            factors, scales, _, _ = lapack.dgeqrf(arc.transition @ self._frame)
-            self._frame = lapack.dorgqr(factors, scales)[0]
-            self._logs.append(np.log(np.maximum(np.abs(factors.diagonal()), tiny)))
-            self._state = arc.state
-            self._strobes.append(arc.state)
+            factors, scales, _, _ = lapack.dgeqrf(arc.transition @ frame)
+            frame, state = lapack.dorgqr(factors, scales)[0], arc.state
+            logs.append(np.log(np.maximum(np.abs(factors.diagonal()), np.finfo(float).tiny)))
+        return state, frame, np.array(logs)

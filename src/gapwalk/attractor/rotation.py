@@ -15,14 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 from scipy.signal.windows import hann
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial.distance import pdist, squareform
 
 from gapwalk.attractor.average import birkhoff_weights
 
 _LEAST = 256  # the fewest strobes on each curve
 _LINES = 8  # strongest lines of the spectrum from which candidates are made
-_COARSE = 400  # strobes by which candidates are compared
-_GAP = 0.1  # the widest gap between the phases of those: a rational number would visit a few places only
-_SMOOTH = 1.25  # length of the way round over that through every other strobe: 1 for a curve, 2 for a cloud
+_GAP = 0.05  # the widest gap between the phases: a rational number would visit a few places only
+_SMOOTH = 1.3  # length of the way round over the least that joins the strobes: 1 for a curve
+_CERTAIN = 1e-4  # the largest error of a rotation number that is one
+_MOST = 1024  # strobes by which curves are judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,8 @@ class Rotation:
     curves
         Number of curves, visited in turn: the period of the orbit that the torus surrounds.
     roughness
-        Length of the way round through all strobes over that through every other one: 1 for a smooth curve.
+        Length of the way round through the strobes, in the order of their phases, over the least length that joins
+        them (of the minimum spanning tree): 1 for a curve, much more if the order or the number of curves is wrong.
     """
 
     number: float
@@ -73,17 +77,22 @@ def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | N
 def _on_one_curve(states: NDArray[np.float64]) -> tuple[float, float, float] | None:
     """Number, error and roughness of strobes on one curve; None if they lie on none."""
     centred = states - states.mean(axis=0)
-    candidates = _candidates(centred)
-    few = centred[:_COARSE]
-    candidates = [number for number in candidates if _widest_gap(number, len(few)) <= _GAP]
+    places = _chosen(len(states))
+    few = centred[places]
+    candidates = [number for number in _candidates(centred) if _widest_gap(places * number) <= _GAP]
     if not candidates:
         return None
-    best = min(candidates, key=lambda number: _way_round(few, number)[0])
-    if _way_round(few, best)[1] > _SMOOTH:
-        return None
+    best = min(candidates, key=lambda number: _way_round(few, places * number))
     number, error = _refine(centred, best)
-    roughness = _way_round(centred, number)[1]
-    return (number % 1.0, error, roughness) if roughness <= _SMOOTH else None
+    roughness = _way_round(few, places * number) / _least_length(few)
+    return (number % 1.0, error, roughness) if roughness <= _SMOOTH and error <= _CERTAIN else None
+
+
+def _chosen(count: int) -> NDArray[np.intp]:
+    """Strobes by which curves are judged: at random, because any regular choice would see another rotation."""
+    if count <= _MOST:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
 
 
 def _candidates(states: NDArray[np.float64]) -> list[float]:
@@ -98,19 +107,23 @@ def _candidates(states: NDArray[np.float64]) -> list[float]:
     return [number for number in folded if number > 0.5 / count]
 
 
-def _widest_gap(number: float, count: int) -> float:
-    phases = np.sort(np.arange(count) * number % 1.0)
+def _widest_gap(turns: NDArray[np.floating]) -> float:
+    """The widest gap between phases."""
+    phases = np.sort(turns % 1.0)
     return float(np.diff(phases, append=phases[0] + 1.0).max())
 
 
-def _way_round(states: NDArray[np.float64], number: float) -> tuple[float, float]:
-    """Length of the closed way through the strobes in the order of their phases, and its roughness."""
-    order = np.argsort(np.arange(len(states)) * number % 1.0)
-    ring = states[order]
-    whole = float(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum())
-    half = ring[::2]
-    coarse = float(np.linalg.norm(half - np.roll(half, 1, axis=0), axis=1).sum())
-    return whole, whole / max(coarse, np.finfo(float).tiny)
+def _way_round(states: NDArray[np.float64], turns: NDArray[np.floating]) -> float:
+    """Length of the closed way through the strobes in the order of their phases."""
+    ring = states[np.argsort(turns % 1.0)]
+    return float(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum())
+
+
+def _least_length(states: NDArray[np.float64]) -> float:
+    """Length of the shortest tree that joins all strobes."""
+    distances = pdist(states)
+    distances = np.maximum(distances, 1e-9 * distances.max())  # to a graph a distance of 0 is no edge at all
+    return float(minimum_spanning_tree(squareform(distances)).sum())
 
 
 def _refine(states: NDArray[np.float64], number: float) -> tuple[float, float]:

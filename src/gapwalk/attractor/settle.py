@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.approach import Approach, nearby_orbit, watch
 from gapwalk.attractor.recurrence import recurrences
 from gapwalk.attractor.settled import Settled
-from gapwalk.attractor.stationary import drift_of
+from gapwalk.attractor.stationary import Drift, drift_of
 from gapwalk.attractor.strobe import Strobe, check_count, size_of
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -22,8 +22,11 @@ from gapwalk.orbit.orbit import Orbit
 _FIRST = 8  # forcing periods before the first look; the following looks come after half as many again
 _STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
 _PROMISING = 0.05  # distance of return, relative to the motion, from which a period is tried
+_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos shows
+_REST = 1e-3  # size of a motion, relative to the largest so far, below which it may be on its way to rest
 _KEPT = 1024  # strobes that the record keeps
 _ON = 1e-7  # distance from an unstable orbit below which a motion stays on it by symmetry or by chance
+_UNSTABLE = 1.0 + 1e-6  # the least multiplier of such an orbit: a neutral one repels nothing
 _NUDGE = 1e-5  # how far it is pushed off, relative to the motion
 
 
@@ -96,9 +99,9 @@ class _Transient:
     def __init__(self, system: System, state: NDArray[np.float64], options: SettleOptions) -> None:
         self.strobe, self.options = Strobe(system), options
         self.blocks = [state[None, :]]
-        self.periods, self.drift = 0, np.inf
+        self.periods, self.drift = 0, Drift(np.inf, np.inf, irregular=False)
         self.notes: list[str] = []
-        self.seen: list[Orbit] = []  # unstable orbits that were passed
+        self.largest = 0.0  # size of the motion so far
 
     def follow(self) -> Settled:
         """Look again and again, ever later, until it is known where the motion leads."""
@@ -109,9 +112,9 @@ class _Transient:
             if approach is not None:
                 return self._arrived(approach)
             if self.periods >= _STATIONARY and self._is_stationary():
-                return self._record(True, None, self.drift, self._words(f"its averages drift by {self.drift:.1e}"))
+                return self._record(True, None, self.drift.change, self._words(self.drift.text, *self._returns()))
             if self.periods >= self.options.max_periods:
-                return self._record(False, None, self.drift, self._words(self._unsettled()))
+                return self._record(False, None, self.drift.change, self._words(self._unsettled(), *self._returns()))
             target = self.periods + max(_FIRST, self.periods // 2)
 
     @property
@@ -122,6 +125,7 @@ class _Transient:
         if count > 0:
             self.blocks.append(self.strobe.run(self.state, count))
             self.periods += count
+            self.largest = float(size_of(self.strobe.system, self.blocks[-1], self.largest)[0])
 
     def _tail(self, count: int) -> NDArray[np.float64]:
         states = np.concatenate(self.blocks)
@@ -134,10 +138,10 @@ class _Transient:
         scaled = tail / size_of(self.strobe.system, tail)
         periods = [each.period for each in recurrences(scaled, self.options.max_period, _PROMISING)]
         for period in sorted({1, *periods}):
-            orbit = nearby_orbit(self.strobe, self.state, period)
+            orbit = nearby_orbit(self.strobe, self.state, period, _REST * self.largest)
             if orbit is None:
                 continue
-            approach = watch(self.strobe, self.state, orbit)
+            approach = watch(self.strobe, self.state, orbit, _REST * self.largest)
             if approach.converging:
                 self.periods += approach.periods
                 return approach
@@ -147,7 +151,7 @@ class _Transient:
     def _pass(self, approach: Approach) -> None:
         """Leave an unstable orbit behind; a motion that sits on it is pushed off along its most unstable direction."""
         orbit = approach.orbit
-        if orbit.stable or approach.distance > _ON:
+        if approach.distance > _ON or float(np.abs(orbit.multipliers).max()) < _UNSTABLE:
             return
         self.notes.append(f"it sat on an unstable motion of period {orbit.period} and was pushed off it")
         transition = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period).transition
@@ -160,9 +164,8 @@ class _Transient:
 
     def _is_stationary(self) -> bool:
         tail = self._tail(self.periods // 2)
-        drift = drift_of(tail / size_of(self.strobe.system, tail))
-        self.drift = drift.change
-        return drift.is_settled(self.options.tolerance)
+        self.drift = drift_of(tail / size_of(self.strobe.system, tail))
+        return self.drift.is_settled(self.options.tolerance)
 
     def _arrived(self, approach: Approach) -> Settled:
         orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
@@ -174,16 +177,18 @@ class _Transient:
         return self._record(True, orbit, approach.distance, self._words(how))
 
     def _unsettled(self) -> str:
-        tail = self._tail(self.periods // 2)
-        scaled = tail / size_of(self.strobe.system, tail)
-        returns = recurrences(scaled, len(scaled) // 2, 1e-3)
-        text = f"it had not settled after {self.periods} forcing periods (drift {self.drift:.1e}); raise max_periods"
-        if returns and returns[-1].period > self.options.max_period:
-            text += f"; it returns to {returns[-1].distance:.1e} after {returns[-1].period} of them: raise max_period"
-        return text
+        return f"it had not settled after {self.periods} forcing periods; raise max_periods"
 
     def _words(self, *more: str) -> tuple[str, ...]:
         return (*self.notes, *more)
+
+    def _returns(self) -> tuple[str, ...]:
+        """That the motion has a period longer than was looked for, if it has."""
+        tail = self._tail(min(self.periods // 2, _KEPT))
+        tail = tail - tail.mean(axis=0)
+        found = recurrences(tail / size_of(self.strobe.system, tail), len(tail) // 2, _TIGHT)
+        longer = [each for each in found if each.period > self.options.max_period]
+        return tuple(f"it returns to {d:.1e} after {m} forcing periods: raise max_period" for m, d in longer[:1])
 
     def _record(self, converged: bool, orbit: Orbit | None, residual: float, evidence: tuple[str, ...]) -> Settled:
         kept = self._tail(_KEPT).copy()

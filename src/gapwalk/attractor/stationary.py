@@ -36,6 +36,13 @@ class Drift(NamedTuple):
         """Whether the change is within the tolerance, or, for irregular motion, the trend within its errors."""
         return self.change <= tolerance or (self.irregular and self.in_errors <= _ERRORS)
 
+    @property
+    def text(self) -> str:
+        """What is known of a settled motion, in words."""
+        if self.irregular:
+            return f"its averages fluctuate, and show no trend beyond {self.in_errors:.1f} standard errors"
+        return f"its averages change by no more than {self.change:.1e}"
+
 
 def drift_of(states: NDArray[np.float64]) -> Drift:
     """The drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more."""

@@ -54,12 +54,13 @@ def check_count(what: str, value: object, least: int = 1) -> None:
         raise ModelError(f"{what} is {value!r}; it must be an integer >= {least}")
 
 
-def size_of(system: System, states: NDArray[np.float64]) -> NDArray[np.float64]:
+def size_of(system: System, states: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
     """The size of a motion as a scale for each component of its states, shape (2n,): no unit of the user's counts.
 
     Positions are measured by the largest position, or by the largest velocity over W if that is more; velocities by
-    W times that.
+    W times that. The size of positions is at least `least`.
     """
     n, w = system.size, system.frequency
-    size = max(float(np.abs(states[..., :n]).max()), float(np.abs(states[..., n:]).max()) / w, np.finfo(float).tiny)
+    largest = max(float(np.abs(states[..., :n]).max()), float(np.abs(states[..., n:]).max()) / w)
+    size = max(largest, least, np.finfo(float).tiny)
     return size * np.concatenate((np.ones(n), np.full(n, w)))
