@@ -38,8 +38,9 @@ if TYPE_CHECKING:
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
     from gapwalk.study.sweep import Sweep, SweepOptions
+    from gapwalk.study.sweep_store import load_sweep
     from gapwalk.study.sweeping import sweep
-    from gapwalk.study.workers import workers
+    from gapwalk.study.workers import on_cluster, workers
 
     __version__: str
 
@@ -82,8 +83,10 @@ __all__ = [
     "impact_plane",
     "integrate",
     "load",
+    "load_sweep",
     "lyapunov",
     "match",
+    "on_cluster",
     "paper",
     "rattle",
     "read_studies",
@@ -137,8 +140,10 @@ _HOMES = {
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "load_sweep": "study.sweep_store",
     "lyapunov": "attractor.lyapunov",
     "match": "attractor.match",
+    "on_cluster": "study.workers",
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",

@@ -5,13 +5,19 @@ import os
 import signal
 import sys
 
+import numpy as np
 import pytest
 
+import gapwalk as gw
 from gapwalk.errors import ModelError, WorkError
+from gapwalk.motion import Flow
 from gapwalk.study import cluster as module
-from gapwalk.study.cluster import check_versions
-from gapwalk.study.workers import workers
+from gapwalk.study.cluster import Cluster, check_versions
+from gapwalk.study.workers import Workers, on_cluster, workers
+from tests.study.diagrams import clutch_diagram
 from tests.study.pieces import die_at_three, fail_at_three, slow_double, slow_pid
+from tests.study.same import assert_same_result
+from tests.study.sweeps import FOLDS, options
 
 distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
 
@@ -26,8 +32,9 @@ def cluster():
 
 @pytest.fixture(scope="module")
 def hands(cluster):
-    with workers(scheduler=cluster.scheduler_address) as found:
-        yield found
+    crew = Cluster(cluster.scheduler_address)
+    yield Workers(crew)
+    crew.close(at_once=False)
 
 
 @pytest.mark.parametrize("in_order", [True, False])
@@ -57,6 +64,35 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(hands) -> None:
     assert len(set(pids.values()) - {os.getpid()}) >= 2
 
 
+def test_a_sweep_with_a_killed_worker_is_that_of_one_process(cluster, hands) -> None:
+    alone = gw.sweep(*FOLDS, options=options(starts=2))
+    pids = list(hands.crew._client.run(os.getpid).values())[:1]
+
+    def report(stretch, pace) -> None:
+        if pids:
+            os.kill(pids.pop(), signal.SIGKILL)
+
+    shared = gw.sweep(*FOLDS, options=options(starts=2), hands=hands, report=report)
+    assert shared.complete
+    for name in ("sections", "transients", "settled", "regimes"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))
+
+
+def test_every_study_runs_on_a_cluster_that_is_named_around_it(cluster) -> None:
+    before = Flow.calls
+    alone = gw.run(clutch_diagram())
+    calls = Flow.calls
+    with gw.on_cluster(cluster.scheduler_address) as hands:
+        assert isinstance(hands.crew, Cluster)
+        shared = gw.run(clutch_diagram(workers=2))
+        assert Flow.calls - calls < 0.5 * (calls - before)  # but for the first orbit and what tells branches apart
+        with workers(2) as inner:
+            assert inner is hands
+    assert_same_result(shared, alone)
+    with workers(1) as inner:
+        assert inner.crew is None
+
+
 def test_an_error_of_a_piece_comes_in_its_turn(hands) -> None:
     accepted = []
     with pytest.raises(ZeroDivisionError, match="three"):
@@ -82,24 +118,24 @@ def test_a_scheduler_file_names_the_cluster_too(cluster, tmp_path) -> None:
     path = tmp_path / "scheduler.json"
     path.write_text(json.dumps({"address": cluster.scheduler_address}))
     accepted = []
-    with workers(scheduler=str(path)) as hands:
+    with on_cluster(str(path)) as hands:
         hands.run(abs, [-1, -2], lambda index, result: accepted.append(result))
     assert accepted == [1, 2]
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch) -> None:
     monkeypatch.setattr(module, "_CONNECT", 0.5)
-    with pytest.raises(ModelError, match="no Dask scheduler answers at"), workers(scheduler="tcp://127.0.0.1:9"):
+    with pytest.raises(ModelError, match="no Dask scheduler answers at"), on_cluster("tcp://127.0.0.1:9"):
         pass
-    with pytest.raises(ModelError, match=r"such as tcp://node7:8786"), workers(scheduler="somewhere"):
+    with pytest.raises(ModelError, match=r"such as tcp://node7:8786"), on_cluster("somewhere"):
         pass
-    with pytest.raises(ModelError, match=r"no scheduler file .*nowhere\.json"), workers(scheduler="nowhere.json"):
+    with pytest.raises(ModelError, match=r"no scheduler file .*nowhere\.json"), on_cluster("nowhere.json"):
         pass
 
 
 def test_without_dask_the_error_says_what_to_install(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ModelError, match=r"pip install 'gapwalk\[cluster\]'"), workers(scheduler="tcp://a:1"):
+    with pytest.raises(ModelError, match=r"pip install 'gapwalk\[cluster\]'"), on_cluster("tcp://a:1"):
         pass
 
 

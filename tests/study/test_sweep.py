@@ -1,7 +1,10 @@
 """Sweeps: against closed forms, folds and flips that other programs found, and themselves when they are interrupted."""
 
 import json
+import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,25 +12,27 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.errors import ModelError, WorkError
+from gapwalk.errors import ModelError, StoreError, WorkError
+from gapwalk.motion import Flow
 from gapwalk.study import stretch as stretches
+from gapwalk.study.chunk_store import ChunkStore, read_chunks
+from gapwalk.study.driver import Driver
 from gapwalk.study.pace import Pace
 from gapwalk.study.sweep import BLOCK, Way
+from gapwalk.study.sweep_store import pack, unpack
 from gapwalk.study.transient import Patience
 from gapwalk.study.workers import workers
+from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
 from tests.systems import clutch, linear
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]["13"]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def reference(kind: str, near: float) -> float:
     """A special point of figure 13 that other programs found."""
     return min((point["W"] for point in REFERENCE if point["kind"] == kind), key=lambda value: abs(value - near))
-
-
-def options(**given) -> gw.SweepOptions:
-    return gw.SweepOptions(**({"steps": 45, "points": 14, "workers": 1} | given))
 
 
 def light(**changes) -> gw.System:
@@ -37,7 +42,7 @@ def light(**changes) -> gw.System:
 
 @pytest.fixture(scope="module")
 def hysteresis() -> gw.Sweep:
-    return gw.sweep(clutch(), "frequency", (0.605, 0.649), options=options())
+    return gw.sweep(*FOLDS, options=options())
 
 
 def assert_same(a: gw.Sweep, b: gw.Sweep) -> None:
@@ -109,7 +114,7 @@ def test_many_starts_find_what_one_does_not() -> None:
 
 def test_the_number_of_workers_changes_nothing(hysteresis) -> None:
     with workers(2) as hands:
-        assert_same(gw.sweep(clutch(), "frequency", (0.605, 0.649), options=options(), hands=hands), hysteresis)
+        assert_same(gw.sweep(*FOLDS, options=options(), hands=hands), hysteresis)
 
 
 def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> None:
@@ -119,8 +124,8 @@ def test_the_seed_makes_a_difference_of_the_size_of_the_kicks(hysteresis) -> Non
 
 
 @pytest.mark.parametrize("after", [1, 3, 5])
-def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis) -> None:
-    done, paces = [], []
+def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) -> None:
+    path, done, paces = tmp_path / "up.sweep", [], []
 
     def report(stretch, pace: Pace) -> None:
         done.append(stretch)
@@ -128,16 +133,93 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis) -> None:
         if len(done) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.sweep(clutch(), "frequency", (0.605, 0.649), options=options(), report=report)
+    stopped = gw.sweep(*FOLDS, options=options(), report=report, output=path)
     assert not stopped.complete
     assert np.count_nonzero(stopped.regimes != "") == sum(len(stretch.regimes) for stretch in done)
     assert [(pace.done, pace.total) for pace in paces] == [(k, 6) for k in range(1, after + 1)]
+    assert_same(gw.load_sweep(path), stopped)
+    assert os.listdir(tmp_path) == [path.name]
     paces.clear()
-    again = gw.sweep(
-        clutch(), "frequency", (0.605, 0.649), options=options(), resume=done, report=lambda _, pace: paces.append(pace)
-    )
+    again = gw.sweep(*FOLDS, options=options(workers=2), output=path, report=lambda _, pace: paces.append(pace))
     assert_same(again, hysteresis)
+    assert_same(gw.load_sweep(path), hysteresis)
     assert [(pace.done, pace.before) for pace in paces] == [(k, after) for k in range(after + 1, 7)]
+    calls = Flow.calls
+    assert_same(gw.sweep(*FOLDS, options=options(), output=path), hysteresis)
+    assert Flow.calls == calls  # a complete sweep is not driven again
+
+
+def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, hysteresis) -> None:
+    path = tmp_path / "killed.sweep"
+    for aim in (1, 2, 100):
+        program = subprocess.Popen(
+            [sys.executable, "-m", "tests.study.sweeps", str(path)],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
+        )
+        assert program.stdout is not None
+        lines = []
+        for line in program.stdout:
+            lines.append(line.strip())
+            if len(lines) == aim:
+                program.kill()
+                break
+        program.stdout.close()
+        program.wait()
+        stored = gw.load_sweep(path)
+        for name in lines if aim < 100 else ():
+            lane, number = map(int, name.split())
+            places = np.arange(number * BLOCK, min((number + 1) * BLOCK, 45))
+            assert (stored.regimes[lane, places if lane == 0 else 44 - places] != "").all()
+    assert lines[-1] == "complete"
+    assert_same(stored, hysteresis)
+
+
+def test_another_sweep_is_not_mixed_with_one_in_a_file(tmp_path) -> None:
+    path = tmp_path / "a.sweep"
+    small = options(steps=2, ways="up")
+    gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=path)
+    with pytest.raises(StoreError, match=r"options\.kick is 0\.0, and was 1e-07"):
+        gw.sweep(clutch(), "frequency", (0.6, 0.7), options=replace(small, kick=0.0), output=path)
+    with pytest.raises(StoreError, match=r"system\.parameters\.stiffness\.q1\.q1 is 0\.2, and was 0\.1"):
+        gw.sweep(clutch().at({"stiffness.q1.q1": 0.2}), "frequency", (0.6, 0.7), options=small, output=path)
+    with pytest.raises(StoreError, match="is no result file of gapwalk"):
+        gw.load(path)
+    with pytest.raises(StoreError, match="being written by another run"), ChunkStore(tmp_path / "b.sweep", {}):
+        gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=tmp_path / "b.sweep")
+
+
+def test_a_damaged_file_is_called_so(tmp_path) -> None:
+    path = tmp_path / "a.sweep"
+    gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(steps=2, ways="up"), output=path)
+    about, chunks = read_chunks(path)
+    del about["versions"]
+    for number, data, message in [
+        (1, chunks[0], "stands in the place of another"),
+        (0, chunks[0][:-40], "the parts of a stretch are missing"),
+        (0, b"", "the parts of a stretch are missing"),
+        (5, pack(replace(unpack(chunks[0]), lane=5)), "stretch 0 of lane 5 is none of this sweep"),
+        (0, pack(replace(unpack(chunks[0]), regimes=("",))), "another size"),
+    ]:
+        path.unlink()
+        with ChunkStore(path, about) as store:
+            store.add(number, data)
+        with pytest.raises(StoreError, match=message):
+            gw.load_sweep(path)
+    path.unlink()
+    for wrong, message in [
+        ({"kind": "other"}, "holds no sweep"),
+        ({"options": {}}, "is damaged"),
+        ({"to": [1.0]}, "is damaged"),
+        ({"block": 7}, "its stretches have 7 values"),
+    ]:
+        with ChunkStore(path, about | wrong):
+            pass
+        with pytest.raises(StoreError, match=message):
+            gw.load_sweep(path)
+        path.unlink()
 
 
 def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
@@ -168,10 +250,10 @@ def test_a_kick_leaves_what_is_unstable() -> None:
 
 
 def test_a_worker_that_dies_each_time_is_told_with_its_lane(monkeypatch) -> None:
-    from gapwalk.study import sweeping
+    from gapwalk.study import driver
     from tests.study.pieces import die
 
-    monkeypatch.setattr(sweeping, "sweep_stretch", die)
+    monkeypatch.setattr(driver, "sweep_stretch", die)
     with pytest.raises(WorkError, match=r"Lane\(up, start 1\).*a worker process died"):
         gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(ways="up", workers=2))
 
@@ -221,7 +303,7 @@ def test_a_sweep_that_makes_no_sense() -> None:
 
 
 def test_a_result_depends_on_its_task_alone() -> None:
-    driver = gw.study.sweeping.Driver(clutch(), "frequency", (0.6, 0.7), options(), ())  # type: ignore[attr-defined]
+    driver = Driver(clutch(), "frequency", (0.6, 0.7), options())
     (task, _) = driver._first_tasks()
     stretches.sweep_stretch(replace(task, state=task.state + 0.3))
     once, twice = stretches.sweep_stretch(task), stretches.sweep_stretch(task)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gapwalk.errors import ModelError, WorkError
+from gapwalk.errors import WorkError
 from gapwalk.study.workers import workers
 from tests.study.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
 
@@ -88,11 +88,6 @@ def test_pieces_may_become_more_while_they_are_done(count, in_order) -> None:
         hands.run(slow_double, pieces, accept, in_order=in_order)
     assert sorted(accepted) == list(range(6))
     assert sorted(accepted.values()) == [2, 4, 8, 10, 16, 20]
-
-
-def test_local_processes_and_a_cluster_are_not_asked_for_together() -> None:
-    with pytest.raises(ModelError, match="leave one of them out"), workers(2, "tcp://127.0.0.1:8786"):
-        pass
 
 
 SCRIPT = """

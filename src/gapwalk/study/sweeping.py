@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+import os
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gapwalk.bifurcation.search.starts import spread_starts, state_box
-from gapwalk.errors import ModelError, WorkError
 from gapwalk.model.system import System
-from gapwalk.motion.motion import check_state
+from gapwalk.study.driver import Driver, Report
 from gapwalk.study.pace import Pace
-from gapwalk.study.stretch import Stretch, Task, sweep_stretch
-from gapwalk.study.sweep import Lane, Sweep, SweepOptions, Way, assemble, places_of, stretches_of
+from gapwalk.study.stretch import Stretch
+from gapwalk.study.sweep import Sweep, SweepOptions
+from gapwalk.study.sweep_store import SweepStore
 from gapwalk.study.workers import Workers, workers
-
-Report = Callable[[Stretch, Pace], object]
-"""Called with each stretch when it is done, and how far the sweep has come."""
 
 
 def sweep(
@@ -30,7 +22,7 @@ def sweep(
     options: SweepOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    resume: Iterable[Stretch] = (),
+    output: str | os.PathLike[str] | None = None,
 ) -> Sweep:
     """Drive a sweep over a range of one parameter.
 
@@ -46,150 +38,43 @@ def sweep(
     options
         How it is driven.
     hands
-        Who does the work; by default as many local processes as the options say. ``with workers(scheduler=...) as
-        hands:`` is a cluster. The result does not depend on it.
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
     report
-        Called with each stretch of values when it is done.
-    resume
-        Stretches of the same sweep that have been done already.
+        Called with each stretch of values when it is done, and is in the file.
+    output
+        A file to write while it is driven; `gapwalk.load_sweep` reads it. If it holds a part of the same sweep, that
+        is gone on with, and comes to the same result.
 
     Raises
     ------
     ModelError
         For an unknown parameter, an empty range, or starts that are no states.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
     WorkError
-        If other processes cannot do the work.
+        If other processes cannot do the work; what they have done is in the file.
     """
-    options = options or SweepOptions()
-    driver = Driver(system, parameter, to, options, resume)
-    crew: AbstractContextManager[Workers] = nullcontext(hands) if hands is not None else workers(options.workers)
-    try:
-        with crew as found:
-            driver.drive(found, report)
-    except KeyboardInterrupt:
-        pass
+    driver = Driver(system, parameter, to, options or SweepOptions())
+    with ExitStack() as stack:
+        store = None if output is None else stack.enter_context(SweepStore(output, driver))
+        if store is not None:
+            driver.take(store.known())
+
+        def keep(stretch: Stretch, pace: Pace) -> None:
+            if store is not None:
+                store.add(stretch)
+            if report is not None:
+                report(stretch, pace)
+
+        try:
+            if not driver.is_complete:
+                with _crew(driver.options, hands) as found:
+                    driver.drive(found, keep)
+        except KeyboardInterrupt:
+            pass
     return driver.sweep()
 
 
-class Driver:
-    """Drives one sweep, stretch by stretch.
-
-    Parameters
-    ----------
-    system, parameter, to, options
-        As in `sweep`.
-    done
-        Stretches that have been done already.
-    """
-
-    def __init__(
-        self, system: System, parameter: str, to: tuple[float, float], options: SweepOptions, done: Iterable[Stretch]
-    ) -> None:
-        low, high = sorted((float(to[0]), float(to[1])))
-        ends = [system.at({parameter: value}) for value in (low, high)]  # refuses what no system can have
-        if not low < high:
-            raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}: it is empty")
-        self.system, self.parameter, self.options = system, parameter, options
-        self.values = np.linspace(low, high, options.steps)
-        self.box = np.maximum(*(state_box(end) for end in ends))
-        starts = _starts(ends[0], options, self.box)
-        self.lanes = tuple(
-            Lane(way, number, state) for way in options.each_way() for number, state in enumerate(starts, start=1)
-        )
-        self._done = {(stretch.lane, stretch.number): stretch for stretch in done}
-
-    @property
-    def total(self) -> int:
-        """Number of stretches of the whole sweep."""
-        return len(self.lanes) * stretches_of(self.options.steps)
-
-    def drive(self, hands: Workers, report: Report | None = None) -> None:
-        """Do all that has not been done yet; a lane that is carried over becomes a chain of tasks."""
-        tasks = self._first_tasks()
-        begun, before = time.monotonic(), self._count()
-
-        def accept(index: int, stretch: Stretch) -> None:
-            self._done[stretch.lane, stretch.number] = stretch
-            if self.lanes[stretch.lane].way is not Way.AFRESH:
-                tasks.extend(self._next_task(stretch))
-            if report is not None:
-                report(stretch, Pace(self._count(), self.total, before, time.monotonic() - begun))
-
-        try:
-            hands.run(sweep_stretch, tasks, accept, in_order=False)
-        except WorkError as error:
-            names = {str(self.lanes[tasks[index].lane]) for index in error.pieces}
-            raise WorkError(f"{', '.join(sorted(names))}: {error}" if names else str(error), error.pieces) from None
-
-    def sweep(self) -> Sweep:
-        """The sweep, as far as it has been driven."""
-        lanes, steps, size = len(self.lanes), self.options.steps, 2 * self.system.size
-        empty = Sweep(
-            self.system,
-            self.parameter,
-            self.values,
-            self.lanes,
-            np.full((lanes, steps, self.options.points, size), np.nan),
-            np.zeros((lanes, steps), dtype=np.intp),
-            np.zeros((lanes, steps), dtype=bool),
-            np.full((lanes, steps), "", dtype="<U16"),
-        )
-        return assemble(empty, list(self._done.values()), complete=self._count() == self.total)
-
-    def _count(self) -> int:
-        """Stretches that are done; those after the end of a lane that could not be carried on are not to be done."""
-        last = stretches_of(self.options.steps) - 1
-        ended = sum(last - stretch.number for stretch in self._done.values() if self._ends(stretch))
-        return len(self._done) + ended
-
-    def _ends(self, stretch: Stretch) -> bool:
-        return bool(stretch.note) and self.lanes[stretch.lane].way is not Way.AFRESH
-
-    def _first_tasks(self) -> list[Task]:
-        tasks = []
-        for index, lane in enumerate(self.lanes):
-            if lane.way is Way.AFRESH:
-                numbers = range(stretches_of(self.options.steps))
-                tasks += [self._task(index, n, lane.state) for n in numbers if (index, n) not in self._done]
-                continue
-            known = [stretch for (owner, _), stretch in self._done.items() if owner == index]
-            if not known:
-                tasks.append(self._task(index, 0, lane.state))
-            else:
-                tasks += self._next_task(max(known, key=lambda each: each.number))
-        return tasks
-
-    def _next_task(self, stretch: Stretch) -> list[Task]:
-        """What follows a stretch of a lane that is carried over; nothing at its end."""
-        number = stretch.number + 1
-        if self._ends(stretch) or number == stretches_of(self.options.steps):
-            return []
-        return [self._task(stretch.lane, number, stretch.last)]
-
-    def _task(self, index: int, number: int, state: NDArray[np.float64]) -> Task:
-        lane, options = self.lanes[index], self.options
-        places = places_of(lane.way, options.steps, number)
-        return Task(
-            index,
-            number,
-            self.system,
-            self.parameter,
-            places,
-            self.values[places],
-            state,
-            lane.way is not Way.AFRESH,
-            self.box,
-            options.points,
-            options.max_period,
-            options.patience,
-            options.kick,
-            (options.seed, lane.way.number, lane.start),
-        )
-
-
-def _starts(system: System, options: SweepOptions, box: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The states from which a sweep starts."""
-    if not isinstance(options.starts, int):
-        return [check_state(system, start) for start in options.starts]
-    rest = np.zeros(len(box))
-    return [rest, *spread_starts(box, options.starts, options.seed, 0.0)[1:]]
+def _crew(options: SweepOptions, hands: Workers | None) -> AbstractContextManager[Workers]:
+    return workers(options.workers) if hands is None else nullcontext(hands)

@@ -6,9 +6,10 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Protocol, TypeVar
 
-from gapwalk.errors import ModelError, WorkError
+from gapwalk.errors import WorkError
 from gapwalk.study.processes import Processes, local_cores
 
 Work = TypeVar("Work")
@@ -205,9 +206,12 @@ class _Run:
         )
 
 
+_around: ContextVar[Workers | None] = ContextVar("workers", default=None)
+
+
 @contextmanager
-def workers(count: int | None = None, scheduler: str | None = None) -> Iterator[Workers]:
-    """Workers for a while: local processes, or those of a Dask cluster.
+def workers(count: int | None = None) -> Iterator[Workers]:
+    """Workers for a while: local processes, or inside of `on_cluster` those of the cluster.
 
     What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
 
@@ -215,34 +219,49 @@ def workers(count: int | None = None, scheduler: str | None = None) -> Iterator[
     ----------
     count
         As many local processes; by default one for each local core. 1 works in this process.
+    """
+    around = _around.get()
+    if around is not None:
+        yield around
+        return
+    count = local_cores() if count is None else max(1, count)
+    if count == 1:
+        yield Workers()
+        return
+    with _hired(Processes(count)) as hands:
+        yield hands
+
+
+@contextmanager
+def on_cluster(scheduler: str) -> Iterator[Workers]:
+    """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
+
+    Parameters
+    ----------
     scheduler
-        Address of the scheduler of a Dask cluster, or its scheduler file (a name that ends with ``.json``); see
-        `gapwalk.study.cluster`.
+        Address of its scheduler, such as ``tcp://node7:8786``, or the name of its scheduler file, which ends with
+        ``.json``.
 
     Raises
     ------
     ModelError
-        If both are given, or the cluster cannot be used.
+        If Dask is not installed, no scheduler answers, or its workers cannot do the work of this version.
     """
-    if scheduler is not None and count is not None:
-        raise ModelError(
-            f"workers is {count} and scheduler is {scheduler!r}, but a cluster has as many workers as were started "
-            "there; leave one of them out"
-        )
-    count = local_cores() if count is None else max(1, count)
-    if scheduler is None and count == 1:
-        yield Workers()
-        return
-    crew = Processes(count) if scheduler is None else _cluster(scheduler)
+    from gapwalk.study.cluster import Cluster  # it needs Dask, which is an extra
+
+    with _hired(Cluster(scheduler)) as hands:
+        token = _around.set(hands)
+        try:
+            yield hands
+        finally:
+            _around.reset(token)
+
+
+@contextmanager
+def _hired(crew: Crew) -> Iterator[Workers]:
     try:
         yield Workers(crew)
     except BaseException:
         crew.close(at_once=True)
         raise
     crew.close(at_once=False)
-
-
-def _cluster(scheduler: str) -> Crew:
-    from gapwalk.study.cluster import Cluster  # it needs Dask, which is an extra
-
-    return Cluster(scheduler)
