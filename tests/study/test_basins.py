@@ -6,10 +6,12 @@ from scipy.stats import beta
 
 from gapwalk.attractor.basins import Check, attractor_names, border_cells, in_order
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
+from gapwalk.study.basin_store import load_basins
 from gapwalk.study.basins import BasinOptions, basin_shares, basins
+from gapwalk.study.regime_store import load_regimes
 from gapwalk.study.workers import workers
 from tests.independent import integrate
 from tests.systems import linear
@@ -33,13 +35,7 @@ def in_process(**options):
 def clutch_basins():
     """The grid of 32 x 32 states from -4 to 4, both ends included: the centres of cells that are 8 / 31 wide."""
     ends = (-4.0 - HALF_A_CELL, 4.0 + HALF_A_CELL)
-    chunks = []
-    system = case("15").at(frequency=0.45)
-    options = in_process(check=64)
-    found = basins(
-        system, {"q1": ends, "q1'": ends}, 32, options=options, report=lambda chunk, pace: chunks.append(chunk)
-    )
-    return found, chunks
+    return basins(case("15").at(frequency=0.45), {"q1": ends, "q1'": ends}, 32, options=in_process(check=64))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +44,7 @@ def wells():
 
 
 def test_the_grid_of_figure_15_has_123_cells_of_period_1_and_901_of_period_3(clutch_basins):
-    found, _ = clutch_basins
+    found = clutch_basins
     assert found.axes[0] == pytest.approx(np.linspace(-4, 4, 32))
     assert found.cells == {"period 1": 123, "period 3": 901}
     assert found.unresolved == found.runaway == 0
@@ -62,15 +58,38 @@ def test_the_grid_of_figure_15_has_123_cells_of_period_1_and_901_of_period_3(clu
     assert repr(found) == "Basins(q1, q1'; 32 x 32 cells; period 1: 123, period 3: 901)"
 
 
-def test_chunks_that_are_done_are_not_done_again(clutch_basins, monkeypatch):
-    found, chunks = clutch_basins
-    monkeypatch.setattr("gapwalk.study.basin_job._sort_fast", None)
-    again = basins(
-        found.system, dict(zip(("q1", "q1'"), found.window.within, strict=True)), 32, options=in_process(check=64),
-        resume=chunks,
-    )  # fmt: skip
-    assert np.array_equal(again.labels, found.labels)
-    assert again.check == found.check
+def same(a, b):
+    """Whether two records say the same, bit for bit."""
+    states = all(
+        np.array_equal(one.strobes, other.strobes) for one, other in zip(a.attractors, b.attractors, strict=True)
+    )
+    return states and np.array_equal(a.labels, b.labels) and (a.check, a.error, a.notes) == (b.check, b.error, b.notes)
+
+
+def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
+    path, size = tmp_path / "wells.basins", (100, 50)
+    whole = basins(double_well(), WELLS, size, options=in_process(check=9))
+
+    def stop(chunk, pace):
+        raise KeyboardInterrupt
+
+    basins(double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
+    with pytest.raises(StoreError, match=r"is not complete: 1 of 2 chunks are done; go on with it by gapwalk\.basins"):
+        load_basins(path)
+    paces = []
+    found = basins(
+        double_well(), WELLS, size, options=in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
+    )
+    assert [(pace.done, pace.total, pace.before) for pace in paces] == [(2, 2, 1)]
+    assert same(found, whole)
+    assert same(load_basins(path), whole)
+    assert load_basins(path).window == whole.window
+    monkeypatch.setattr("gapwalk.study.basin_job.explore", None)
+    assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
+    with pytest.raises(StoreError, match=r"another job, so it cannot be gone on with: options\.check is 8, and was 9"):
+        basins(double_well(), WELLS, size, options=in_process(check=8), output=path)
+    with pytest.raises(StoreError, match="does not hold regimes, but a job of the kind 'basins'"):
+        load_regimes(path)
 
 
 def test_a_linear_system_has_one_basin():
@@ -155,7 +174,7 @@ def test_the_error_of_the_picture_is_that_of_cells_that_were_not_checked():
 
 
 def test_attractors_stand_in_an_order_of_their_own(clutch_basins):
-    one, three = clutch_basins[0].attractors
+    one, three = clutch_basins.attractors
     labels = np.array([0, 0, 1, UNRESOLVED, RUNAWAY])
     ordered, renamed = in_order((three, one), labels)
     assert ordered == (one, three)

@@ -5,9 +5,10 @@ import pytest
 
 from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regime import Regime
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
+from gapwalk.study.regime_store import load_regimes
 from gapwalk.study.regimes import Carry, RegimeMapOptions, regimes
 from gapwalk.study.workers import workers
 from tests.systems import linear
@@ -23,15 +24,11 @@ def in_process(**options):
 @pytest.fixture(scope="module")
 def chart():
     """Figure 15's set: periods 1 to 3, tori and chaos in 77 cells; some of them checked."""
-    chunks = []
-    found = regimes(
-        SET_15, PLANE, (11, 7), options=in_process(check=12), report=lambda chunk, pace: chunks.append((chunk, pace))
-    )
-    return found, chunks
+    return regimes(SET_15, PLANE, (11, 7), options=in_process(check=12))
 
 
 def test_the_words_are_those_of_the_exact_flow(chart):
-    found, _ = chart
+    found = chart
     assert found.resolution == (11, 7)
     assert {"period 1", "period 2", "period 3", "quasi-periodic", "chaotic"} <= set(found.cells)
     assert sum(found.cells.values()) == 77
@@ -42,7 +39,7 @@ def test_the_words_are_those_of_the_exact_flow(chart):
 
 
 def test_a_cell_has_the_forces_of_its_orbit(chart):
-    found, _ = chart
+    found = chart
     across, up = found.axes
     for row, column in zip(*np.nonzero(found.periods == 3), strict=True):
         at = {"frequency": across[column], "harmonic1.amplitude": up[row]}
@@ -54,7 +51,7 @@ def test_a_cell_has_the_forces_of_its_orbit(chart):
 
 
 def test_the_word_at_a_point(chart):
-    found, _ = chart
+    found = chart
     row, column = np.argwhere(found.regimes == Regime.CHAOTIC)[0]
     across, up = found.axes
     assert found.at(across[column], up[row]) == "chaotic"
@@ -63,23 +60,44 @@ def test_the_word_at_a_point(chart):
         found.at(2.0, 0.5)
 
 
-def test_chunks_that_are_done_are_not_done_again(chart, monkeypatch):
-    found, chunks = chart
+def same(a, b):
+    """Whether two maps say the same, bit for bit."""
+    names = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
+    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in names) and (
+        (a.check, a.error, a.notes, a.within) == (b.check, b.error, b.notes, b.within)
+    )
+
+
+def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
+    path, plane, size = tmp_path / "map.regimes", {"frequency": (0.4, 1.6), "mean.q1": (0.2, 0.3)}, (2, 70)
+    options = in_process(check=2, carry="up")
+    whole = regimes(SET_15, plane, size, options=options)
+
+    def stop(chunk, pace):
+        raise KeyboardInterrupt
+
+    regimes(SET_15, plane, size, options=options, report=stop, output=path)
+    with pytest.raises(StoreError, match="is not complete: 1 of 2 chunks are done"):
+        load_regimes(path)
+    paces = []
+    found = regimes(SET_15, plane, size, options=options, report=lambda _, pace: paces.append(pace), output=path)
+    assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
+    assert same(found, whole)
+    assert same(load_regimes(path), whole)
     monkeypatch.setattr("gapwalk.study.regime_job._judge_piece", None)
-    done = [chunk for chunk, _ in chunks]
-    again = regimes(SET_15, PLANE, (11, 7), options=in_process(check=0), resume=done)
-    for name in ("regimes", "periods", "exponents", "peak_force", "impacts", "states"):
-        assert np.array_equal(getattr(again, name), getattr(found, name), equal_nan=name == "exponents")
+    assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
+    with pytest.raises(StoreError, match=r"options\.carry is 'no', and was 'up'"):
+        regimes(SET_15, plane, size, options=in_process(check=2), output=path)
 
 
 def test_the_result_does_not_depend_on_who_does_the_work():
-    plane = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}
-    alone = regimes(SET_15, plane, (3, 70), options=in_process(check=2, carry="down"))
+    plane, judging = {"frequency": (0.4, 1.6), "harmonic1.amplitude": (0.1, 0.2)}, RegimeOptions(forces=False)
+    options = in_process(check=2, carry="down", judging=judging)
+    alone = regimes(SET_15, plane, (2, 65), options=options)
     with workers(2) as hands:
-        both = regimes(SET_15, plane, (3, 70), options=RegimeMapOptions(check=2, carry="down"), hands=hands)
-    assert np.array_equal(both.regimes, alone.regimes)
-    assert np.array_equal(both.states, alone.states)
-    assert both.check == alone.check
+        both = regimes(SET_15, plane, (2, 65), options=options, hands=hands)
+    assert same(both, alone)
+    assert both.impacts.shape == (65, 2, 0)
 
 
 def test_a_linear_system_has_period_1_everywhere():
@@ -105,11 +123,11 @@ def test_ctrl_c_keeps_what_is_done():
         raise KeyboardInterrupt
 
     found = regimes(
-        linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (60, 40), options=in_process(), report=stop
+        linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (33, 64), options=in_process(), report=stop
     )
     assert not found.complete
-    assert found.cells == {"period 1": 2048, "undecided": 352}
-    assert found.notes == ("stopped when 2048 of 2400 cells were done",)
+    assert found.cells == {"period 1": 2048, "undecided": 64}
+    assert found.notes == ("stopped when 2048 of 2112 cells were done",)
 
 
 @pytest.mark.parametrize(

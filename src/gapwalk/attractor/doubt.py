@@ -44,7 +44,7 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
     systems
         Gives the system of each motion.
     """
-    found = Verdicts(*(part.copy() for part in verdicts))
+    found = verdicts.copy()
     for regime, options in ((Regime.QUASI_PERIODIC, _SLOW), (Regime.UNDECIDED, _LOCKED)):
         for place in np.flatnonzero(verdicts.regimes == regime).tolist():
             system = systems[place]()

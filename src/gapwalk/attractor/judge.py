@@ -86,6 +86,11 @@ class Verdicts(NamedTuple):
     impacts: NDArray[np.float64]
     states: NDArray[np.float64]
 
+    def copy(self) -> Verdicts:
+        """The same with arrays of its own."""
+        regimes, periods = self.regimes.copy(), self.periods.copy()
+        return Verdicts(regimes, periods, *(part.copy() for part in self[2:]))
+
 
 def judge(
     swarm: Swarm, states: NDArray[np.float64], frequencies: NDArray[np.float64], options: RegimeOptions

@@ -16,6 +16,7 @@ from gapwalk.attractor.mass_swarm import swarm_of
 from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
 from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.model.system import System
+from gapwalk.study.cell_store import Arrays
 from gapwalk.study.pace import Pace
 from gapwalk.study.workers import Workers
 
@@ -43,6 +44,17 @@ class BasinChunk:
     number: int
     sorted: Sorted
     error: float
+
+    @property
+    def arrays(self) -> Arrays:
+        """All of it, for a store."""
+        return {**self.sorted._asdict(), "error": np.array(self.error)}
+
+    @classmethod
+    def of(cls, number: int, arrays: Arrays) -> BasinChunk:
+        """The chunk from its arrays; a LookupError if there is none in them."""
+        found = Sorted(arrays["labels"], arrays["states"], arrays["periods"])
+        return cls(number, found, float(arrays["error"]))
 
 
 Report = Callable[[BasinChunk, Pace], object]
@@ -73,20 +85,25 @@ class BasinJob:
         How much is done.
     seed
         Of the choice of the states that are looked at first, and of those that are checked.
-    done
-        Chunks of the same job that have been done already.
     """
 
-    def __init__(
-        self, system: System, states: NDArray[np.float64], effort: Effort, seed: int, done: Iterable[BasinChunk] = ()
-    ) -> None:
+    def __init__(self, system: System, states: NDArray[np.float64], effort: Effort, seed: int) -> None:
         self.states, self.effort, self.seed = states, effort, seed
         self.catalogue = Catalogue(system)
         self.labels = np.full(len(states), UNRESOLVED)
         self.checked = Check(len(states))
         self.complete = False
         self._ends = states.copy()  # where the motions have come to
-        self._chunks = {chunk.number: chunk for chunk in done}
+        self._chunks: dict[int, BasinChunk] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of chunks."""
+        return -(-len(self.states) // CHUNK)
+
+    def take(self, done: Iterable[BasinChunk]) -> None:
+        """Take over chunks of the same job that have been done already."""
+        self._chunks.update({chunk.number: chunk for chunk in done})
 
     @property
     def error(self) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict, dataclass
 
 from gapwalk.attractor.basins import Basins, BasinShares, in_order
 from gapwalk.attractor.box import Box, Range, Window
@@ -12,7 +13,10 @@ from gapwalk.attractor.catalogue import Effort
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.study.basin_job import BasinChunk, BasinJob, Report
+from gapwalk.study.basin_store import basin_arrays, basins_of, plain_basins
+from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_resolution
+from gapwalk.study.pace import Pace
 from gapwalk.study.workers import Workers, workers
 
 
@@ -68,7 +72,7 @@ def basins(
     options: BasinOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    resume: Iterable[BasinChunk] = (),
+    output: str | os.PathLike[str] | None = None,
 ) -> Basins:
     """Basins of attraction in a plane of initial states.
 
@@ -90,36 +94,57 @@ def basins(
     options
         How the basins are found.
     hands
-        Who does the work; by default as many local processes as the options say. ``with workers(scheduler=...) as
-        hands:`` is a cluster. The result does not depend on it.
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
     report
-        Called with each chunk of cells when it is done.
-    resume
-        Chunks of the same job that have been done already.
+        Called with each chunk of cells when it is done, and is in the file.
+    output
+        A file to write while the work is done; `gapwalk.load_basins` reads it. If it holds a part of the same job, that
+        is gone on with, and comes to the same result.
 
     Raises
     ------
     ModelError
         For a plane that makes no sense.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
     WorkError
-        If other processes cannot do the work.
+        If other processes cannot do the work; what they have done is in the file.
     """
     options = options or BasinOptions()
     window = Window.of(system, plane, fixed or {})
     columns, rows = check_resolution(resolution)
     states = window.states((columns, rows))
-    job = BasinJob(system, states, options.effort, options.seed, resume)
-    at_borders = len(states) if options.exact_borders else options.check
-    try:
-        with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
-            job.sort(crew, report)
-            job.check(crew, (rows, columns), at_borders, options.check)
-            job.complete = True
-    except KeyboardInterrupt:
-        pass
-    attractors, labels = in_order(job.catalogue.attractors, job.labels)
-    how = (job.checked, job.error, job.complete, tuple(job.notes()))
-    return Basins(system, window, labels.reshape(rows, columns), attractors, *how)
+    job = BasinJob(system, states, options.effort, options.seed)
+    with ExitStack() as stack:
+        store = None
+        if output is not None:
+            about = plain_basins(system, window, (columns, rows), asdict(options), job.count)
+            store = stack.enter_context(CellStore(output, about, job.count))
+            with undamaged(output):
+                if store.result is not None:
+                    return basins_of(system, window, store.result)
+                job.take([BasinChunk.of(number, arrays) for number, arrays in store.chunks.items()])
+
+        def keep(chunk: BasinChunk, pace: Pace) -> None:
+            if store is not None:
+                store.add(chunk.number, chunk.arrays)
+            if report is not None:
+                report(chunk, pace)
+
+        try:
+            with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
+                job.sort(crew, keep)
+                job.check(crew, (rows, columns), len(states) if options.exact_borders else options.check, options.check)
+                job.complete = True
+        except KeyboardInterrupt:
+            pass
+        attractors, labels = in_order(job.catalogue.attractors, job.labels)
+        how = (job.checked, job.error, job.complete, tuple(job.notes()))
+        found = Basins(system, window, labels.reshape(rows, columns), attractors, *how)
+        if store is not None and found.complete:
+            store.finish(basin_arrays(found))
+    return found
 
 
 def basin_shares(
@@ -131,7 +156,6 @@ def basin_shares(
     options: BasinOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    resume: Iterable[BasinChunk] = (),
 ) -> BasinShares:
     """The shares of a box of initial states that lead to each attractor, with confidence limits.
 
@@ -148,7 +172,7 @@ def basin_shares(
         Probability with which the limits of a share hold.
     options
         How the basins are found; nothing is checked here.
-    hands, report, resume
+    hands, report
         As in `basins`.
 
     Raises
@@ -167,7 +191,7 @@ def basin_shares(
     if not 0.0 < confidence < 1.0:
         raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
     states = room.draw(starts, options.seed)
-    job = BasinJob(system, states, options.effort, options.seed, resume)
+    job = BasinJob(system, states, options.effort, options.seed)
     try:
         with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
             job.sort(crew, report)

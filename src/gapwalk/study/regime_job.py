@@ -17,6 +17,7 @@ from gapwalk.attractor.mass_swarm import swarm_of
 from gapwalk.attractor.regime import Regime, regime_word
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
 from gapwalk.model.system import System
+from gapwalk.study.cell_store import Arrays
 from gapwalk.study.pace import Pace
 from gapwalk.study.workers import Workers
 
@@ -49,6 +50,16 @@ class RegimeChunk:
     number: int
     verdicts: Verdicts
     error: float
+
+    @property
+    def arrays(self) -> Arrays:
+        """All of it, for a store."""
+        return {**self.verdicts._asdict(), "error": np.array(self.error)}
+
+    @classmethod
+    def of(cls, number: int, arrays: Arrays) -> RegimeChunk:
+        """The chunk from its arrays; a LookupError if there is none in them."""
+        return cls(number, Verdicts(*(arrays[name] for name in Verdicts._fields)), float(arrays["error"]))
 
 
 Report = Callable[[RegimeChunk, Pace], object]
@@ -127,11 +138,9 @@ class RegimeJob:
         What the map is over.
     places
         The cells in chunks.
-    done
-        Chunks of the same job that have been done already.
     """
 
-    def __init__(self, plan: Plan, places: list[Places], done: Iterable[RegimeChunk] = ()) -> None:
+    def __init__(self, plan: Plan, places: list[Places]) -> None:
         self.plan, self.places = plan, places
         columns, rows = plan.resolution
         contacts = len(plan.system.structure.contacts) if plan.judging.forces else 0
@@ -145,7 +154,11 @@ class RegimeJob:
         )
         self.checked = RegimeCheck()
         self.complete = False
-        self._chunks = {chunk.number: chunk for chunk in done}
+        self._chunks: dict[int, RegimeChunk] = {}
+
+    def take(self, done: Iterable[RegimeChunk]) -> None:
+        """Take over chunks of the same job that have been done already."""
+        self._chunks.update({chunk.number: chunk for chunk in done})
 
     def judge(self, hands: Workers, report: Report | None = None) -> None:
         """Judge all cells that have not been judged yet."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, field
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 
 from gapwalk.attractor.judge import RegimeOptions
@@ -12,8 +13,11 @@ from gapwalk.attractor.regimes import Regimes
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
+from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_parameters, check_resolution
+from gapwalk.study.pace import Pace
 from gapwalk.study.regime_job import Plan, RegimeChunk, RegimeJob, Report
+from gapwalk.study.regime_store import plain_regimes, regime_arrays, regimes_of
 from gapwalk.study.workers import Workers, workers
 
 
@@ -72,7 +76,7 @@ def regimes(
     options: RegimeMapOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    resume: Iterable[RegimeChunk] = (),
+    output: str | os.PathLike[str] | None = None,
 ) -> Regimes:
     """The regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
@@ -93,31 +97,54 @@ def regimes(
     options
         How the map is made; its ``carry`` says where motions start.
     hands
-        Who does the work; by default as many local processes as the options say. ``with workers(scheduler=...) as
-        hands:`` is a cluster. The result does not depend on it.
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
     report
-        Called with each chunk of cells when it is done.
-    resume
-        Chunks of the same job that have been done already.
+        Called with each chunk of cells when it is done, and is in the file.
+    output
+        A file to write while the work is done; `gapwalk.load_regimes` reads it. If it holds a part of the same job,
+        that is gone on with, and comes to the same result.
 
     Raises
     ------
     ModelError
         For parameters, ranges or a start that make no sense.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
     WorkError
-        If other processes cannot do the work.
+        If other processes cannot do the work; what they have done is in the file.
     """
     options = options or RegimeMapOptions()
     names, within = check_parameters(system, plane)
     state = initial_state(system, start)
     plan = Plan(system, names, within, check_resolution(resolution), state, options.judging)
     places = plan.cells() if options.carry is Carry.NO else plan.lines(rising=options.carry is Carry.UP)
-    job = RegimeJob(plan, places, resume)
-    try:
-        with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
-            job.judge(crew, report)
-            job.check(crew, options.check, options.seed)
-            job.complete = True
-    except KeyboardInterrupt:
-        pass
-    return job.record()
+    job = RegimeJob(plan, places)
+    with ExitStack() as stack:
+        store = None
+        if output is not None:
+            store = stack.enter_context(
+                CellStore(output, plain_regimes(plan, asdict(options), len(places)), len(places))
+            )
+            with undamaged(output):
+                if store.result is not None:
+                    return regimes_of(system, names, within, store.result)
+                job.take([RegimeChunk.of(number, arrays) for number, arrays in store.chunks.items()])
+
+        def keep(chunk: RegimeChunk, pace: Pace) -> None:
+            if store is not None:
+                store.add(chunk.number, chunk.arrays)
+            if report is not None:
+                report(chunk, pace)
+
+        try:
+            with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
+                job.judge(crew, keep)
+                job.check(crew, options.check, options.seed)
+                job.complete = True
+        except KeyboardInterrupt:
+            pass
+        found = job.record()
+        if store is not None and found.complete:
+            store.finish(regime_arrays(found))
+    return found
