@@ -126,11 +126,11 @@ class Basins:
         """Number of cells from which the motion runs away."""
         return int(np.sum(self.labels == RUNAWAY))
 
-    def plot(self, **options: Any):
-        """Draw the plane with its basins; see `gapwalk.plot.plot_basins`. Returns the axes."""
-        from gapwalk.plot.basins import plot_basins
+    def plot(self, title: str = "", **options: Any):
+        """Draw the plane with its basins; options as in `gapwalk.plot.draw_basins`. Returns the figure."""
+        from gapwalk.plot.basins import draw_basins
 
-        return plot_basins(self, **options)
+        return draw_basins(self, title, **options)
 
     def __repr__(self) -> str:
         columns, rows = self.resolution

@@ -110,11 +110,11 @@ class Regimes:
         column, row = place
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
-    def plot(self, **options: Any):
-        """Draw the map; see `gapwalk.plot.plot_regimes`. Returns the axes."""
-        from gapwalk.plot.regimes import plot_regimes
+    def plot(self, title: str = "", **options: Any):
+        """Draw the map; options as in `gapwalk.plot.draw_regimes`. Returns the figure."""
+        from gapwalk.plot.regimes import draw_regimes
 
-        return plot_regimes(self, **options)
+        return draw_regimes(self, title, **options)
 
     def _groups(self) -> dict[str, int]:
         """The same as `cells`, with all long periods in one."""

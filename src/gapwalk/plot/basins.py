@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.attractor import AttractorKind
 from gapwalk.attractor.basins import Basins, Check
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.style import BLACK, DPI, GREY, RC
 
@@ -26,6 +27,7 @@ SIZE = (6.6, 6.2)
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
 _UNRESOLVED, _RUNAWAY = "#ffffff", "#3a3a3a"
 _MARKERS = "osD^vPX*<>"
+_STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, at which a strobe lies in it
 
 
@@ -41,7 +43,14 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     strobes
         Which strobes of the attractors are marked: those that lie ``"in the plane"``, ``"all"`` of them, seen along
         the other components of the state, or ``"none"``.
+
+    Raises
+    ------
+    ModelError
+        For other words.
     """
+    if strobes not in _STROBES:
+        raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     if ax is None:
         with mpl.rc_context(RC):
             ax = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
@@ -87,11 +96,10 @@ def check_words(check: Check) -> str:
     """How far the labels hold, in one line."""
     if not check.border_checked + check.inner_checked:
         return "not checked with the exact flow"
-    border = (
-        "exact at all borders" if check.borders == check.border_checked else f"borders: {check.border_checked} checked"
-    )
-    inner = f"{check.inner_wrong} of {check.inner_checked} other cells differed from the exact flow"
-    return f"{border}; {inner}"
+    inner = f"{check.inner_wrong} of {check.inner_checked} cells differed from the exact flow"
+    if check.borders == check.border_checked:
+        return f"exact at all borders; elsewhere {inner}"
+    return f"{check.border_wrong} of {check.border_checked} cells at borders and elsewhere {inner}"
 
 
 def _draw_strobes(ax: Axes, found: Basins, which: str) -> Iterator[int]:

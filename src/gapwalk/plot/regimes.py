@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from gapwalk.attractor.regime import Regime
 from gapwalk.attractor.regimes import Regimes
+from gapwalk.bifurcation.locus import Locus
+from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
-from gapwalk.plot.style import DPI, GREY, RC, diagram_size
+from gapwalk.plot.style import BLACK, DPI, GREY, RC, SYMBOLS, diagram_size
 from gapwalk.plot.words import parameter_words
 
 _NAMED = 8  # periods with a colour of their own
@@ -25,6 +28,15 @@ _FIRST = "#f6f2e4"  # of period 1
 _SEQUENCE = "YlGnBu"  # of the other periods, from light to dark
 _LONGER, _TORUS, _CHAOS, _UNDECIDED, _RUNAWAY = "#8b5a9e", "#e8702a", "#000000", "#b5b5b5", "#ffffff"
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
+
+
+_DASHES: dict[Kind, Any] = {
+    Kind.FOLD: "-",
+    Kind.FLIP: (0, (4.0, 1.5)),
+    Kind.NEIMARK_SACKER: (0, (5.0, 1.2, 1.2, 1.2)),
+    Kind.GRAZING: (0, (1.2, 1.2)),
+}
+"""Dashes of the loci of each kind."""
 
 
 class _Entry(NamedTuple):
@@ -35,7 +47,7 @@ class _Entry(NamedTuple):
     cells: NDArray[np.bool_]
 
 
-def plot_regimes(found: Regimes, *, ax: Axes | None = None) -> Axes:
+def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus] = ()) -> Axes:
     """Draw the kinds of motion in the plane of the two parameters.
 
     Parameters
@@ -44,6 +56,13 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None) -> Axes:
         The map.
     ax
         Where to draw; by default a new figure (without pyplot).
+    loci
+        Loci of bifurcations in the same plane, drawn over it.
+
+    Raises
+    ------
+    ModelError
+        For a locus of other parameters.
     """
     if ax is None:
         with mpl.rc_context(RC):
@@ -55,11 +74,12 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None) -> Axes:
     colors = ListedColormap([entry.color for entry in entries])
     _draw_cells(ax, found, codes, cmap=colors, vmin=-0.5, vmax=len(entries) - 0.5)
     handles = [Patch(facecolor=e.color, edgecolor=GREY, linewidth=0.5, label=e.text) for e in entries]
-    draw_fill_legend(ax, handles, _check_words(found), columns=6)
+    lines = _draw_loci(ax, found, list(loci))
+    draw_fill_legend(ax, [*handles, *lines], _check_words(found), columns=6)
     return ax
 
 
-def plot_figure_of_contact(found: Regimes, which: str = "peak force", contact: int = 0, *, ax: Axes) -> Axes:
+def plot_contact_figures(found: Regimes, which: str = "peak force", contact: int = 0, *, ax: Axes) -> Axes:
     """Draw the peak force or the impacts a period of one contact in the plane, with a scale.
 
     Parameters
@@ -93,7 +113,9 @@ def plot_figure_of_contact(found: Regimes, which: str = "peak force", contact: i
     return ax
 
 
-def draw_regimes(found: Regimes, title: str = "", panels: tuple[str, ...] = ("peak force",)) -> Figure:
+def draw_regimes(
+    found: Regimes, title: str = "", panels: Sequence[str] = ("peak force",), loci: Iterable[Locus] = ()
+) -> Figure:
     """The picture of a regime map as a matplotlib figure, without pyplot.
 
     Parameters
@@ -104,18 +126,39 @@ def draw_regimes(found: Regimes, title: str = "", panels: tuple[str, ...] = ("pe
         Of the picture.
     panels
         What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither; those of the first contact.
+    loci
+        Loci of bifurcations in the same plane, drawn over the regimes.
     """
     shown = panels if found.peak_force.shape[2] else ()
     with mpl.rc_context(RC):
         figure = Figure(figsize=diagram_size(1 + len(shown)), dpi=DPI, layout="constrained")
         axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
         axes[0].set_title(title.replace("$", r"\$"), wrap=True)
-        plot_regimes(found, ax=axes[0])
+        plot_regimes(found, ax=axes[0], loci=loci)
         for which, ax in zip(shown, axes[1:], strict=True):
-            plot_figure_of_contact(found, which, ax=ax)
+            plot_contact_figures(found, which, ax=ax)
         for ax in axes[:-1]:
             ax.set_xlabel("")
     return figure
+
+
+def _draw_loci(ax: Axes, found: Regimes, loci: list[Locus]) -> list[Line2D]:
+    """Draw loci black on white, which is seen on any colour; the entries of the legend."""
+    for locus in loci:
+        if (locus.first, locus.second) != (found.first, found.second):
+            raise ModelError(
+                f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {found.first} "
+                f"and {found.second}"
+            )
+        values = np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values
+        ax.plot(values[:, 0], values[:, 1], color="white", linewidth=2.6, zorder=3)
+        ax.plot(values[:, 0], values[:, 1], zorder=4, **_line(locus.kind))
+    kinds = [kind for kind in _DASHES if any(locus.kind is kind for locus in loci)]
+    return [Line2D([], [], label=SYMBOLS[kind].text.split(" (")[0], **_line(kind)) for kind in kinds]
+
+
+def _line(kind: Kind) -> dict[str, Any]:
+    return {"color": BLACK, "linewidth": 1.1, "linestyle": _DASHES[kind]}
 
 
 def _draw_cells(ax: Axes, found: Regimes, cells: NDArray, **options):
