@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
+    from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -69,6 +70,7 @@ __all__ = [
     "Harmonic",
     "Kind",
     "Limb",
+    "MassOptions",
     "Orbit",
     "Plane",
     "Regime",
@@ -104,6 +106,7 @@ __all__ = [
     "load_regimes",
     "load_sweep",
     "lyapunov",
+    "mass_flow_of",
     "match",
     "on_cluster",
     "paper",
@@ -140,6 +143,7 @@ _HOMES = {
     "Harmonic": "model.excitation",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
+    "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
     "Regime": "attractor.regime",
@@ -173,6 +177,7 @@ _HOMES = {
     "load_regimes": "study.regime_store",
     "load_sweep": "study.sweep_store",
     "lyapunov": "attractor.lyapunov",
+    "mass_flow_of": "motion.mass",
     "match": "attractor.match",
     "on_cluster": "study.workers",
     "rattle": "attractor.rattle",

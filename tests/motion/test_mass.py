@@ -17,7 +17,7 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.model import Contact, DampingLaw, Harmonic, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of
-from gapwalk.motion.mass import MassOptions, mass_flow_of
+from gapwalk.motion.mass import MassOptions, chunks, kernel, mass_flow_of
 from tests.independent import integrate as reference
 from tests.systems import backlash_oscillator, clutch, linear, random_systems, viscous_stop
 
@@ -115,6 +115,23 @@ def test_modal_coordinates_change_nothing():
     run = mass_flow_of(system, MassOptions(error=1e-6)).run(states, 2)
     assert run.states == pytest.approx(exact(system, states, 2), abs=1e-4)
     assert rms(run.states - exact(system, states, 2)) < 1e-5
+
+
+def test_cutting_the_code_into_many_loops_changes_nothing(monkeypatch):
+    system, states = paper.case("25").at(frequency=0.5), draw(paper.case("25"), 70, 2.0)
+    flow = mass_flow_of(system, MassOptions(steps=100))
+    whole = flow.run(states, 5, survey=3)
+    kernel._compile.cache_clear()
+    monkeypatch.setattr(chunks, "_FULL", 1)
+    parts = flow.run(states, 5, survey=3)
+    own = flow.run(states, 5, survey=3, parameters={"harmonic2.phase": np.array([0.0] * 69 + [1e-12])})
+    kernel._compile.cache_clear()
+    assert len(chunks.chunks_of([["y0 = c0 * z0"], ["y1 = c1 * z1"]])) == 2
+    for run in (parts, own):
+        assert run.states == pytest.approx(whole.states, abs=1e-9)
+        assert run.survey.low == pytest.approx(whole.survey.low, abs=1e-9)
+        assert run.survey.peak_force == pytest.approx(whole.survey.peak_force, abs=1e-9)
+        assert run.survey.impacts.tolist() == whole.survey.impacts.tolist()
 
 
 def test_two_sides_without_a_gap_between_them():

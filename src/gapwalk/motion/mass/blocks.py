@@ -86,7 +86,8 @@ class Blocks:
         self._size, self._every, self._first, self._surveys = states.shape[1], every, 0, False
         self._lanes = np.minimum(np.arange(-(-self.count // LANES) * LANES), self.count - 1)
         number = len(self._lanes) // LANES
-        self._data = np.zeros((number, fleet.kernel(survey).source.height, LANES))
+        height = max(fleet.kernel(kind).source.height for kind in {False, survey})
+        self._data = np.zeros((number, height, LANES))
         basis = fleet.linear.basis
         modal = states if basis is None else np.linalg.solve(basis, states[:, :, None])[:, :, 0]
         forces = history_of(fleet.linear, states, fleet.steps)
@@ -124,6 +125,7 @@ class Blocks:
         """From now on note extremes, contacts and largest forces."""
         self._surveys = True
         rows = self.fleet.kernel(True).source.tally_rows
+        self._data[:, rows["low"] : rows["end"]] = 0.0
         self._data[:, rows["low"] : rows["high"]] = np.inf
         self._data[:, rows["high"] : rows["peak"]] = -np.inf
 
@@ -133,7 +135,7 @@ class Blocks:
         values = self._data.transpose(0, 2, 1).reshape(-1, source.height)[: self.count].copy()
         values[self.left >= 0] = np.nan
         rows = source.tally_rows
-        low, high, peak, contacts = (values[:, first:stop] for first, stop in pairwise([*rows.values(), source.height]))
+        low, high, peak, contacts = (values[:, first:stop] for first, stop in pairwise(rows.values()))
         return MassSurvey(periods, low, high, peak, contacts.reshape(self.count, -1, 2) / periods)
 
     def advance(self, periods: int) -> None:

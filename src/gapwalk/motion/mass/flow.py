@@ -127,8 +127,8 @@ class MassFlow:
             return max(revised(steps, error, self.options.error), steps + 4)
         raise FlowError(
             f"the mass flow's error is {error:.2g} with {steps} steps a forcing period, where {self.options.error:g} "
-            "was asked for: the system is too stiff for it. Ask for less (MassOptions(error=...)), or use the exact "
-            "flow (gapwalk.integrate), which is faster there"
+            "was asked for: the system is too stiff for it, or a state is so large that its impact damping is. Ask for "
+            "less (MassOptions(error=...)), or use the exact flow (gapwalk.integrate), which is faster there"
         )
 
 

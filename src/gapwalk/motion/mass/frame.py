@@ -13,8 +13,7 @@ def advance(S, C, T, first, periods, steps, every, record, left, last, limit, st
             return False
         for i in range(steps):
 {times}
-            for l in range({lanes}):
-{body}
+{loops}
         alive = 0
         for l in range({lanes}):
             if left[l] < 0:

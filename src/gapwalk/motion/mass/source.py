@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import ContactSlots, StageSlots, layout_of
 from gapwalk.model.contact import DampingLaw
+from gapwalk.motion.mass.chunks import Chunk, chunks_of
 from gapwalk.motion.mass.form import Form, patterns_of
 from gapwalk.motion.mass.frame import FRAME, LANES
 from gapwalk.motion.mass.scheme import HISTORY, Linear, Scheme
@@ -33,21 +34,38 @@ class Source:
     @cached_property
     def text(self) -> str:
         """The kernel, a function `advance`."""
-        body = self._step()
-        names = [f"c{place}" for place in range(len(self._slots))]
-        if self.form.shared:
-            outside = [f"{name} = C[{place}]" for place, name in enumerate(names)]
-        else:
-            outside = []
-            body = [f"{name} = C[{place * LANES} + l]" for place, name in enumerate(names)] + body
         times = [f"t{column} = T[i * {self.columns} + {column}]" for column in range(self.columns)]
+        loops, outside = [], []
+        for chunk in self._chunks:
+            fetch = [f"{name} = C[{name[1:]}]" for name in chunk.numbers]
+            inside = []
+            if not self.form.shared:
+                fetch, inside = [], [f"{name} = C[{int(name[1:]) * LANES} + l]" for name in chunk.numbers]
+            elif len(self._chunks) == 1:
+                fetch, outside = [], fetch
+            lines = [*inside, *chunk.loads(self._rows), *chunk.lines, *chunk.stores(self._rows)]
+            loops += [*fetch, f"for l in range({LANES}):", *_indented(lines, 1).splitlines()]
         return FRAME.format(
             lanes=LANES,
             size=2 * self.n,
             outside=_indented(outside, 1),
             times=_indented(times, 3),
-            body=_indented(body, 4),
+            loops=_indented(loops, 3),
         )
+
+    @cached_property
+    def _chunks(self) -> list[Chunk]:
+        return chunks_of(list(self._atoms()))
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        """Row of each name that outlives a loop: states, force history, and behind the tally what is kept."""
+        names = [f"z{i}" for i in range(2 * self.n)]
+        names += [f"h{j}_{k}" for j in range(HISTORY) for k in range(self.contacts)]
+        rows = {name: row for row, name in enumerate(names)}
+        for name in (name for chunk in self._chunks for name in chunk.keeps):
+            rows[name] = len(rows) + self._tallies
+        return rows
 
     @cached_property
     def columns(self) -> int:
@@ -58,7 +76,7 @@ class Source:
 
     @cached_property
     def tally_rows(self) -> dict[str, int]:
-        """First row of each kind of what a survey notes: rows of a block beyond states and history."""
+        """First row of each kind of what a survey notes, behind states and history, and the row behind all."""
         if not self.form.survey:
             return {}
         first, rows = 2 * self.n + HISTORY * self.contacts, {}
@@ -66,16 +84,20 @@ class Source:
             ("low", self.n), ("high", self.n), ("peak", self.contacts), ("contacts", 2 * self.contacts),
         ):  # fmt: skip
             rows[kind], first = first, first + count
-        return rows
+        return {**rows, "end": first}
+
+    @property
+    def _tallies(self) -> int:
+        return self.form.survey * (2 * self.n + 3 * self.contacts)
 
     @cached_property
     def height(self) -> int:
         """Rows of a block."""
-        return 2 * self.n + HISTORY * self.contacts + self.form.survey * (2 * self.n + 3 * self.contacts)
+        return len(self._rows) + self._tallies
 
     def numbers(self, scheme: Scheme, linear: Linear) -> NDArray[np.float64]:
         """The numbers for the kernel's array ``C``, shape (numbers, lanes of the scheme)."""
-        assert self.text  # the slots are known once it is written
+        assert self._chunks  # the slots are known once they are written
         parts = {
             "transition": scheme.transition,
             "loads": scheme.loads,
@@ -99,23 +121,25 @@ class Source:
             return basis
         return basis @ scheme.loads[0, self._patterns["loads"].any(axis=1)].T
 
-    def _step(self) -> list[str]:
-        """The lines of one step of one lane."""
-        size, lines = 2 * self.n, []
-        lines += [f"z{i} = S[{i * LANES} + l]" for i in range(size)]
-        old = [(j, k, 2 * self.n + j * self.contacts + k) for j in range(HISTORY) for k in range(self.contacts)]
-        lines += [f"h{j}_{k} = S[{row * LANES} + l]" for j, k, row in old]
-        lines += [f"u{i} = {self._drift(i)}" for i in range(size)]
+    def _atoms(self) -> Iterable[list[str]]:
+        """The lines of one step of one lane, in pieces that belong together."""
+        size = 2 * self.n
+        yield from ([f"u{i} = {self._drift(i)}"] for i in range(size))
+        yield from ([*self._forecast(k), *self._force(k)] for k in range(self.contacts))
+        kicks = [f"y{i} = {_sum([f'u{i}', *self._kick(i)])}" for i in range(size)]
+        stores = [f"S[{i * LANES} + l] = y{i}" for i in range(size)]
+        if self.form.survey:  # it needs the old states beside the new ones
+            yield from ([kick] for kick in kicks)
+            yield from self._survey()
+            yield stores
+        else:
+            yield from map(list, zip(kicks, stores, strict=True))
         for k in range(self.contacts):
-            lines += self._forecast(k)
-            lines += self._force(k)
-        lines += [f"y{i} = {_sum([f'u{i}', *self._kick(i)])}" for i in range(size)]
-        if self.form.survey:
-            lines += self._survey()
-        lines += [f"S[{i * LANES} + l] = y{i}" for i in range(size)]
-        for j, k, row in old:
-            lines.append(f"S[{row * LANES} + l] = " + (f"f{k}" if j == 0 else f"h{j - 1}_{k}"))
-        return lines
+            first = (size + k) * LANES
+            yield [
+                f"S[{first + j * self.contacts * LANES} + l] = {f'h{j - 1}_{k}' if j else f'f{k}'}"
+                for j in range(HISTORY)
+            ]
 
     def _drift(self, i: int) -> str:
         terms = [f"{self._slot('transition', i, j)} * z{j}" for j in self._present("transition", i)]
@@ -211,14 +235,15 @@ class Source:
             terms.append(f"{self._slot('coefficient', stage.cubic)} * (deep * deep * deep)")
         return [*lines, f"{name} = {_sum(terms)}"]
 
-    def _survey(self) -> list[str]:
+    def _survey(self) -> Iterable[list[str]]:
         """Extremes of the coordinates, largest contact forces, and how often each side is entered."""
-        rows, lines = self.tally_rows, []
+        rows = self.tally_rows
 
         def keep(row: int, value: str, which: str) -> str:
             return f"S[{row * LANES} + l] = {which}(S[{row * LANES} + l], {value})"
 
         for i in range(self.n):
+            lines = []
             for symbol in "zy":
                 lines += [
                     f"q{symbol} = {self._physical(i, symbol)}",
@@ -232,9 +257,10 @@ class Source:
                 keep(rows["low"] + i, "min(qy, tip)", "min"),
                 keep(rows["high"] + i, "max(qy, tip)", "max"),
             ]
+            yield lines
         for k, slots in enumerate(self.layout.contacts):
             # the tip of the parabola through three values
-            lines += [
+            lines = [
                 f"middle, before, after = abs(h0_{k}), abs(h1_{k}), abs(f{k})",
                 "over = middle > before and middle > after",
                 "bend = (2.0 * middle - before - after) if over else 1.0",
@@ -249,7 +275,7 @@ class Source:
                 lines.append(
                     f"S[{row * LANES} + l] += 1.0 if ({dash}xz <= {clearance} and {dash}xy > {clearance}) else 0.0"
                 )
-        return lines
+            yield lines
 
     def _physical(self, i: int, symbol: str) -> str:
         """A component of the state in the user's coordinates."""
