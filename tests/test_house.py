@@ -40,9 +40,9 @@ PERMITTED = {
     ("attractor/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
-    ("study/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
     ("attractor/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
     ("attractor/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
+    ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 MAX_LINES = 350

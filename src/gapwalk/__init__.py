@@ -46,9 +46,10 @@ if TYPE_CHECKING:
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
-    from gapwalk.study.sweep import Sweep, SweepOptions
-    from gapwalk.study.sweep_store import load_sweep
-    from gapwalk.study.sweeping import sweep
+    from gapwalk.study.sweep.options import SweepOptions
+    from gapwalk.study.sweep.record import Sweep
+    from gapwalk.study.sweep.store import load_sweep
+    from gapwalk.study.sweep.sweeping import sweep
     from gapwalk.study.workers import on_cluster, workers
 
     __version__: str
@@ -159,8 +160,8 @@ _HOMES = {
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
     "Study": "study.file",
-    "Sweep": "study.sweep",
-    "SweepOptions": "study.sweep",
+    "Sweep": "study.sweep.record",
+    "SweepOptions": "study.sweep.options",
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
@@ -175,7 +176,7 @@ _HOMES = {
     "load": "study.stored",
     "load_basins": "study.basin_store",
     "load_regimes": "study.regime_store",
-    "load_sweep": "study.sweep_store",
+    "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
@@ -189,7 +190,7 @@ _HOMES = {
     "settle": "attractor.settle",
     "spectrum": "attractor.spectrum",
     "strobe": "attractor.section",
-    "sweep": "study.sweeping",
+    "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",
     "waterfall": "attractor.waterfall",
     "workers": "study.workers",

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot.sweep import draw_sweep, plot_sweep
-from gapwalk.study.sweep import Lane, Way
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import Lane
 from tests.systems import clutch
 
 
@@ -62,11 +63,13 @@ def test_a_hundred_thousand_points_take_little_time_and_space() -> None:
 
 
 def test_long_periods_share_a_colour_and_many_starts_the_strips() -> None:
-    found = sweep_of([["period 9"] * 20, ["period 12"] * 20] * 6, ways=(Way.UP, Way.AFRESH))
+    found = sweep_of([["period 9"] * 20, ["period 12"] * 20] * 8, ways=(Way.UP, Way.AFRESH))
     strips = draw_sweep(found).axes[0]
     assert [tick.get_text() for tick in strips.get_yticklabels()] == [
-        f"{way} {start}" for start in (1, 2, 3, 4) for way in ("up", "afresh")
+        f"{way} {start} of 8" for start in range(1, 7) for way in ("up", "afresh")
     ]
+    few = draw_sweep(sweep_of([["period 1"] * 20] * 4)).axes[0]
+    assert [tick.get_text() for tick in few.get_yticklabels()] == ["up 1", "down 1", "up 2", "down 2"]
     assert len({patch.get_facecolor() for patch in strips.patches if patch.get_fill()}) == 1
     assert "period 8 and more" in [text.get_text() for text in strips.figure.legends[0].get_texts()]
 

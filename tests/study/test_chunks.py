@@ -1,12 +1,13 @@
 """Chunks: the same results however they are cut and whoever does them, in pieces that are worth sending away."""
 
 import signal
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gapwalk.errors import ModelError, WorkError
+from gapwalk.study import chunks
 from gapwalk.study.chunks import do_in_chunks
 from gapwalk.study.pace import Pace
 from gapwalk.study.workers import Workers, workers
@@ -16,14 +17,6 @@ from tests.study.pieces import die
 def draw(items, seeds) -> list[tuple[int, float]]:
     """Each item with a random number."""
     return [(item, np.random.default_rng(seed).random()) for item, seed in zip(items, seeds, strict=True)]
-
-
-def work(items, seeds) -> list[float]:
-    """A millisecond for each item; the chunk's size is seen from outside."""
-    end = time.perf_counter() + 1e-3 * len(items)
-    while time.perf_counter() < end:
-        pass
-    return list(items)
 
 
 def die_at_forty(items, seeds) -> list[int]:
@@ -61,18 +54,24 @@ def test_what_is_known_is_not_done_again() -> None:
 SPANS = [(2, 5), (6, 12), (12, 18), (18, 20), (22, 28), (28, 34), (34, 40), (40, 46), (46, 49)]
 
 
-def test_chunks_grow_until_they_are_worth_it() -> None:
-    sizes, paces = [], []
+def test_chunks_grow_until_they_are_worth_it(monkeypatch) -> None:
+    now, sizes, paces = 0.0, [], []
+
+    def work(items, seeds) -> list[int]:
+        nonlocal now
+        now += len(items) / 1024 + (2.0 if 0 in items else 0.0)  # the first one waits for the compiler
+        return list(items)
+
+    monkeypatch.setattr(chunks, "time", SimpleNamespace(perf_counter=lambda: now, monotonic=lambda: now))
     found = do_in_chunks(
-        work, range(1500), Workers(), keep=lambda first, results: sizes.append(len(results)), report=paces.append
+        work, range(4000), Workers(), keep=lambda first, results: sizes.append(len(results)), report=paces.append
     )
-    assert list(found.values()) == list(range(1500))
-    assert sizes[0] == 1
-    assert max(sizes) >= 100
-    assert all(size >= 100 for size in sizes[4:-1])  # at least 100 ms of work
+    assert list(found.values()) == list(range(4000))
+    assert sizes[:8] == [1, 1, 1, 16, 16, 256, 256, 512]  # the last one is half a second of work
+    assert all(103 <= size <= 512 for size in sizes[5:-1])
+    assert sizes[-2] < 400  # towards the end they are smaller, so that all workers end at the same time
     assert [pace.done for pace in paces] == np.cumsum(sizes).tolist()
-    assert isinstance(paces[-1], Pace)
-    assert 200.0 < paces[-1].rate < 1000.0
+    assert paces[-1].rate == pytest.approx(4000 / (2.0 + 4000 / 1024))
     assert paces[-1].left == 0.0
 
 

@@ -14,13 +14,14 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.motion import Flow
-from gapwalk.study import stretch as stretches
 from gapwalk.study.chunk_store import ChunkStore, read_chunks
-from gapwalk.study.driver import Driver
 from gapwalk.study.pace import Pace
-from gapwalk.study.sweep import BLOCK, Way
-from gapwalk.study.sweep_store import pack, unpack
-from gapwalk.study.transient import Patience
+from gapwalk.study.sweep import stretch as stretches
+from gapwalk.study.sweep.driver import Driver
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import BLOCK
+from gapwalk.study.sweep.store import pack, unpack
+from gapwalk.study.sweep.transient import Patience
 from gapwalk.study.workers import workers
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
@@ -250,7 +251,7 @@ def test_a_kick_leaves_what_is_unstable() -> None:
 
 
 def test_a_worker_that_dies_each_time_is_told_with_its_lane(monkeypatch) -> None:
-    from gapwalk.study import driver
+    from gapwalk.study.sweep import driver
     from tests.study.pieces import die
 
     monkeypatch.setattr(driver, "sweep_stretch", die)

@@ -8,8 +8,8 @@ import pytest
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import flow_of
-from gapwalk.study.regime import Band, bands_of, regime_of
-from gapwalk.study.transient import Patience, has_settled, let_settle
+from gapwalk.study.sweep.regime import Band, bands_of, regime_of
+from gapwalk.study.sweep.transient import Patience, has_settled, let_settle
 from tests.systems import clutch, linear
 
 BOX = np.ones(2)

@@ -66,6 +66,19 @@ def test_an_error_of_a_piece_comes_in_its_turn(count) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("bad", [fail_at_three, die_at_three])
+def test_what_fails_and_is_superfluous_in_its_turn_hinders_nothing(count, bad) -> None:
+    accepted = []
+
+    def is_needed(index: int) -> bool:
+        return index != 1 or 0 not in accepted
+
+    with workers(count) as hands:
+        hands.run(bad, [0, 3, 1, 2], lambda index, result: accepted.append(result), is_needed)
+    assert accepted == [0, 1, 2]
+
+
+@pytest.mark.parametrize("count", [1, 2])
 def test_out_of_order_each_result_is_accepted_when_it_comes(count) -> None:
     accepted = []
     with workers(count) as hands:

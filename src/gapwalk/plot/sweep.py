@@ -16,8 +16,9 @@ from matplotlib.patches import Patch
 from gapwalk.errors import ModelError
 from gapwalk.plot.style import BLACK, BLUE, DPI, RC, VERMILLION
 from gapwalk.plot.words import parameter_words, state_words
-from gapwalk.study.regime import RAN_AWAY, Band
-from gapwalk.study.sweep import Sweep, Way
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import Sweep
+from gapwalk.study.sweep.regime import RAN_AWAY, Band
 
 AnyFigure = Figure | SubFigure
 
@@ -28,7 +29,7 @@ _WAYS = {Way.UP: ("up", BLUE), Way.DOWN: ("down", VERMILLION), Way.AFRESH: ("afr
 _PERIODS = ("#ffffff", "#9ecbea", "#0b56a4", "#009e73", "#f0e442", "#cc79a7", "#e69f00")
 _HIGHER, _NOT_PERIODIC, _AWAY = "#b9a7d6", "#4d4d4d", "#d55e00"
 _STRIP = 0.16  # height of a strip, in inches
-_MOST_STRIPS = 8
+_MOST_STRIPS = 12
 _SPARSE = 6e4  # points up to which each is drawn boldly; more of them are fainter, so that crowds show their shape
 _NAME = 5.0  # width of a letter in a strip, in points
 
@@ -127,7 +128,6 @@ def _shown_lanes(sweep: Sweep) -> list[int]:
 
 
 def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
-    many = len({sweep.lanes[lane].start for lane in shown}) > 1
     for row, lane in enumerate(shown):
         for band in sweep.bands(lane):
             ax.barh(
@@ -148,10 +148,7 @@ def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
             edgecolor="#8a8a8a",
             linewidth=0.5,
         )
-    texts = [
-        f"{_WAYS[sweep.lanes[lane].way][0]} {sweep.lanes[lane].start}" if many else _WAYS[sweep.lanes[lane].way][0]
-        for lane in shown
-    ]
+    texts = [_lane_words(sweep, lane, whole=len(shown) == len(sweep.lanes)) for lane in shown]
     ax.set_yticks(range(len(shown)), texts, fontsize=8)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.tick_params(axis="both", length=0)
@@ -160,6 +157,15 @@ def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
     for spine in ax.spines.values():
         spine.set_visible(False)
     _write_periods(ax, sweep, shown)
+
+
+def _lane_words(sweep: Sweep, lane: int, *, whole: bool) -> str:
+    """The name of a strip; where not all lanes have one, it says how many starts there are."""
+    way, start = _WAYS[sweep.lanes[lane].way][0], sweep.lanes[lane].start
+    count = max(each.start for each in sweep.lanes)
+    if count == 1:
+        return way
+    return f"{way} {start}" if whole else f"{way} {start} of {count}"
 
 
 def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:

@@ -100,7 +100,8 @@ class Cluster:
                 f"the workers of the cluster at {self.address} cannot do the work ({error}); install gapwalk "
                 f"{self._versions['gapwalk']} with its extra [cluster] there too"
             ) from None
-        for worker, theirs in found.items():
+        # one worker of each kind is enough to tell
+        for worker, theirs in {tuple(theirs.items()): (worker, theirs) for worker, theirs in found.items()}.values():
             check_versions(self._versions, theirs, worker)
         threads = self._client.nthreads()
         if not threads:

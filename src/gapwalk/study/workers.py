@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, Protocol, TypeVar
@@ -125,7 +125,6 @@ class _Run:
         self._waiting: dict[int, Future[Any] | None] = {}  # for their turn; None for a piece that was not needed
         self._losses: Counter[int] = Counter()
         self._given_up: list[int] = []
-        self._failed = False  # in order: nothing after a piece that failed will be accepted
 
     def go(self) -> None:
         try:
@@ -138,7 +137,7 @@ class _Run:
         finally:
             for future in self._running:
                 future.cancel()
-        if self._given_up:
+        if self._given_up and not self._in_order:
             raise self._blame(self._given_up)
 
     def _begin(self) -> bool:
@@ -160,18 +159,21 @@ class _Run:
             self._take_in_turn(index, None)
 
     def _is_left(self) -> bool:
-        return bool(self._again) or (not self._failed and self._begun < len(self._pieces))
+        return bool(self._again) or (self._begun < len(self._pieces) and not self._has_failed())
+
+    def _has_failed(self) -> bool:
+        """Whether a piece waits for its turn to raise an error: nothing after it will be accepted."""
+        return any(future is not None and future.exception() is not None for future in self._waiting.values())
 
     def _has_last_try(self) -> bool:
         """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
         return any(self._losses[index] == self._crew.tries - 1 for index in self._running.values())
 
     def _end(self, index: int, future: Future[Any]) -> None:
-        try:
-            error = future.exception()
-        except CancelledError:
+        if future.cancelled():
             self._crew.check()
-            error = WorkError("a piece of work was cancelled by somebody else")
+            future = _failed(WorkError("a piece of work was cancelled by somebody else"))
+        error = future.exception()
         if error is not None and self._crew.is_loss(error):
             self._losses[index] += 1
             if self._losses[index] < self._crew.tries:
@@ -179,10 +181,8 @@ class _Run:
                 (self._alone if last else self._again).append(index)
                 return
             self._given_up.append(index)
-            future = Future()
-            future.set_exception(self._blame([index]))
+            future = _failed(self._blame([index]))
         if self._in_order:
-            self._failed = self._failed or error is not None
             self._take_in_turn(index, future)
         elif index not in self._given_up:
             self._accept(index, future.result())
@@ -204,6 +204,12 @@ class _Run:
             "was killed, or there was not enough memory; try fewer workers",
             tuple(lost),
         )
+
+
+def _failed(error: Exception) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_exception(error)
+    return future
 
 
 _around: ContextVar[Workers | None] = ContextVar("workers", default=None)

@@ -11,8 +11,8 @@ from gapwalk.errors import FlowError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Flow, flow_of
-from gapwalk.study.regime import RAN_AWAY, regime_of
-from gapwalk.study.transient import Patience, let_settle
+from gapwalk.study.sweep.regime import RAN_AWAY, regime_of
+from gapwalk.study.sweep.transient import Patience, let_settle
 
 
 @dataclass(frozen=True)

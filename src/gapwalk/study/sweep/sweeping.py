@@ -6,11 +6,12 @@ import os
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 
 from gapwalk.model.system import System
-from gapwalk.study.driver import Driver, Report
 from gapwalk.study.pace import Pace
-from gapwalk.study.stretch import Stretch
-from gapwalk.study.sweep import Sweep, SweepOptions
-from gapwalk.study.sweep_store import SweepStore
+from gapwalk.study.sweep.driver import Driver, Report
+from gapwalk.study.sweep.options import SweepOptions
+from gapwalk.study.sweep.record import Sweep
+from gapwalk.study.sweep.store import SweepStore
+from gapwalk.study.sweep.stretch import Stretch
 from gapwalk.study.workers import Workers, workers
 
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.study.chunk_store import ChunkStore, read_chunks
-from gapwalk.study.driver import Driver
 from gapwalk.study.plain import plain_system, system_of
-from gapwalk.study.stretch import Stretch
-from gapwalk.study.sweep import BLOCK, Sweep, SweepOptions, stretches_of
-from gapwalk.study.transient import Patience
+from gapwalk.study.sweep.driver import Driver
+from gapwalk.study.sweep.options import SweepOptions
+from gapwalk.study.sweep.record import BLOCK, Sweep, stretches_of
+from gapwalk.study.sweep.stretch import Stretch
+from gapwalk.study.sweep.transient import Patience
 
 _KIND = "sweep"
 

@@ -13,8 +13,9 @@ from gapwalk.errors import ModelError, WorkError
 from gapwalk.model.system import System
 from gapwalk.motion.motion import check_state
 from gapwalk.study.pace import Pace
-from gapwalk.study.stretch import Stretch, Task, sweep_stretch
-from gapwalk.study.sweep import Lane, Sweep, SweepOptions, Way, assemble, places_of, stretches_of
+from gapwalk.study.sweep.options import SweepOptions, Way
+from gapwalk.study.sweep.record import Lane, Sweep, assemble, places_of, stretches_of
+from gapwalk.study.sweep.stretch import Stretch, Task, sweep_stretch
 from gapwalk.study.workers import Workers
 
 Report = Callable[[Stretch, Pace], object]
