@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
-    from gapwalk.study.basin_store import load_basins
-    from gapwalk.study.basins import BasinOptions, basin_shares, basins
+    from gapwalk.study.basins.finding import BasinOptions, basin_shares, basins
+    from gapwalk.study.basins.store import load_basins
     from gapwalk.study.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
-    from gapwalk.study.regime_store import load_regimes
-    from gapwalk.study.regimes import RegimeMapOptions, regimes
+    from gapwalk.study.regimes.mapping import RegimeMapOptions, regimes
+    from gapwalk.study.regimes.store import load_regimes
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
@@ -129,7 +129,7 @@ __all__ = [
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
     "Attractor": "attractor.attractor",
-    "BasinOptions": "study.basins",
+    "BasinOptions": "study.basins.finding",
     "BasinShares": "attractor.basins",
     "Basins": "attractor.basins",
     "Branch": "continuation.branch",
@@ -148,7 +148,7 @@ _HOMES = {
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
     "Regime": "attractor.regime",
-    "RegimeMapOptions": "study.regimes",
+    "RegimeMapOptions": "study.regimes.mapping",
     "RegimeOptions": "attractor.judge",
     "Regimes": "attractor.regimes",
     "ResponseOptions": "study.options",
@@ -165,8 +165,8 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
-    "basin_shares": "study.basins",
-    "basins": "study.basins",
+    "basin_shares": "study.basins.finding",
+    "basins": "study.basins.finding",
     "classify": "attractor.classify",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
@@ -174,8 +174,8 @@ _HOMES = {
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
-    "load_basins": "study.basin_store",
-    "load_regimes": "study.regime_store",
+    "load_basins": "study.basins.store",
+    "load_regimes": "study.regimes.store",
     "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
@@ -184,7 +184,7 @@ _HOMES = {
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
-    "regimes": "study.regimes",
+    "regimes": "study.regimes.mapping",
     "run": "study.run",
     "section": "attractor.section",
     "settle": "attractor.settle",

@@ -9,9 +9,9 @@ from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
-from gapwalk.study.basin_store import load_basins
-from gapwalk.study.basins import BasinOptions, basin_shares, basins
-from gapwalk.study.regime_store import load_regimes
+from gapwalk.study.basins.finding import BasinOptions, basin_shares, basins
+from gapwalk.study.basins.store import load_basins
+from gapwalk.study.regimes.store import load_regimes
 from gapwalk.study.workers import workers
 from tests.independent import integrate
 from tests.systems import linear
@@ -84,7 +84,7 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert same(found, whole)
     assert same(load_basins(path), whole)
     assert load_basins(path).window == whole.window
-    monkeypatch.setattr("gapwalk.study.basin_job.explore", None)
+    monkeypatch.setattr("gapwalk.study.basins.job.explore", None)
     assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
     with pytest.raises(StoreError, match=r"another job, so it cannot be gone on with: options\.check is 8, and was 9"):
         basins(double_well(), WELLS, size, options=in_process(check=8), output=path)

@@ -8,8 +8,8 @@ from gapwalk.attractor.regime import Regime
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.study.regime_store import load_regimes
-from gapwalk.study.regimes import Carry, RegimeMapOptions, regimes
+from gapwalk.study.regimes.mapping import Carry, RegimeMapOptions, regimes
+from gapwalk.study.regimes.store import load_regimes
 from gapwalk.study.workers import workers
 from tests.systems import linear
 
@@ -84,7 +84,7 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
     assert same(load_regimes(path), whole)
-    monkeypatch.setattr("gapwalk.study.regime_job._judge_piece", None)
+    monkeypatch.setattr("gapwalk.study.regimes.job._judge_piece", None)
     assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
     with pytest.raises(StoreError, match=r"options\.carry is 'no', and was 'up'"):
         regimes(SET_15, plane, size, options=in_process(check=2), output=path)

@@ -12,8 +12,8 @@ from gapwalk.attractor.box import Box, Range, Window
 from gapwalk.attractor.catalogue import Effort
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.study.basin_job import BasinChunk, BasinJob, Report
-from gapwalk.study.basin_store import basin_arrays, basins_of, plain_basins
+from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
+from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
 from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_resolution
 from gapwalk.study.pace import Pace

@@ -11,7 +11,7 @@ from gapwalk.attractor.regimes import RegimeCheck, Regimes
 from gapwalk.model.system import System
 from gapwalk.study.cell_store import Arrays, read_cells, text_array, text_value, undamaged
 from gapwalk.study.plain import plain_system, system_of
-from gapwalk.study.regime_job import Plan
+from gapwalk.study.regimes.job import Plan
 
 KIND = "regimes"
 

@@ -16,8 +16,8 @@ from gapwalk.orbit.find import initial_state
 from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_parameters, check_resolution
 from gapwalk.study.pace import Pace
-from gapwalk.study.regime_job import Plan, RegimeChunk, RegimeJob, Report
-from gapwalk.study.regime_store import plain_regimes, regime_arrays, regimes_of
+from gapwalk.study.regimes.job import Plan, RegimeChunk, RegimeJob, Report
+from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
 from gapwalk.study.workers import Workers, workers
 
 
