@@ -24,7 +24,10 @@ _SLOW = SettleOptions(max_periods=16, max_period=16)
 """For a motion that seems quasi-periodic: it may spiral into an orbit so slowly that it does not come to rest."""
 
 _LOCKED = SettleOptions(max_periods=4 * LONGEST_RETURN, max_period=LONGEST_RETURN)
-"""For an undecided motion: it may be locked to a long period."""
+"""For an undecided or contracting motion: it may be locked to a long period."""
+
+_CONTRACTING = -1e-3
+"""Exponent, a forcing period, from which a motion that seems quasi-periodic may be locked to a long period."""
 
 _REGIMES = {
     AttractorKind.PERIODIC: Regime.PERIODIC,
@@ -45,17 +48,17 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
         Gives the system of each motion.
     """
     found = verdicts.copy()
-    for regime, options in ((Regime.QUASI_PERIODIC, _SLOW), (Regime.UNDECIDED, _LOCKED)):
-        for place in np.flatnonzero(verdicts.regimes == regime).tolist():
-            system = systems[place]()
-            with suppress(FlowError):
-                orbit = settle(system, verdicts.states[place], options).orbit
-                if orbit is not None:
-                    found.regimes[place], found.periods[place] = Regime.PERIODIC, orbit.period
-                    found.states[place] = orbit.state
-                    if found.peaks.size:
-                        contacts = ExactSwarm(system).contacts(orbit.state[None, :], orbit.period)
-                        found.peaks[place], found.impacts[place] = contacts.peaks[0], contacts.impacts[0]
+    is_locked = (verdicts.regimes == Regime.UNDECIDED) | (verdicts.exponents < _CONTRACTING)
+    for place in np.flatnonzero(np.isin(verdicts.regimes, (Regime.QUASI_PERIODIC, Regime.UNDECIDED))).tolist():
+        system = systems[place]()
+        with suppress(FlowError):
+            orbit = settle(system, verdicts.states[place], _LOCKED if is_locked[place] else _SLOW).orbit
+            if orbit is not None:
+                found.regimes[place], found.periods[place] = Regime.PERIODIC, orbit.period
+                found.states[place] = orbit.state
+                if found.peaks.size:
+                    contacts = ExactSwarm(system).contacts(orbit.state[None, :], orbit.period)
+                    found.peaks[place], found.impacts[place] = contacts.peaks[0], contacts.impacts[0]
     return found
 
 

@@ -24,6 +24,7 @@ CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""
 
 _CHECKED = 32  # states of a piece that is followed with the exact flow
+_WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
 _PILOT = 64  # states that are looked at first: most attractors are found by them
 
 
@@ -66,6 +67,7 @@ class _Piece:
     """Some of the states, and what is known of the attractors."""
 
     number: int
+    places: NDArray[np.intp]
     system: System
     states: NDArray[np.float64]
     haunts: tuple[Haunt, ...]
@@ -125,7 +127,8 @@ class BasinJob:
         self._explore(np.sort(random.permutation(len(self.states))[:_PILOT]))
         for chunk in self._chunks.values():
             self._note(chunk)
-        pieces = [piece for piece in self._pieces(self.states, CHUNK) if piece.number not in self._chunks]
+        pieces = self._pieces(np.arange(len(self.states)), CHUNK, self.effort.longest)
+        pieces = [piece for piece in pieces if piece.number not in self._chunks]
         begun, before = time.monotonic(), len(self._chunks)
 
         def accept(_: int, chunk: BasinChunk) -> None:
@@ -175,15 +178,19 @@ class BasinJob:
 
     def _mend(self, hands: Workers, which: NDArray[np.intp]) -> int:
         """Find labels again with the exact flow; how many were wrong."""
-        exact = np.full(len(which), UNRESOLVED)
+        exact = np.full(len(self.states), UNRESOLVED)
+        wide = np.array([haunt.wide for haunt in self.catalogue.haunts] + [False, False])  # the last: no attractor
+        is_wide = wide[self.labels[which]]
+        pieces = self._pieces(which[~is_wide], _CHECKED, self.effort.longest)
+        pieces += self._pieces(which[is_wide], _CHECKED, min(self.effort.longest, _WANDERING))
 
         def accept(index: int, found: Sorted) -> None:
-            exact[index * _CHECKED : index * _CHECKED + len(found.labels)] = found.labels
+            exact[pieces[index].places] = found.labels
 
-        hands.run(_sort_exactly, self._pieces(self.states[which], _CHECKED), accept, in_order=False)
-        wrong = int(np.sum(exact != self.labels[which]))
+        hands.run(_sort_exactly, pieces, accept, in_order=False)
+        wrong = int(np.sum(exact[which] != self.labels[which]))
         # one that has come to no attractor by then keeps its label, but counts as wrong
-        self.labels[which] = np.where(exact == UNRESOLVED, self.labels[which], exact)
+        self.labels[which] = np.where(exact[which] == UNRESOLVED, self.labels[which], exact[which])
         return wrong
 
     def _explore(self, which: NDArray[np.intp]) -> None:
@@ -192,12 +199,10 @@ class BasinJob:
             self.catalogue, labels = explore(self.catalogue, swarm.advance, self._ends[which], self.effort)
             self.labels[which] = labels
 
-    def _pieces(self, states: NDArray[np.float64], size: int) -> list[_Piece]:
+    def _pieces(self, which: NDArray[np.intp], size: int, longest: int) -> list[_Piece]:
         system, haunts = self.catalogue.system, self.catalogue.haunts
-        return [
-            _Piece(number, system, states[first : first + size], haunts, self.effort.longest)
-            for number, first in enumerate(range(0, len(states), size))
-        ]
+        places = [which[first : first + size] for first in range(0, len(which), size)]
+        return [_Piece(number, some, system, self.states[some], haunts, longest) for number, some in enumerate(places)]
 
 
 def _sort_fast(piece: _Piece) -> BasinChunk:
