@@ -79,6 +79,23 @@ def test_a_start_on_an_unstable_motion_is_left():
     assert "was pushed off" in found.evidence[0]
 
 
+def test_a_start_next_to_a_weakly_unstable_motion_does_not_stay(fig15):
+    # beyond the Neimark-Sacker point at 0.859849 a deviation needs thousands of periods to grow to e times its size:
+    # the averages of the whole motion hardly change for a long time, and yet it is not where it will be
+    unstable = gw.find_orbit(fig15, 3, [1.0643, 0.6204, 0.2334, -0.3085], frequency=0.8588)
+    assert 1.00001 < np.abs(unstable.multipliers).max() < 1.001
+    found = settle(unstable.system, unstable.state + 1e-4, SettleOptions(max_periods=4000))
+    assert "pushed off" in found.evidence[0]
+    assert not found.converged
+    assert "raise max_periods" in found.evidence[-1]
+    found = settle(unstable.system, unstable.state + 1e-4, SettleOptions(max_periods=100_000))
+    assert found.converged
+    assert found.orbit is None
+    torus = Strobe(unstable.system).run(unstable.state + 0.02, 40_000)[-1024:]
+    sizes = [[np.ptp(each[k::3], axis=0).max() for k in range(3)] for each in (found.strobes, torus)]
+    assert sorted(sizes[0]) == pytest.approx(sorted(sizes[1]), rel=0.01)
+
+
 @pytest.mark.parametrize("frequency", [0.4, 0.2])
 def test_chaos_settles_without_a_period(fig15, frequency):
     found = settle(fig15, frequency=frequency)

@@ -82,6 +82,13 @@ def test_the_area_of_the_loop_is_the_energy_that_is_lost(three, ax):
     assert sorted(line.get_xdata()[0] for line in ax.lines[1:]) == [-1.0, 1.0]
 
 
+def test_a_loop_of_no_contact(three, ax):
+    with pytest.raises(ModelError, match="there is no contact 'stage3'; contacts are stage2"):
+        plot_loop(three.motion(), "stage3", ax=ax)
+    with pytest.raises(ModelError, match="there is no contact 'stage3'"):
+        plot_settled(three, contact="stage3", figure=Figure(layout="constrained"))
+
+
 def test_the_spectrum_shows_and_names_its_lines(three, ax):
     found = spectrum(three, "q1")
     plot_spectrum(found, ax=ax, top=4.0)

@@ -191,6 +191,8 @@ def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _
     error = float(measured.exponents.errors_per_period[0])
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} a forcing period"
     if lead > options.zero and lead > options.errors * error:
+        if measured.exponents.regular:  # a regular motion that stays where it is has no positive exponent
+            return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",))
         return _Verdict(AttractorKind.CHAOTIC, None, (f"{text}: positive",))
     if lead < -options.zero and lead < -options.errors * error:
         return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",))

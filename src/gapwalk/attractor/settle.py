@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.approach import Approach, nearby_orbit, watch
+from gapwalk.attractor.approach import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.attractor.recurrence import recurrences
 from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.stationary import Drift, drift_of
@@ -16,7 +16,6 @@ from gapwalk.attractor.strobe import Strobe, check_count, size_of
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
-from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
 
 _FIRST = 8  # forcing periods before the first look; the following looks come after half as many again
@@ -25,9 +24,7 @@ _PROMISING = 0.05  # distance of return, relative to the motion, from which a pe
 _TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos shows
 _REST = 1e-3  # size of a motion, relative to the largest so far, below which it may be on its way to rest
 _KEPT = 1024  # strobes that the record keeps
-_ON = 1e-7  # distance from an unstable orbit below which a motion stays on it by symmetry or by chance
-_UNSTABLE = 1.0 + 1e-6  # the least multiplier of such an orbit: a neutral one repels nothing
-_NUDGE = 1e-5  # how far it is pushed off, relative to the motion
+_FAR = 0.01  # distance from an unstable orbit, relative to the motion, from which it is left to itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +34,7 @@ class SettleOptions:
     Parameters
     ----------
     max_periods
-        The most forcing periods to follow the transient.
+        The most forcing periods to follow the transient (some more may pass while it is watched beside an orbit).
     max_period
         The longest period m of an orbit that is looked for.
     tolerance
@@ -111,15 +108,16 @@ class _Transient:
             approach = self._look()
             if approach is not None:
                 return self._arrived(approach)
-            if self.periods >= _STATIONARY and self._is_stationary():
-                return self._record(True, None, self.drift.change, self._words(self.drift.text, *self._returns()))
+            if self._is_stationary():
+                words = self._words(self.drift.text(self.options.tolerance), *self._returns())
+                return self._record(True, None, self.drift.change, words)
             if self.periods >= self.options.max_periods:
                 return self._record(False, None, self.drift.change, self._words(self._unsettled(), *self._returns()))
             target = self.periods + max(_FIRST, self.periods // 2)
 
     @property
     def state(self) -> NDArray[np.float64]:
-        return self.blocks[-1][-1]
+        return next(block[-1] for block in reversed(self.blocks) if len(block))
 
     def _advance(self, count: int) -> None:
         if count > 0:
@@ -133,38 +131,42 @@ class _Transient:
         return states[-count:]
 
     def _look(self) -> Approach | None:
-        """Try the periods that are worth it; period 1 always is."""
+        """Try the periods that are worth it, period 1 always; stable orbits first."""
         tail = self._tail(4 * self.options.max_period)
-        scaled = tail / size_of(self.strobe.system, tail)
-        periods = [each.period for each in recurrences(scaled, self.options.max_period, _PROMISING)]
-        for period in sorted({1, *periods}):
-            orbit = nearby_orbit(self.strobe, self.state, period, _REST * self.largest)
-            if orbit is None:
-                continue
-            approach = watch(self.strobe, self.state, orbit, _REST * self.largest)
+        scaled, least = tail / size_of(self.strobe.system, tail), _REST * self.largest
+        periods = {1, *(each.period for each in recurrences(scaled, self.options.max_period, _PROMISING))}
+        nearby = [nearby_orbit(self.strobe, self.state, period, least) for period in sorted(periods)]
+        for orbit in sorted((orbit for orbit in nearby if orbit is not None), key=lambda orbit: not orbit.stable):
+            approach = watch(self.strobe, tail[-1], orbit, least)
+            if approach.converging or approach.leaving:
+                self.blocks.append(approach.strobes)
+                self.periods += len(approach.strobes)
             if approach.converging:
-                self.periods += approach.periods
                 return approach
-            self._pass(approach)
+            if approach.leaving:
+                self._leave(approach)
+                return None
         return None
 
-    def _pass(self, approach: Approach) -> None:
-        """Leave an unstable orbit behind; a motion that sits on it is pushed off along its most unstable direction."""
-        orbit = approach.orbit
-        if approach.distance > _ON or float(np.abs(orbit.multipliers).max()) < _UNSTABLE:
+    def _leave(self, approach: Approach) -> None:
+        """Push the motion off an unstable orbit, unless it has come far enough by itself.
+
+        A motion begun next to an unstable orbit looks settled as long as it has not gone away.
+        """
+        if approach.distance >= _FAR:
             return
-        self.notes.append(f"it sat on an unstable motion of period {orbit.period} and was pushed off it")
-        transition = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period).transition
-        assert transition is not None
-        values, vectors = np.linalg.eig(transition)
-        direction = np.real(vectors[:, int(np.argmax(np.abs(values)))])
-        scale = size_of(orbit.system, stroboscopic(orbit))
-        push = _NUDGE * direction / np.abs(direction / scale).max()
-        self.blocks.append((self.state + push)[None, :])
+        self.notes.append(f"it was next to an unstable motion of period {approach.orbit.period}, and was pushed off")
+        # what came before is forgotten: the motion begins anew, at the same phase
+        self.blocks = [pushed_off(approach.orbit, self.state, _REST * self.largest)[None, :]]
 
     def _is_stationary(self) -> bool:
-        tail = self._tail(self.periods // 2)
-        self.drift = drift_of(tail / size_of(self.strobe.system, tail))
+        remembered = sum(map(len, self.blocks))
+        if remembered <= _STATIONARY:
+            return False
+        tail = self._tail(remembered // 2)
+        scaled = tail / size_of(self.strobe.system, tail)
+        nearest = recurrences(scaled, self.options.max_period, np.inf)[-1].period
+        self.drift = drift_of(scaled, nearest)
         return self.drift.is_settled(self.options.tolerance)
 
     def _arrived(self, approach: Approach) -> Settled:
@@ -173,7 +175,6 @@ class _Transient:
             f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period} (largest multiplier "
             f"{rate:.6g}) and contracts to it"
         )
-        self.blocks.append(approach.state[None, :])
         return self._record(True, orbit, approach.distance, self._words(how))
 
     def _unsettled(self) -> str:
@@ -184,7 +185,8 @@ class _Transient:
 
     def _returns(self) -> tuple[str, ...]:
         """That the motion has a period longer than was looked for, if it has."""
-        tail = self._tail(min(self.periods // 2, _KEPT))
+        tail = self._tail(_KEPT)
+        tail = tail[len(tail) // 2 :]
         tail = tail - tail.mean(axis=0)
         found = recurrences(tail / size_of(self.strobe.system, tail), len(tail) // 2, _TIGHT)
         longer = [each for each in found if each.period > self.options.max_period]

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from gapwalk.errors import ModelError
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD
@@ -56,8 +57,16 @@ def plot_loop(motion: Motion, contact: str, *, ax: Axes) -> Axes:
         Name of the contact.
     ax
         Where to draw.
+
+    Raises
+    ------
+    ModelError
+        If there is no such contact.
     """
-    index = [form.name for form in motion.system.structure.contacts].index(contact)
+    names = [form.name for form in motion.system.structure.contacts]
+    if contact not in names:
+        raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(names) or 'none at all'}")
+    index = names.index(contact)
     ax.plot(motion.deflections[:, index], motion.forces[:, index], **{**_LINE, "linewidth": 0.9})
     for level in _levels(motion.system, motion.system.structure.contacts[index]):
         ax.axvline(level, **_STOP)

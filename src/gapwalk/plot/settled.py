@@ -31,11 +31,12 @@ def plot_settled(
     signal: str | None = None,
     *,
     phase: float = 0.0,
+    contact: str | None = None,
     options: SpectrumOptions | None = None,
     title: str | None = None,
     figure: Figure | SubFigure | None = None,
 ) -> Figure | SubFigure:
-    """Draw a settled motion: time history, spectrum, section, and the loop of the first contact's force.
+    """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force.
 
     Parameters
     ----------
@@ -45,6 +46,8 @@ def plot_settled(
         The signal of history and spectrum; by default the first coordinate.
     phase
         Phase of the excitation at which the section is taken, in radians.
+    contact
+        The contact whose loop is drawn; by default the first.
     options
         Of the spectrum.
     title
@@ -55,20 +58,25 @@ def plot_settled(
     Raises
     ------
     ModelError
-        If there is no such signal.
+        If there is no such signal or contact.
     """
     with mpl.rc_context(RC):
         if figure is None:
             from matplotlib import pyplot as plt
 
             figure = plt.figure(figsize=SIZE, layout="constrained")
-        _draw(figure, _as_settled(motion), signal, phase, options)
+        _draw(figure, _as_settled(motion), signal, phase, contact, options)
         figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5)
     return figure
 
 
 def _draw(
-    figure: Figure | SubFigure, settled: Settled, signal: str | None, phase: float, options: SpectrumOptions | None
+    figure: Figure | SubFigure,
+    settled: Settled,
+    signal: str | None,
+    phase: float,
+    contact: str | None,
+    options: SpectrumOptions | None,
 ) -> None:
     system = settled.system
     signal = signal or system.coordinates[0]
@@ -88,7 +96,7 @@ def _draw(
     plot_section(points, base, f"{base}'", ax=axes["section"])
     if contacts:
         turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
-        plot_loop(turns, contacts[0].name, ax=axes["loop"])
+        plot_loop(turns, contact or contacts[0].name, ax=axes["loop"])
     plot_spectrum(spectrum(settled, signal, options), ax=axes["spectrum"])
 
 
