@@ -1,0 +1,1 @@
+"""Regime maps as jobs: chunk by chunk, checked, and stored."""

@@ -1,0 +1,138 @@
+"""The pictures of basins and of regime maps: what is drawn, and what the legend says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from gapwalk.attractor import classify
+from gapwalk.attractor.basins import Basins, Check
+from gapwalk.attractor.box import Window
+from gapwalk.attractor.regime import Regime
+from gapwalk.attractor.regimes import RegimeCheck, Regimes
+from gapwalk.bifurcation import follow
+from gapwalk.bifurcation.locus import follow_locus
+from gapwalk.continuation import Kind
+from gapwalk.errors import ModelError
+from gapwalk.orbit import find_orbit
+from gapwalk.plot.basins import draw_basins, plot_basins
+from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
+from tests.systems import clutch
+
+
+@pytest.fixture(scope="module")
+def basins():
+    system = clutch(frequency=1.5)
+    attractor = classify(system)
+    window = Window.of(system, {"q1": (-2.0, 2.0), "q1'": (-1.0, 1.0)}, {})
+    labels = np.array([[0, 1, -1], [0, 0, -2]])
+    return Basins(system, window, labels, (attractor, attractor), Check(6, 4, 4, 1, 2, 0))
+
+
+@pytest.fixture(scope="module")
+def chart():
+    rows, columns = 2, 6
+    regimes = np.full((rows, columns), int(Regime.PERIODIC))
+    periods = np.tile([1, 2, 3, 12, 0, 0], (rows, 1))
+    regimes[:, 4:] = (Regime.QUASI_PERIODIC, Regime.CHAOTIC)
+    forces = np.arange(12.0).reshape(rows, columns, 1)
+    return Regimes(
+        clutch(), "frequency", "harmonic1.amplitude", ((0.4, 1.0), (0.0, 0.4)), regimes, periods,
+        np.full((rows, columns), np.nan), forces, forces / 10, np.zeros((rows, columns, 4)), RegimeCheck(5, ("...",)),
+    )  # fmt: skip
+
+
+def legend_of(figure: Figure) -> list[str]:
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def image_of(ax) -> AxesImage:
+    (image,) = ax.images
+    return image
+
+
+def test_each_cell_has_the_colour_of_its_attractor(basins):
+    figure = draw_basins(basins, "A title", strobes="all")
+    (ax,) = figure.axes
+    image = image_of(ax)
+    colors = image.cmap(image.norm(image.get_array()))
+    assert image.get_extent() == [-2.0, 2.0, -1.0, 1.0]
+    assert image.origin == "lower"
+    assert len({tuple(color) for color in colors.reshape(-1, 4)}) == 4
+    assert tuple(colors[0, 0]) == tuple(colors[1, 1]) != tuple(colors[0, 1])
+    assert legend_of(figure) == [
+        "period 1a (50.0 %)", "period 1b (16.7 %)", "runs away (17 %)", "unresolved (17 %)", "orbit of period 1a",
+        "orbit of period 1b",
+    ]  # fmt: skip
+    assert figure.legends[0].get_title().get_text() == (
+        "exact at all borders; elsewhere 0 of 2 cells differed from the exact flow"
+    )
+    assert ax.get_title(loc="left") == "A title"
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("q1 at the start", "q1' at the start")
+
+
+def test_only_strobes_in_the_plane_are_marked_unless_all_are_wanted(basins):
+    assert not plot_basins(basins).lines  # q3 is 0 in the plane, but not on the orbit
+    marked = plot_basins(basins, strobes="all").lines
+    state = basins.attractors[0].state
+    assert [line.get_xydata()[0].tolist() for line in marked] == [[state[0], state[2]]] * 2
+    window = Window.of(
+        basins.system, {"q1": (-2.0, 2.0), "q1'": (-1.0, 1.0)}, {"q3": float(state[1]), "q3'": float(state[3])}
+    )
+    assert len(plot_basins(replace(basins, window=window)).lines) == 2
+    assert not plot_basins(replace(basins, window=window), strobes="none").lines
+    with pytest.raises(ModelError, match='strobes is \'some\'; write "in the plane", "all" or "none"'):
+        plot_basins(basins, strobes="some")
+
+
+def test_a_basin_picture_tells_what_was_checked(basins):
+    unchecked = draw_basins(replace(basins, check=Check(6)))
+    assert unchecked.legends[0].get_title().get_text() == "not checked with the exact flow"
+    some = draw_basins(replace(basins, check=Check(6, 4, 2, 1, 2, 0))).legends[0].get_title().get_text()
+    assert some == "1 of 2 cells at borders and elsewhere 0 of 2 cells differed from the exact flow"
+
+
+def test_regimes_have_a_legend_and_forces_a_scale(chart):
+    figure = draw_regimes(chart, "A title", ("peak force", "impacts"))
+    top, force, impacts = figure.axes[:3]
+    assert legend_of(figure) == ["period 1", "period 2", "period 3", "period 9 and more", "quasi-periodic", "chaotic"]
+    assert figure.legends[0].get_title().get_text() == "checked with the exact flow: 1 of 5 cells differed"
+    assert image_of(top).get_array()[0].tolist() == [0, 1, 2, 3, 4, 5]
+    assert np.array_equal(image_of(force).get_array(), chart.peak_force[..., 0])
+    assert np.array_equal(image_of(impacts).get_array(), chart.impacts[..., 0])
+    labels = [ax.get_ylabel() for ax in figure.axes[3:]]
+    assert labels == ["peak force of stage2", "impacts of stage2 a forcing period"]
+    assert top.get_xlim() == (0.4, 1.0)
+    assert (top.get_xlabel(), impacts.get_xlabel()) == ("", "excitation frequency Ω")
+
+
+def test_a_map_without_contacts_has_one_panel(chart):
+    nothing = np.zeros((2, 6, 0))
+    bare = replace(chart, peak_force=nothing, impacts=nothing)
+    assert len(draw_regimes(bare).axes) == 1
+    with pytest.raises(ModelError, match="figures of 0 contacts"):
+        plot_contact_figures(bare, ax=Figure().add_subplot())
+    with pytest.raises(ModelError, match="there is no figure 'noise'"):
+        plot_contact_figures(chart, "noise", ax=Figure().add_subplot())
+
+
+def test_loci_are_drawn_over_the_regimes(chart):
+    system = clutch(frequency=0.9)
+    branch = follow(find_orbit(system), "frequency", to=(0.5, 1.0))
+    fold = branch.special(Kind.FOLD)[0]
+    locus = follow_locus(fold, "frequency", "harmonic1.amplitude", chart.within)
+    figure = draw_regimes(chart, loci=[locus])
+    assert legend_of(figure)[-1] == "fold"
+    casing, line = figure.axes[0].lines
+    assert np.array_equal(line.get_xydata(), locus.values)
+    assert casing.get_zorder() < line.get_zorder()
+    with pytest.raises(ModelError, match="a locus is in the plane of frequency and harmonic1"):
+        plot_regimes(replace(chart, first="mean.q1"), loci=[locus])
+
+
+def test_records_draw_themselves(basins, chart):
+    assert len(basins.plot("Title").axes) == 1
+    assert len(chart.plot(panels=()).axes) == 1
