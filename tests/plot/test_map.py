@@ -58,7 +58,6 @@ def test_what_is_drawn_is_explained(result, figure) -> None:
         "grazing, period 1",
         "grazing, period 2",
         "cusp (CP)",
-        "a contact grazes too",
         "section",
     ]
 
