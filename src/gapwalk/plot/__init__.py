@@ -5,21 +5,24 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gapwalk.plot.basins import draw_basins, plot_basins
 from gapwalk.plot.branch import plot_branch
 from gapwalk.plot.diagram import plot_diagram
 from gapwalk.plot.map import plot_map
 from gapwalk.plot.picture import save_picture
-from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
-from gapwalk.plot.section import plot_section
-from gapwalk.plot.settled import plot_settled
-from gapwalk.plot.spectrum import plot_spectrum
-from gapwalk.plot.waterfall import plot_waterfall
+
+if TYPE_CHECKING:
+    from gapwalk.plot.basins import draw_basins, plot_basins
+    from gapwalk.plot.history import plot_history, plot_loop
+    from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
+    from gapwalk.plot.section import plot_section
+    from gapwalk.plot.settled import plot_settled
+    from gapwalk.plot.spectrum import plot_spectrum
+    from gapwalk.plot.sweep import plot_sweep
+    from gapwalk.plot.waterfall import plot_waterfall
 
 __all__ = [
     "draw_basins",
     "draw_regimes",
-    "history",
     "plot_basins",
     "plot_branch",
     "plot_contact_figures",
@@ -31,10 +34,31 @@ __all__ = [
     "plot_section",
     "plot_settled",
     "plot_spectrum",
+    "plot_sweep",
     "plot_waterfall",
     "save_picture",
-    "section",
-    "settled",
-    "spectrum",
-    "waterfall",
 ]
+
+# Imported when first asked for: they need scipy.signal or numba, which the picture of a branch should not wait for.
+_HOMES = {
+    "draw_basins": "basins",
+    "draw_regimes": "regimes",
+    "plot_basins": "basins",
+    "plot_contact_figures": "regimes",
+    "plot_history": "history",
+    "plot_loop": "history",
+    "plot_regimes": "regimes",
+    "plot_section": "section",
+    "plot_settled": "settled",
+    "plot_spectrum": "spectrum",
+    "plot_sweep": "sweep",
+    "plot_waterfall": "waterfall",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gapwalk.plot' has no attribute {name!r}")
+    value = getattr(import_module(f"gapwalk.plot.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
