@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
     from gapwalk.motion.motion import integrate
+    from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Balance",
     "Branch",
     "BranchPoint",
     "Cascade",
@@ -68,6 +70,7 @@ __all__ = [
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
+    "Balance": "orbit.balance",
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",

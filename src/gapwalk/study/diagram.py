@@ -113,7 +113,7 @@ def diagram(
         If no first orbit is found.
     """
     options = options or DiagramOptions()
-    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, shooting=shooting)
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=shooting)
     low, high = sorted((float(to[0]), float(to[1])))
     directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
     grower = _Grower(resume or Diagram(parameter, (low, high)), options, walk, shooting, report)

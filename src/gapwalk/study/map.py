@@ -186,7 +186,7 @@ class _Charter:
         (low, high), value = chart.within[0], system[chart.first]
         at = value if low <= value <= high else high
         try:
-            orbit = find_orbit(system.at({chart.first: at}), 1, start, shooting=self.shooting)
+            orbit = find_orbit(system.at({chart.first: at}), 1, start, method=self.shooting)
             branches = self._branches_through(orbit)
         except NumericalError as error:
             self._note(f"no branch was followed at {chart.second} = {system[chart.second]:.6g}: {error}")
