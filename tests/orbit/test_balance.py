@@ -104,7 +104,7 @@ def test_the_derivative_by_a_parameter_is_that_of_central_differences(name, line
     equation, value = Balance(5).pose(system, name), system[name]
     x, step = real_form(lines).ravel(), 1e-6
     difference = equation.evaluate(x, value + step).residual - equation.evaluate(x, value - step).residual
-    assert equation.evaluate(x, value).by_parameter == pytest.approx(difference / (2 * step), abs=1e-8)
+    assert equation.evaluate(x, value).by_parameter == pytest.approx(difference / (2 * step), rel=1e-8, abs=1e-8)
 
 
 def test_a_gap_of_no_width_is_a_linear_spring() -> None:

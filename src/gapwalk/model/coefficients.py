@@ -165,9 +165,7 @@ class ParameterLine:
 
     def system_at(self, value: float) -> System:
         """The system of the line at one value of the parameter; unlike `System.at`, it trusts the value."""
-        values = self.system.values.copy()
-        values[self._place] = value
-        return System.from_values(self.system.structure, values)
+        return System.beside(self.system, self._place, value)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The coefficients at one value of the parameter, and their derivative by it."""

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance.linear import Linear
-
-_DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits
+from gapwalk.orbit.balance.poles import Poles
 
 
 class Lines(NamedTuple):
@@ -146,49 +145,6 @@ class DirectCompliance:
                 "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
                 "the excitation; give it damping, or a spring that holds it"
             ) from None
-
-
-@dataclass(frozen=True)
-class Poles:
-    """The linear part as a sum over its 2n eigenvalues.
-
-    Attributes
-    ----------
-    values : shape (2n,)
-        Eigenvalues.
-    inputs, loads : shapes (2n, contacts), (2n, orders + 1)
-        How the contacts and the loads act on each eigenvector.
-    outputs : shape (n, 2n)
-        Positions of each eigenvector.
-    deflections : shape (contacts, 2n)
-        Deflections of each eigenvector.
-    """
-
-    values: NDArray[np.complex128]
-    inputs: NDArray[np.complex128]
-    loads: NDArray[np.complex128]
-    outputs: NDArray[np.complex128]
-    deflections: NDArray[np.complex128]
-
-    @cached_property
-    def residues(self) -> NDArray[np.complex128]:
-        """What each eigenvalue adds to the flexibility, shape (2n, contacts * contacts)."""
-        product = self.deflections.T[:, :, None] * self.inputs[:, None, :]
-        return product.reshape(len(self.values), -1)
-
-
-def poles_of(linear: Linear, shift: NDArray[np.float64]) -> Poles | None:
-    """The eigenvalues of the linear part; None if it has too few eigenvectors to be told by them."""
-    n = len(linear.stiffness)
-    generator = np.block([[np.zeros((n, n)), np.eye(n)], [-linear.shifted(shift), -linear.damping]])
-    values, vectors = np.linalg.eig(generator)
-    values, vectors = values.astype(complex), vectors.astype(complex)
-    if not np.linalg.cond(vectors) < _DEFECTIVE:
-        return None
-    inverse = np.linalg.inv(vectors)[:, n:]
-    inputs: NDArray[np.complex128] = np.asarray(inverse @ linear.contacts, dtype=np.complex128)
-    outputs = vectors[:n]
-    return Poles(values, inputs, inverse @ linear.loads, outputs, linear.deflections.astype(complex) @ outputs)
 
 
 @dataclass(frozen=True)

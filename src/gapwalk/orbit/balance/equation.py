@@ -10,19 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.motion import integrate
 from gapwalk.motion.switching import ContactEvent
-from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance, Poles, poles_of
+from gapwalk.orbit.balance.compliance import DirectCompliance, PoleCompliance
 from gapwalk.orbit.balance.force import Forces, contact_forces_of
 from gapwalk.orbit.balance.hill import projected_monodromy
-from gapwalk.orbit.balance.laws import Laws, laws_of
+from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
-from gapwalk.orbit.balance.linearised import Linearised
 from gapwalk.orbit.balance.lines import differentiated, from_real_form, multiplication, real_form, waves
+from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
+from gapwalk.orbit.balance.parts import Parts
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.balance.variational import monodromy
 from gapwalk.orbit.equation import Evaluation
@@ -30,7 +31,8 @@ from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 
 _MOST = 1000  # harmonics beyond which an automatic choice gives up
-_SHARE = 0.5  # share of a contact's stiffness that is counted as part of the linear system
+_MANY = 16  # degrees of freedom from which stability is computed in eigenvectors
+_FASTEST = 2.0  # eigenvalues that are kept for stability, in highest lines
 
 
 class Evidence(NamedTuple):
@@ -91,7 +93,7 @@ class BalanceEquation:
             self.system.structure.place(self.parameter)
         if not self.system.structure.contacts:
             raise ModelError("the system has no contact; harmonic balance solves for the deflections of contacts")
-        highest = max(self._layout.orders, default=1)
+        highest = max(self._parts.layout.orders, default=1)
         if self.harmonics < highest:
             raise ModelError(
                 f"harmonics is {self.harmonics}, but the excitation has order {highest}; write harmonics = {highest} "
@@ -116,19 +118,19 @@ class BalanceEquation:
         NumericalError
             If the linear part is singular at one of the lines.
         """
-        coefficients, slope = self._coefficients(value)
-        contacts, count = len(self._layout.contacts), self.count
+        coefficients, slope = self._parts.coefficients(value)
+        contacts, count = len(self._parts.layout.contacts), self.count
         lines = from_real_form(unknowns.reshape(contacts, -1))
-        compliance = self._compliance(coefficients, slope)
-        laws = self._laws(coefficients, slope)
+        compliance = self._parts.compliance(coefficients, slope)
+        laws = self._parts.laws(coefficients, slope)
         forces = contact_forces_of(lines, laws)
         iw = 1j * compliance.lines.frequencies[: count + 1]
-        total = forces.spring[:, : count + 1] - self._shift[:, None] * lines + iw * forces.damper[:, : count + 1]
+        total = forces.spring[:, : count + 1] - self._parts.shift[:, None] * lines + iw * forces.damper[:, : count + 1]
         tangents = forces.tangents if laws.damped else forces.tangents[:1]
         tangent, *damping = multiplication(tangents)
         if damping:
             tangent += iw[:, None] * damping[0]
-        tangent -= self._share
+        tangent -= self._parts.share
         flexibility = compliance.flexibility[: count + 1]
         residual = lines.T - compliance.free[: count + 1] + (flexibility @ total.T[:, :, None])[:, :, 0]
         evidence = Evidence(coefficients, lines, total, tangent, compliance, laws, forces)
@@ -144,7 +146,7 @@ class BalanceEquation:
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """The orbit of a solution."""
         evidence: Evidence = evaluation.evidence
-        system = self.system if self.parameter is None else self._line.system_at(value)
+        system = self.system if self.parameter is None else self._parts.line.system_at(value)
         # the unknowns may be one Newton step past the evaluation
         real = unknowns.reshape(len(evidence.lines), -1)
         step = (evidence.tangent @ (real - real_form(evidence.lines))[:, :, None])[:, :, 0]
@@ -153,7 +155,7 @@ class BalanceEquation:
             system,
             self.period,
             series.states(np.zeros(1))[0],
-            multipliers([self._monodromy(evidence)]),
+            self._multipliers(evidence),
             self._events(evidence),
             float(np.abs(evaluation.residual).max()),
             2 * self.count,
@@ -164,27 +166,24 @@ class BalanceEquation:
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """The real forms of the deflections of an orbit that was found in whatever way."""
-        n, count = self.system.size, self.count
-        vectors = linear_of(self._layout, coefficients_of(orbit.system)).deflections
-        if isinstance(orbit, BalancedOrbit):
-            series, stride = orbit.series, self.period // orbit.series.period
-            kept = min(series.lines.shape[1], count // stride + 1)
-            lines = np.zeros((n, count + 1), dtype=complex)
-            lines[:, : (kept - 1) * stride + 1 : stride] = series.lines[:, :kept]
-        else:
+        if not isinstance(orbit, BalancedOrbit):
             samples = max(orbit.samples, 1 << (16 * self.harmonics - 1).bit_length())
             return self._from_positions(orbit.motion(samples).q)
-        return real_form(vectors.astype(complex) @ lines).ravel()
+        known, stride = orbit.deflections.lines, self.period // orbit.deflections.period
+        kept = min(known.shape[1], self.count // stride + 1)
+        lines = np.zeros((len(known), self.count + 1), dtype=complex)
+        lines[:, : (kept - 1) * stride + 1 : stride] = known[:, :kept]
+        return real_form(lines).ravel()
 
     def _from_positions(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """The unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
         lines = 2.0 * np.fft.rfft(q[:-1], axis=0).T[:, : self.count + 1] / (len(q) - 1)
         lines[:, 0] *= 0.5
-        return real_form(linear_of(self._layout, coefficients_of(self.system)).deflections @ lines).ravel()
+        return real_form(linear_of(self._parts.layout, coefficients_of(self.system)).deflections @ lines).ravel()
 
     def scales(self, length: float) -> NDArray[np.float64]:
         """How much of each unknown counts as one length."""
-        contacts = len(self._layout.contacts)
+        contacts = len(self._parts.layout.contacts)
         return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
 
     def doubt(self, orbit: Orbit) -> str:
@@ -207,26 +206,23 @@ class BalanceEquation:
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """The lines of the motion from a state over the orbit's period; of no motion at all for the state zero."""
         if not state.any():  # a system of a thousand degrees of freedom has no flow
-            return np.zeros(len(self._layout.contacts) * (2 * self.count + 1))
+            return np.zeros(len(self._parts.layout.contacts) * (2 * self.count + 1))
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
-    def _monodromy(self, evidence: Evidence) -> NDArray[np.float64]:
+    def _multipliers(self, evidence: Evidence) -> NDArray[np.complex128]:
         length = 2.0 * np.pi / float(evidence.compliance.lines.frequencies[1])
-        linearised, forces = self._linearised(evidence), evidence.forces
+        forces, breaks = evidence.forces, evidence.forces.visits.phi
+        poles, shift = self._parts.poles, self._parts.shift
+        if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
+            # eigenvectors that are faster than every line, by far, follow at once
+            slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
+            return multipliers([modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)])
+        linearised = self._parts.linearised(evidence.coefficients, evidence.laws)
         if self.options.stability == "hill":
-            return projected_monodromy(linearised, forces.tangents.reshape(-1, 2 * self.count + 1), length)
-        return monodromy(linearised, evidence.lines, forces.visits.phi, length)
-
-    def _linearised(self, evidence: Evidence) -> Linearised:
-        if self._fixed is None or evidence.laws is not self._fixed_laws:
-            return Linearised(linear_of(self._layout, evidence.coefficients), evidence.laws)
-        return self._fixed_linearised
-
-    @cached_property
-    def _fixed_linearised(self) -> Linearised:
-        assert self._fixed_laws is not None
-        return Linearised(linear_of(self._layout, coefficients_of(self.system)), self._fixed_laws)
+            tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
+            return multipliers([projected_monodromy(linearised, tangents, length)])
+        return multipliers([monodromy(linearised, evidence.lines, breaks, length)])
 
     def _truncation(self, evidence: Evidence) -> float:
         """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
@@ -248,71 +244,9 @@ class BalanceEquation:
         rows = (self.period * visits.phi, visits.switch, visits.enters, speeds)
         return tuple(ContactEvent(*event) for event in zip(*(row[order].tolist() for row in rows), strict=True))
 
-    def _compliance(
-        self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
-    ) -> PoleCompliance | DirectCompliance:
-        """The linear part on all lines, and on as many beyond, which measure what is neglected."""
-        frequencies = self._orders / coefficients[0]
-        slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
-        lines = Lines(frequencies, slopes, self._load_lines)
-        if self._fixed is not None:
-            return PoleCompliance(self._fixed, lines)
-        change = None if slope is None else linear_of(self._layout, slope)
-        return DirectCompliance(linear_of(self._layout, coefficients), change, lines, self._shift)
-
     @cached_property
-    def _orders(self) -> NDArray[np.float64]:
-        return np.arange(2 * self.count + 1) / self.period
-
-    @cached_property
-    def _share(self) -> NDArray[np.complex128]:
-        """The linear shares of the contacts' stiffnesses as matrices from real forms to lines."""
-        half = np.zeros((len(self._shift), 2 * self.count + 1), dtype=complex)
-        half[:, 0] = self._shift
-        return multiplication(half)
-
-    @cached_property
-    def _load_lines(self) -> NDArray[np.intp]:
-        return np.array([0, *self._layout.orders], dtype=np.intp) * self.period
-
-    @cached_property
-    def _fixed(self) -> Poles | None:
-        """The eigenvalues of the linear part, where it does not change with the parameter and has enough of them."""
-        coefficients, slope = self._coefficients(self.system[self.parameter or "frequency"])
-        if slope is not None and not linear_of(self._layout, slope).is_zero:
-            return None
-        return poles_of(linear_of(self._layout, coefficients), self._shift)
-
-    def _laws(self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None) -> Laws:
-        return laws_of(self._layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
-
-    @cached_property
-    def _fixed_laws(self) -> Laws | None:
-        """The laws, where the parameter does not touch them."""
-        if self.parameter not in (None, "frequency"):
-            return None
-        return laws_of(self._layout, coefficients_of(self.system))
-
-    @cached_property
-    def _layout(self) -> CoefficientLayout:
-        return layout_of(self.system.structure)
-
-    @cached_property
-    def _shift(self) -> NDArray[np.float64]:
-        """Stiffness of each contact that counts as part of the linear system, whatever the parameter."""
-        laws = laws_of(self._layout, coefficients_of(self.system))
-        slopes = np.bincount(laws.contact, np.abs(laws.spring[:, 1]), len(self._layout.contacts))
-        return _SHARE * slopes / np.maximum(np.bincount(laws.contact, laws.spring[:, 1] != 0.0, len(slopes)), 1.0)
-
-    @cached_property
-    def _line(self) -> ParameterLine:
-        assert self.parameter is not None
-        return ParameterLine(self.system, self.parameter)
-
-    def _coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        if self.parameter is None:
-            return coefficients_of(self.system), None
-        return self._line.coefficients(value)
+    def _parts(self) -> Parts:
+        return Parts(self.system, self.parameter, self.period, self.count)
 
 
 def _real_rows(flexibility: NDArray[np.complex128], tangent: NDArray[np.complex128]) -> NDArray[np.float64]:
