@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper
+    from gapwalk.bifurcation.compare import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
     from gapwalk.bifurcation.switch import switch
@@ -35,6 +36,7 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Cascade",
+    "Comparison",
     "Contact",
     "DampingLaw",
     "Diagram",
@@ -55,6 +57,7 @@ __all__ = [
     "WalkOptions",
     "__version__",
     "backlash",
+    "compare",
     "diagram",
     "errors",
     "find_orbit",
@@ -74,6 +77,7 @@ _HOMES = {
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
+    "Comparison": "bifurcation.compare",
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
     "Diagram": "bifurcation.diagram",
@@ -93,6 +97,7 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
+    "compare": "bifurcation.compare",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
