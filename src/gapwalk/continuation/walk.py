@@ -266,7 +266,11 @@ def state_scales(orbit: Orbit) -> NDArray[np.float64]:
 def _length(orbit: Orbit) -> float:
     """The largest clearance within reach of an orbit, or its amplitude if that is larger."""
     system = orbit.system
-    clearances = [value for name, value in system.parameters.items() if name.endswith(".clearance")]
+    clearances = [
+        system[f"{contact.stage_prefix(stage)}.clearance"]
+        for contact in system.structure.contacts
+        for stage in contact.stages
+    ]
     amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
     reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
     return max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
