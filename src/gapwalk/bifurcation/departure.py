@@ -10,8 +10,9 @@ import numpy as np
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, check_range, scales_of
-from gapwalk.errors import ConvergenceError
+from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.newton import solve
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
@@ -105,8 +106,14 @@ def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> B
     evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
     tangent, _ = corrector.tangent(evaluation, along)
     correction = corrector.correct(x, tangent)
-    if correction is None:
-        return None
+    if correction is None:  # the finer equation is far from solved: damped steps, with the parameter held
+        try:
+            unknowns, _ = solve(equation, x[:-1] * corrector.scales[:-1], point.value)
+        except NumericalError:
+            return None
+        correction = corrector.at_value(np.append(unknowns, point.value) / corrector.scales, point.value)
+        if correction is None:
+            return None
     return corrector.point(correction, tangent, point.arclength)
 
 

@@ -190,10 +190,15 @@ class BalanceEquation:
         """Why a solution is no motion that can be trusted, and what to change; empty if it is one."""
         if not isinstance(orbit, BalancedOrbit) or orbit.truncation <= self.options.error:
             return ""
-        return (
+        text = (
             f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.2g} of the motion, and error = "
-            f"{self.options.error:g} is allowed; write Balance(harmonics={2 * self.harmonics}) or more, or "
-            "Balance(harmonics=None) for as many as it takes, or allow a larger error"
+            f"{self.options.error:g} is allowed; "
+        )
+        if self.options.harmonics is None:
+            return text + "no motion was found with more of them: allow a larger error, or use Shooting()"
+        return (
+            text + f"write Balance(harmonics={2 * self.harmonics}) or more, or Balance(harmonics=None) for as many as "
+            "it takes, or allow a larger error"
         )
 
     def finer(self) -> BalanceEquation | None:

@@ -18,6 +18,7 @@ _QUICK = 6
 _ROUNDING = 1e-14  # of an angle up to 2 pi, with that of the series
 _CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube of the step
 _TINY = 1e-300
+_MANY = 32  # angles from which products are faster than exponentials
 
 
 def real_form(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -47,7 +48,12 @@ def two_sided(half: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 def waves(phi: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
     """``exp(i k phi)`` for k = 0 ... count, shape (..., count + 1)."""
-    return np.exp(phi[..., None] * _exponents(count))
+    if phi.size < _MANY:
+        return np.exp(phi[..., None] * _exponents(count))
+    powers = np.empty((*phi.shape, count + 1), dtype=complex)
+    powers[..., 0] = 1.0
+    powers[..., 1:] = np.exp(1j * phi)[..., None]
+    return np.multiply.accumulate(powers, axis=-1, out=powers)
 
 
 def differentiated(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
