@@ -7,6 +7,7 @@ import pytest
 
 from gapwalk import Balance, Kind, WalkOptions, compare, find_orbit, follow, switch
 from gapwalk.bifurcation.follow import walk_out
+from gapwalk.bifurcation.membership import lies_on
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.paper import case
@@ -113,6 +114,29 @@ def test_harmonics_grow_along_the_branch_as_the_error_needs(by_shooting) -> None
     comparison = compare(branch, by_shooting)
     assert comparison.within(1e-4)
     assert comparison.largest_shift < 3e-7
+
+
+def test_a_flip_is_left_with_as_many_harmonics_as_it_was_found_with() -> None:
+    parent = balanced(Balance(error=1e-5), "9b", 1.45, 1.1)
+    flip = parent.special(Kind.FLIP)[0]
+    shot = follow(find_orbit(case("9b"), frequency=1.45), "frequency", to=1.1).special(Kind.FLIP)[0]
+    assert len(flip.point.x) > 22
+    assert flip.value == pytest.approx(shot.value, abs=1e-6)
+    assert flip.nature == shot.nature == "supercritical"
+    (departure,) = switch(flip, "frequency", (1.1, 1.45), Balance(error=1e-5))
+    assert len(departure.first.x) == 2 * len(flip.point.x) - 2
+
+
+def test_orbits_are_not_looked_up_on_a_balanced_branch() -> None:
+    branch = balanced(Balance(10, error=1.0), to=0.75)
+    with pytest.raises(ModelError, match=r"compare others with gapwalk\.compare"):
+        lies_on(branch, branch.points[0].orbit)
+
+
+def test_a_balanced_branch_can_be_drawn(tmp_path) -> None:
+    figure = balanced(Balance(10, error=1.0), to=0.6).plot("q1").figure
+    figure.savefig(tmp_path / "branch.png")
+    assert (tmp_path / "branch.png").stat().st_size > 5000
 
 
 def test_too_few_harmonics_end_the_branch_with_what_to_change() -> None:

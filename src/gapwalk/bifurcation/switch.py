@@ -13,7 +13,7 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, check_range, scales_of
 from gapwalk.errors import ModelError
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.shooting import Shooting
 
 
@@ -53,7 +53,7 @@ def switch(
 
 def _from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
     orbit = special.orbit
-    equation = method.pose(orbit.system, parameter, 2 * orbit.period)
+    equation = _posed(special, parameter, 2 * orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, orbit, within))
     start = np.append(equation.unknowns(replace(orbit, period=2 * orbit.period)), special.value)
     return Departure(corrector, _first(corrector, start, _flip_direction(corrector, start)), within, singular=True)
@@ -69,7 +69,7 @@ def _flip_direction(corrector: Corrector, start: NDArray[np.float64]) -> NDArray
 
 
 def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
-    equation = method.pose(special.orbit.system, parameter, special.orbit.period)
+    equation = _posed(special, parameter, special.orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, special.orbit, within))
     start = np.append(equation.unknowns(special.orbit), special.value)
     evaluation = corrector.equation.evaluate(start[:-1], float(start[-1]))
@@ -87,10 +87,21 @@ def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method:
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
     """The tangent of a point that was found with other scales, in those of the corrector."""
     if len(point.x) != len(start):
-        raise ModelError("switch with the same number of shooting segments with which the branch point was found")
+        raise ModelError("switch with the method, and its segments or harmonics, with which the branch point was found")
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
     return rescaled / np.linalg.norm(rescaled)
+
+
+def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> OrbitEquation:
+    """The equation for a period, as finely resolved as that with which the special point was found."""
+    found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
+    while len(found.scales(1.0)) < len(special.point.x) - 1:
+        finer, other = equation.finer(), found.finer()
+        if finer is None or other is None:
+            break
+        equation, found = finer, other
+    return equation
 
 
 def _first(corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64]) -> BranchPoint:
