@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gapwalk.attractor.settled import Settled
     from gapwalk.attractor.spectrum import spectrum
     from gapwalk.attractor.waterfall import waterfall
+    from gapwalk.bifurcation.compare import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
     from gapwalk.bifurcation.locus import Locus, follow_locus
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from gapwalk.model.system import System
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Attractor",
+    "Balance",
     "BasinOptions",
     "BasinShares",
     "Basins",
@@ -66,6 +69,7 @@ __all__ = [
     "BranchPoint",
     "Cascade",
     "ClassifyOptions",
+    "Comparison",
     "Contact",
     "DampingLaw",
     "Diagram",
@@ -107,6 +111,7 @@ __all__ = [
     "basins",
     "bifurcation_map",
     "classify",
+    "compare",
     "diagram",
     "errors",
     "find_orbit",
@@ -142,6 +147,7 @@ __all__ = [
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
     "Attractor": "attractor.attractor",
+    "Balance": "orbit.balance",
     "BasinOptions": "study.basins.finding",
     "BasinShares": "attractor.basins",
     "Basins": "attractor.basins",
@@ -149,6 +155,7 @@ _HOMES = {
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
     "ClassifyOptions": "attractor.classify",
+    "Comparison": "bifurcation.compare",
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
     "Diagram": "bifurcation.diagram",
@@ -189,6 +196,7 @@ _HOMES = {
     "basins": "study.basins.finding",
     "bifurcation_map": "study.map",
     "classify": "attractor.classify",
+    "compare": "bifurcation.compare",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",

@@ -133,7 +133,7 @@ def test_an_orbit_of_another_system_is_on_no_branch(response):
 
 
 def test_branches_walked_with_several_segments(response):
-    several = follow(find_orbit(case("13"), frequency=0.9), "frequency", to=0.7, shooting=Shooting(segments=3))
+    several = follow(find_orbit(case("13"), frequency=0.9), "frequency", to=0.7, method=Shooting(segments=3))
     curve, single = Curve(several), Curve(response)
     inside = [point for point in response.points if 0.7 <= point.value <= 0.9]
     assert len(inside) > 10

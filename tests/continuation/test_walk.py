@@ -141,7 +141,7 @@ def test_results_do_not_depend_on_units():
 def test_multiple_shooting_walks_the_same_branch():
     orbit = find_orbit(clutch(), frequency=1.9)
     single = follow(orbit, "frequency", to=0.6)
-    several = follow(orbit, "frequency", to=0.6, shooting=Shooting(segments=3))
+    several = follow(orbit, "frequency", to=0.6, method=Shooting(segments=3))
     assert [s.kind for s in several.special_points] == [s.kind for s in single.special_points]
     assert [s.value for s in several.special_points] == pytest.approx(
         [s.value for s in single.special_points], abs=1e-8

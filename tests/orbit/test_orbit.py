@@ -86,7 +86,7 @@ def test_multipliers_of_an_impacting_orbit_by_differences_of_an_independent_inte
 def test_multipliers_do_not_depend_on_the_number_of_segments(frequency):
     single = find_orbit(clutch(), frequency=frequency)
     for segments in (3, 8):
-        several = find_orbit(clutch(), frequency=frequency, start=single.state, shooting=Shooting(segments))
+        several = find_orbit(clutch(), frequency=frequency, start=single.state, method=Shooting(segments))
         assert several.state == pytest.approx(single.state, abs=1e-9)
         gaps = np.abs(several.multipliers[:, None] - single.multipliers[None, :])
         assert gaps.min(axis=1).max() < 1e-8
@@ -107,7 +107,7 @@ def test_random_systems_have_orbits_that_close(system, segments):
     scale = 1 + np.abs(orbit.state).max()
     end = flow_of(system).integrate(coefficients_of(system), orbit.state, 0.0, PERIOD).state
     assert end == pytest.approx(orbit.state, abs=1e-9 * scale)
-    several = find_orbit(system, start=orbit.state, shooting=Shooting(segments))
+    several = find_orbit(system, start=orbit.state, method=Shooting(segments))
     assert several.state == pytest.approx(orbit.state, abs=1e-7 * scale)
     assert abs(several.multipliers) == pytest.approx(
         abs(orbit.multipliers), abs=1e-7 * (1 + abs(orbit.multipliers).max())

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, check_range, scales_of
-from gapwalk.errors import ConvergenceError
-from gapwalk.orbit.equation import Equation
+from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.newton import solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.orbit.shooting import Shooting
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,9 @@ class Departure:
     singular: bool = False
 
     @property
-    def equation(self) -> Equation:
+    def equation(self) -> OrbitEquation:
         """The equation whose solutions form the branch."""
-        return self.corrector.equation
+        return cast("OrbitEquation", self.corrector.equation)  # a corrector serves loci as well, which depart otherwise
 
 
 def depart(
@@ -47,7 +49,7 @@ def depart(
     parameter: str,
     to: float | tuple[float, float],
     direction: int,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
 ) -> Departure:
     """Leave an orbit along a parameter, towards larger (+1) or smaller (-1) values.
 
@@ -62,15 +64,57 @@ def depart(
     within = check_range(start, to)
     for bound in (within.low, within.high):
         orbit.system.at({parameter: bound})
-    equation = ShootingEquation(orbit.system, parameter, orbit.period, shooting or Shooting())
+    return _leave((method or Shooting()).pose(orbit.system, parameter, orbit.period), orbit, within, direction)
+
+
+def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int) -> Departure:
+    """The departure from an orbit, as finely resolved as it takes."""
+    start = orbit.system[equation.parameter or ""]
     corrector = Corrector(equation, scales_of(equation, orbit, within))
     x = np.append(equation.unknowns(orbit), start) / corrector.scales
     correction = corrector.at_value(x, start)
     if correction is None:
-        raise ConvergenceError(f"the start is no period-{orbit.period} orbit at {parameter} = {start:.10g}")
+        raise ConvergenceError(f"the start is no period-{orbit.period} orbit at {equation.parameter} = {start:.10g}")
     ahead = np.zeros(len(x))
     ahead[-1] = direction
-    return Departure(corrector, corrector.point(correction, ahead, 0.0), within)
+    first = corrector.point(correction, ahead, 0.0)
+    doubt = equation.doubt(first.orbit)
+    if not doubt:
+        return Departure(corrector, first, within)
+    finer = equation.finer()
+    if finer is None:
+        raise ConvergenceError(doubt)
+    return _leave(finer, first.orbit, within, direction)
+
+
+def refined(departure: Departure) -> Departure | None:
+    """The same departure with the next finer resolution of its equation; None where there is none."""
+    equation = departure.equation.finer()
+    if equation is None:
+        return None
+    first = departure.first
+    corrector = Corrector(equation, scales_of(equation, first.orbit, departure.within))
+    lifted = lift(first, corrector, equation)
+    return None if lifted is None else replace(departure, corrector=corrector, first=lifted)
+
+
+def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> BranchPoint | None:
+    """A point of a branch as one of the same branch posed by a finer equation; None if Newton's method fails."""
+    x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
+    along = np.zeros(len(x))
+    along[-1] = np.sign(point.tangent[-1]) or 1.0
+    evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
+    tangent, _ = corrector.tangent(evaluation, along)
+    correction = corrector.correct(x, tangent)
+    if correction is None:  # the finer equation is far from solved: damped steps, with the parameter held
+        try:
+            unknowns, _ = solve(equation, x[:-1] * corrector.scales[:-1], point.value)
+        except NumericalError:
+            return None
+        correction = corrector.at_value(np.append(unknowns, point.value) / corrector.scales, point.value)
+        if correction is None:
+            return None
+    return corrector.point(correction, tangent, point.arclength)
 
 
 def directions(start: float, to: float | tuple[float, float]) -> tuple[int, ...]:

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
-from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.orbit import Orbit
 
 MERGED = 1e-7
@@ -22,8 +20,7 @@ def halves_apart(orbit: Orbit) -> NDArray[np.float64]:
     Zero on an orbit of half the period; it passes through zero, from one sign to the other, where a period-doubled
     branch passes through its parent.
     """
-    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
-    half = flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state
+    half = orbit.strobes(orbit.period // 2 + 1)[-1]
     return (half - orbit.state) / (1.0 + float(np.abs(orbit.state).max()))
 
 

@@ -11,8 +11,8 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 
 Report = Callable[[BranchPoint, list[SpecialPoint]], None]
 """Called with each new point and the special points before it."""
@@ -24,7 +24,7 @@ def follow(
     to: float | tuple[float, float],
     *,
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: Report | None = None,
 ) -> Branch:
     """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
@@ -37,8 +37,10 @@ def follow(
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
         The value at which to stop; or two, between which the branch is followed in both directions.
-    walk, shooting
-        Options of the walk and of the method.
+    walk
+        Options of the walk.
+    method
+        How orbits are posed: `Shooting` (the default) or `Balance`.
     report
         Called with each new point and the special points before it.
 
@@ -47,7 +49,7 @@ def follow(
     ModelError
         For an unknown parameter, or a range that does not hold the orbit.
     """
-    departures = [depart(orbit, parameter, to, way, shooting) for way in directions(orbit.system[parameter], to)]
+    departures = [depart(orbit, parameter, to, way, method) for way in directions(orbit.system[parameter], to)]
     return walk_out(departures, walk, report)
 
 

@@ -21,7 +21,10 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.floquet import REAL
 
+_MANY = 8  # multipliers from which a product of them all, or of all their pairs, would drown the one that matters
+_FACTORS = _MANY * (_MANY - 1) // 2
 BIFURCATIONS = (Kind.BRANCH_POINT, Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER)
 
 
@@ -42,9 +45,7 @@ def _compute(kind: Kind, point: BranchPoint) -> float:
         case Kind.FLIP:
             return _bounded_product(point.orbit.multipliers + 1.0)
         case Kind.NEIMARK_SACKER:
-            multipliers = point.orbit.multipliers
-            first, second = _pairs(len(multipliers))
-            return _bounded_product(multipliers[first] * multipliers[second] - 1.0)
+            return _bounded_product(_pair_factors(point.orbit.multipliers))
         case Kind.GRAZING:
             raise ValueError("grazing has no test function of the multipliers")
 
@@ -63,8 +64,24 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.triu_indices(count, 1)
 
 
+def _pair_factors(multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """``mu_i mu_j - 1`` over all pairs; over the conjugate pairs alone, ``1 - |mu|^2``, where there are many.
+
+    Among many multipliers some unrelated two have a product near 1 all the time.
+    """
+    if len(multipliers) <= _MANY:
+        first, second = _pairs(len(multipliers))
+        return multipliers[first] * multipliers[second] - 1.0
+    pairs = multipliers[multipliers.imag > REAL * np.abs(multipliers)]
+    return (1.0 - np.abs(pairs) ** 2).astype(complex)
+
+
 def _bounded_product(factors: NDArray[np.complex128]) -> float:
     product = 1.0 + 0.0j
+    if len(factors) > _FACTORS:  # of many, all but the nearest to zero give their sign alone, lest it all drown
+        order = np.argsort(np.abs(factors))
+        rest, factors = factors[order[_MANY:]], factors[order[:_MANY]]
+        product = complex(np.prod(rest / np.abs(rest)))
     for factor in factors.tolist():
         product *= factor / max(1.0, abs(factor))
     return product.real

@@ -12,7 +12,9 @@ from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME, stroboscopic
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
@@ -54,6 +56,8 @@ class Curve:
     """
 
     def __init__(self, branch: Branch) -> None:
+        if any(isinstance(point.orbit, BalancedOrbit) for point in branch.points):
+            raise ModelError("orbits are looked up on branches by shooting; compare others with gapwalk.compare")
         self.branch = branch
         points = _knots(branch)
         self._scales = _scales(points)

@@ -9,11 +9,14 @@ import numpy as np
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.errors import NumericalError
+from gapwalk.orbit.equation import Method
 
 _AMPLITUDES = (1e-4, 6e-4, 3e-3)  # scaled distances from the flip at which the doubled branch is looked at
 
 
-def with_nature(special: SpecialPoint, parameter: str, neighbours: tuple[float, float]) -> SpecialPoint:
+def with_nature(
+    special: SpecialPoint, parameter: str, neighbours: tuple[float, float], method: Method | None = None
+) -> SpecialPoint:
     """The special point with its nature told, if it is a fold or a flip.
 
     Parameters
@@ -24,17 +27,21 @@ def with_nature(special: SpecialPoint, parameter: str, neighbours: tuple[float, 
         Name of the parameter that is followed.
     neighbours
         Values of the parameter at the points before and after it.
+    method
+        How orbits are posed.
     """
     if special.kind is Kind.FOLD:
         lower = sum(neighbours) < 2.0 * special.value
         return replace(special, nature=f"opens to {'lower' if lower else 'higher'} values")
     if special.kind is Kind.FLIP:
-        nature, judged = _flip_nature(special, parameter, neighbours)
+        nature, judged = _flip_nature(special, parameter, neighbours, method)
         return replace(special, nature=nature, judged=judged)
     return special
 
 
-def _flip_nature(special: SpecialPoint, parameter: str, neighbours: tuple[float, float]) -> tuple[str, float]:
+def _flip_nature(
+    special: SpecialPoint, parameter: str, neighbours: tuple[float, float], method: Method | None
+) -> tuple[str, float]:
     """Whether the doubled branch leaves to the side on which the parent has lost stability, and up to what amplitude.
 
     The sign is read off the doubled branch itself at growing amplitudes, not off a normal form: by a grazing point
@@ -42,7 +49,7 @@ def _flip_nature(special: SpecialPoint, parameter: str, neighbours: tuple[float,
     """
     width = abs(special.value) + 1.0
     try:
-        departure = switch(special, parameter, (special.value - width, special.value + width))[0]
+        departure = switch(special, parameter, (special.value - width, special.value + width), method)[0]
     except NumericalError:
         return "", 0.0
     corrector, first = departure.corrector, departure.first
@@ -52,10 +59,8 @@ def _flip_nature(special: SpecialPoint, parameter: str, neighbours: tuple[float,
         if correction is None:
             break
         sides.append(float(np.sign(correction.x[-1] - first.x[-1])))
-        state = (correction.x - first.x)[: 2 * special.orbit.system.size] * corrector.scales[
-            : 2 * special.orbit.system.size
-        ]
-        amplitudes.append(float(np.abs(state).max()))
+        orbit = corrector.point(correction, first.tangent, amplitude).orbit
+        amplitudes.append(float(np.abs(orbit.state - special.orbit.state).max()))
     if not sides or sides[0] == 0.0:
         return "", 0.0
     holds = next((i for i, side in enumerate(sides) if side != sides[0]), len(sides))

@@ -10,6 +10,8 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
 
+_ASTRAY = 0.3  # cosine of the angle between a chord and a tangent between its ends; beyond, it turned unseen
+
 
 class Stretch:
     """The orbits between two neighbouring points of a walk, by scaled arclength.
@@ -61,7 +63,9 @@ class Stretch:
         for guess in (hermite(a, b, share), a.x + share * chord):
             correction = self.corrector.correct(guess, normal)
             if correction is not None and correction.distance <= max(length, 1e-9):
-                return self.corrector.point(correction, a.tangent, arclength)
+                point = self.corrector.point(correction, a.tangent, arclength)
+                if point.tangent @ normal >= _ASTRAY:
+                    return point
         raise NumericalError(
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )

@@ -13,11 +13,12 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, check_range, scales_of
 from gapwalk.errors import ModelError
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.shooting import Shooting
 
 
 def switch(
-    special: SpecialPoint, parameter: str, to: tuple[float, float], shooting: Shooting | None = None
+    special: SpecialPoint, parameter: str, to: tuple[float, float], method: Method | None = None
 ) -> list[Departure]:
     """The departures along the other branches at a special point.
 
@@ -32,8 +33,8 @@ def switch(
         Name of the parameter to follow.
     to
         Range of the parameter.
-    shooting
-        Options of the method.
+    method
+        How orbits are posed.
 
     Raises
     ------
@@ -42,18 +43,19 @@ def switch(
     """
     within = check_range(special.value, to)
     if special.kind is Kind.FLIP:
-        return [_from_flip(special, parameter, within, shooting or Shooting())]
+        return [_from_flip(special, parameter, within, method or Shooting())]
     if special.kind is Kind.BRANCH_POINT:
-        return _from_crossing(special, parameter, within, shooting or Shooting())
+        return _from_crossing(special, parameter, within, method or Shooting())
     raise ModelError(
         f"no other branch of periodic motions leaves a {special.kind.value}; switch at a flip or at a branch point"
     )
 
 
-def _from_flip(special: SpecialPoint, parameter: str, within: Range, shooting: Shooting) -> Departure:
+def _from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
     orbit = special.orbit
-    corrector = _corrector(special, parameter, within, 2 * orbit.period, shooting)
-    start = np.append(corrector.equation.unknowns(replace(orbit, period=2 * orbit.period)), special.value)
+    equation = _posed(special, parameter, 2 * orbit.period, method)
+    corrector = Corrector(equation, scales_of(equation, orbit, within))
+    start = np.append(equation.unknowns(replace(orbit, period=2 * orbit.period)), special.value)
     return Departure(corrector, _first(corrector, start, _flip_direction(corrector, start)), within, singular=True)
 
 
@@ -66,9 +68,10 @@ def _flip_direction(corrector: Corrector, start: NDArray[np.float64]) -> NDArray
     return np.append(vector, 0.0)
 
 
-def _from_crossing(special: SpecialPoint, parameter: str, within: Range, shooting: Shooting) -> list[Departure]:
-    corrector = _corrector(special, parameter, within, special.orbit.period, shooting)
-    start = np.append(corrector.equation.unknowns(special.orbit), special.value)
+def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+    equation = _posed(special, parameter, special.orbit.period, method)
+    corrector = Corrector(equation, scales_of(equation, special.orbit, within))
+    start = np.append(equation.unknowns(special.orbit), special.value)
     evaluation = corrector.equation.evaluate(start[:-1], float(start[-1]))
     assert evaluation.by_parameter is not None
     jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
@@ -84,15 +87,21 @@ def _from_crossing(special: SpecialPoint, parameter: str, within: Range, shootin
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
     """The tangent of a point that was found with other scales, in those of the corrector."""
     if len(point.x) != len(start):
-        raise ModelError("switch with the same number of shooting segments with which the branch point was found")
+        raise ModelError("switch with the method, and its segments or harmonics, with which the branch point was found")
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
     return rescaled / np.linalg.norm(rescaled)
 
 
-def _corrector(special: SpecialPoint, parameter: str, within: Range, period: int, shooting: Shooting) -> Corrector:
-    equation = ShootingEquation(special.orbit.system, parameter, period, shooting)
-    return Corrector(equation, scales_of(equation, special.orbit, within))
+def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> OrbitEquation:
+    """The equation for a period, as finely resolved as that with which the special point was found."""
+    found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
+    while len(found.scales(1.0)) < len(special.point.x) - 1:
+        finer, other = equation.finer(), found.finer()
+        if finer is None or other is None:
+            break
+        equation, found = finer, other
+    return equation
 
 
 def _first(corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64]) -> BranchPoint:

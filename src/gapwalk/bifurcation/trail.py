@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gapwalk.bifurcation.departure import Departure
+from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.bifurcation.nature import with_nature
@@ -74,8 +74,15 @@ class Trail(Iterator[Step]):
             try:
                 point = next(self.walk)
             except StopIteration:
+                if self._refine():
+                    before, first, state = None, self.walk.point, self.state
+                    continue
                 self._end_at_parent(before, first)
                 raise
+            doubt = self.departure.equation.doubt(point.orbit)
+            if doubt:
+                self.walk.finish(first, End(EndReason.COARSE, first.value, doubt))
+                continue
             try:
                 if self._is_doubled(first) and has_merged(point):
                     raise NumericalError("the step went onto the parent branch")
@@ -90,6 +97,22 @@ class Trail(Iterator[Step]):
                 continue
             return self._until_parent(first, step)
 
+    def _refine(self) -> bool:
+        """Go on with a finer resolution where the walk ended for want of one; whether there is one."""
+        if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
+            return False
+        finer = refined(self.departure)
+        point = None if finer is None else lift(self.walk.point, finer.corrector, finer.equation)
+        if finer is None or point is None:
+            return False
+        state = WalkState(None, point, self.walk.step, self.walk.count)
+        walk = self.walk
+        self.departure = finer
+        self.walk = Walk(finer.equation, finer.first, walk.within, finer.corrector, walk.options, state)
+        self.walk.rejected = walk.rejected
+        self.detector = Detector(finer.corrector)
+        return True
+
     def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
         """The special points of a step; of the first step of a branch that begins at another, from just beyond there.
 
@@ -103,8 +126,10 @@ class Trail(Iterator[Step]):
                 return []
             first, before = corrector.point(correction, first.tangent, ahead), None
         neighbours = (first.value, point.value)
-        parameter = self.departure.equation.parameter or ""
-        return [with_nature(each, parameter, neighbours) for each in self.detector.inspect(first, point, before)]
+        parameter, method = self.departure.equation.parameter or "", self.departure.equation.options
+        return [
+            with_nature(each, parameter, neighbours, method) for each in self.detector.inspect(first, point, before)
+        ]
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

@@ -20,7 +20,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
 from gapwalk.continuation.step import next_step, shorter_step
 from gapwalk.errors import ModelError
-from gapwalk.orbit.equation import Equation
+from gapwalk.orbit.equation import Equation, OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
@@ -39,6 +39,7 @@ class EndReason(Enum):
     CLOSED = "the branch closed on itself"
     BRANCHED = "the branch begins here, at a special point of another"
     JOINED = "the branch joined the one that it branches off from"
+    COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
@@ -53,7 +54,7 @@ class EndReason(Enum):
     @property
     def is_failure(self) -> bool:
         """Whether a walk ended so because the numerics gave up."""
-        return self in (EndReason.STEP, EndReason.FAILED)
+        return self in (EndReason.COARSE, EndReason.STEP, EndReason.FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,27 +253,34 @@ class Walk(Iterator[BranchPoint]):
         return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
 
 
-def scales_of(equation: Equation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,): of states as in `state_scales`, and of the range."""
-    segments = len(equation.unknowns(orbit)) // (2 * orbit.system.size)
-    return powers_of_two(np.append(state_scales(orbit, segments), within.high - within.low))
+def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
+    """Scales of the unknowns and of the parameter, shape (N + 1,): see `state_scales`, and of the range."""
+    return powers_of_two(np.append(equation.scales(_CLEARANCES * _length(orbit)), within.high - within.low))
 
 
-def state_scales(orbit: Orbit, segments: int = 1) -> NDArray[np.float64]:
-    """Scales of the states at the start of each segment, one after the other, shape (2n segments,).
+def state_scales(orbit: Orbit) -> NDArray[np.float64]:
+    """Scales of the state at the start of an orbit, shape (2n,).
 
     A parameter is measured in widths of its range. Positions in largest clearances (the natural length of a system
     with gaps), or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that
     times the frequency. Both are divided among the unknowns and set against the parameter so that an orbit that
     changes by a tenth of that length counts as 1 % of the range.
     """
+    unit = _CLEARANCES * _length(orbit) * np.sqrt(orbit.system.size)
+    return np.repeat([unit, unit * orbit.system.frequency], orbit.system.size)
+
+
+def _length(orbit: Orbit) -> float:
+    """The largest clearance within reach of an orbit, or its amplitude if that is larger."""
     system = orbit.system
-    clearances = [value for name, value in system.parameters.items() if name.endswith(".clearance")]
+    clearances = [
+        system[f"{contact.stage_prefix(stage)}.clearance"]
+        for contact in system.structure.contacts
+        for stage in contact.stages
+    ]
     amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
     reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
-    length = max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
-    unit = np.repeat([length, length * system.frequency], system.size)
-    return np.tile(unit, segments) * _CLEARANCES * np.sqrt(system.size * segments)
+    return max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
 
 
 def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -167,9 +167,7 @@ class ParameterLine:
 
     def system_at(self, value: float) -> System:
         """The system of the line at one value of the parameter; unlike `System.at`, it trusts the value."""
-        values = self.system.values.copy()
-        values[self._place] = value
-        system = System.from_values(self.system.structure, values)
+        system = System.beside(self.system, self._place, value)
         if self._place == 0:  # cheap here, costly to compute later
             object.__setattr__(system, "_coefficients", self.coefficients(value)[0])
         return system

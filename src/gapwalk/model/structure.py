@@ -97,7 +97,10 @@ class Structure:
 
     def block(self, prefix: str, *shape: int) -> np.ndarray:
         """Places of the consecutive parameters that begin with `prefix`, as an index array of `shape`."""
-        first = next(place for place, name in enumerate(self.names) if name.startswith(prefix + "."))
+        q = self.coordinates[0]
+        first = self.places.get(f"{prefix}.{q}.{q}", self.places.get(f"{prefix}.{q}"))
+        if first is None:
+            raise KeyError(prefix)
         return first + np.arange(int(np.prod(shape))).reshape(shape)
 
     def _generate_names(self):

@@ -45,7 +45,7 @@ class System:
         With everything that is wrong, one reason a line.
     """
 
-    __slots__ = ("_coefficients", "structure", "values")  # the first is kept for `coefficients_of`
+    __slots__ = ("_beside", "_coefficients", "structure", "values")  # the second is kept for `coefficients_of`
     structure: Structure
     values: NDArray[np.float64]
 
@@ -130,6 +130,34 @@ class System:
         system._set(structure, np.asarray(values, dtype=float))
         return system
 
+    @classmethod
+    def beside(cls, other: System, place: int, value: float) -> System:
+        """A system that differs from another one by the value at one place; it trusts the value.
+
+        The two share their numbers until somebody asks for all of them: a thousand degrees of freedom have millions.
+        """
+        system = object.__new__(cls)
+        object.__setattr__(system, "structure", other.structure)
+        object.__setattr__(system, "_beside", (other.values, place, float(value)))
+        return system
+
+    def __getattr__(self, name: str) -> NDArray[np.float64]:
+        if name != "values":
+            raise AttributeError(f"a System has no attribute {name!r}")
+        shared, place, value = self._beside
+        values = shared.copy()
+        values[place] = value
+        self._set(self.structure, values)
+        return values
+
+    def _at(self, place: int) -> float:
+        """The value at one place."""
+        try:
+            shared, other, value = self._beside
+        except AttributeError:
+            return float(self.values[place])
+        return value if place == other else float(shared[place])
+
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the degrees of freedom."""
@@ -143,7 +171,7 @@ class System:
     @property
     def frequency(self) -> float:
         """The fundamental frequency W of the excitation."""
-        return float(self.values[0])
+        return self._at(0)
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -152,7 +180,7 @@ class System:
 
     def __getitem__(self, name: str) -> float:
         """The value of one parameter."""
-        return float(self.values[self.structure.place(name)])
+        return self._at(self.structure.place(name))
 
     def matrix(self, which: str) -> NDArray[np.float64]:
         """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""

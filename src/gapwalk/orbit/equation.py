@@ -32,11 +32,18 @@ class Evaluation(NamedTuple):
     evidence: Any
 
 
+class Method(Protocol):
+    """A way to pose orbits as equations, with its options: `Shooting`, or `Balance`."""
+
+    def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
+        """The equation of the orbits of a system over `period` forcing periods, along a named parameter perhaps."""
+        ...
+
+
 class Equation(Protocol):
     """A periodic orbit of `system` as N equations in N unknowns and, possibly, one named parameter.
 
-    To add a way to pose orbits, write a class with these members; the walk, the special points and everything
-    above ask for no more.
+    The walk asks for no more.
     """
 
     @property
@@ -69,4 +76,33 @@ class Equation(Protocol):
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """The unknowns of an orbit that was found in whatever way."""
+        ...
+
+
+class OrbitEquation(Equation, Protocol):
+    """An equation that can be posed anew: for an orbit found in another way, more finely, or for another period.
+
+    To add a way to pose orbits, write a class with these members, and a `Method` that makes it; the walk, the special
+    points and everything above ask for no more.
+    """
+
+    @property
+    def options(self) -> Method:
+        """The way in which it is posed; it poses other systems, parameters and periods alike."""
+        ...
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """How large a change of each unknown weighs as much as a motion of one length; shape (N,)."""
+        ...
+
+    def doubt(self, orbit: Orbit) -> str:
+        """Why an orbit of a solution is not to be trusted as a motion, and what to change; empty if it is."""
+        ...
+
+    def finer(self) -> OrbitEquation | None:
+        """The same orbits posed with a finer resolution, where the method leaves that open; otherwise None."""
+        ...
+
+    def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The unknowns of the motion from a state, from which Newton's method can start."""
         ...

@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
+from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.orbit.shooting import Shooting
 
 _TRANSIENT = 400  # forcing periods at most; Newton takes over from wherever the motion has come to by then
 _SETTLED = 1e-4  # relative change over one orbit at which Newton takes over
@@ -25,7 +26,7 @@ def find_orbit(
     period: int = 1,
     start: str | Sequence[float] | NDArray[np.float64] = "settle",
     *,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     newton: Newton | None = None,
     at: Mapping[str, float] | None = None,
     **values: float,
@@ -41,8 +42,10 @@ def find_orbit(
     start
         ``"rest"``: Newton's method from the state zero. ``"settle"``: from where a transient from rest has come to.
         Or a state, 2n numbers: positions, then velocities, at theta = 0.
-    shooting, newton
-        Options of the method.
+    method
+        How the orbit is posed: `Shooting` (the default) or `Balance`.
+    newton
+        How to iterate.
     at, **values
         Parameter values to change first: ``find_orbit(system, frequency=1.9)``.
 
@@ -54,10 +57,21 @@ def find_orbit(
         If no orbit is found from this start.
     """
     system = system.at(at, **values)
-    equation = ShootingEquation(system, None, period, shooting or Shooting())
-    state = initial_state(system, start, period)
-    unknowns, evaluation = solve(equation, equation.spread(state), 0.0, newton)
-    return equation.orbit(unknowns, 0.0, evaluation)
+    equation = (method or Shooting()).pose(system, None, period)
+    return _solved(equation, equation.start(initial_state(system, start, period)), newton)
+
+
+def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:
+    """The orbit nearest to a guess, as finely resolved as it takes."""
+    unknowns, evaluation = solve(equation, guess, 0.0, newton)
+    orbit = equation.orbit(unknowns, 0.0, evaluation)
+    doubt = equation.doubt(orbit)
+    if not doubt:
+        return orbit
+    finer = equation.finer()
+    if finer is None:
+        raise ConvergenceError(doubt)
+    return _solved(finer, finer.unknowns(orbit), newton)
 
 
 def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.orbit import Orbit
 
 SAME = 1e-6
@@ -15,11 +13,7 @@ SAME = 1e-6
 
 def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
     """The states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
-    states = [orbit.state]
-    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
-    for _ in range(orbit.period - 1):
-        states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD).state)
-    return np.array(states)
+    return orbit.strobes(orbit.period)
 
 
 def true_period(orbit: Orbit, tolerance: float = SAME) -> int:

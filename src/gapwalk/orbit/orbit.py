@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
-from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.floquet import Instability, classify
@@ -81,6 +82,13 @@ class Orbit:
         count = (samples or self.samples) * self.period
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
+    def strobes(self, count: int) -> NDArray[np.float64]:
+        """The states at the start of the first `count` forcing periods, shape (count, 2n)."""
+        states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
+        for _ in range(count - 1):
+            states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD).state)
+        return np.array(states)
+
     @property
     def samples(self) -> int:
         """Samples a forcing period that resolve the motion."""
@@ -93,6 +101,11 @@ class Orbit:
         return survey(self)
 
     @cached_property
+    def turns(self) -> tuple[NDArray[np.float64], ...]:
+        """For each contact the angles at which its deflection turns, and its values there; shape (2, turns)."""
+        return self.survey.turns
+
+    @cached_property
     def extremes(self) -> NDArray[np.float64]:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
         return self.survey.extremes
@@ -102,7 +115,7 @@ class Orbit:
         """For each switch: angles at which the deflection turns, and how far past the breakpoint."""
         depths = []
         for index, contact in enumerate(self.system.structure.contacts):
-            thetas, values = self.survey.turns[index]
+            thetas, values = self.turns[index]
             for stage in contact.stages:
                 clearance = self.system[f"{contact.stage_prefix(stage)}.clearance"]
                 depths += [Turns(thetas, [side * x - clearance for x in values]) for side in stage.side.signs]

@@ -40,6 +40,10 @@ class Shooting:
         if not 1e-14 <= self.tolerance <= 1e-3:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
+    def pose(self, system: System, parameter: str | None = None, period: int = 1) -> ShootingEquation:
+        """The equation of the orbits of a system, by shooting."""
+        return ShootingEquation(system, parameter, period, self)
+
 
 @dataclass(frozen=True)
 class ShootingEquation:
@@ -114,6 +118,24 @@ class ShootingEquation:
         if self.options.segments == 1:
             return orbit.state.copy()
         return self.spread(orbit.state, orbit.system)
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """Positions in lengths, velocities in that times the frequency, divided among the degrees of freedom."""
+        size, segments = self.system.size, self.options.segments
+        unit = np.repeat([length, length * self.system.frequency], size)
+        return np.tile(unit, segments) * np.sqrt(size * segments)
+
+    def doubt(self, orbit: Orbit) -> str:
+        """Empty: what shooting finds is a motion to the accuracy of the flow."""
+        return ""
+
+    def finer(self) -> None:
+        """None: the flow is exact to rounding as it is."""
+        return None
+
+    def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The states at the start of each segment on the motion from `state`."""
+        return self.spread(state)
 
     def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
         """The states at the start of each segment on the motion from `state`, end to end."""

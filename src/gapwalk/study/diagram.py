@@ -129,7 +129,7 @@ def diagram(
     ConvergenceError
         If no first orbit is found.
     """
-    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, shooting=shooting)
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=shooting)
     return grow(orbit, parameter, to, options, walk, shooting, report, resume).diagram
 
 

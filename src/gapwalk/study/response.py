@@ -53,7 +53,7 @@ def _set_out(
             return walk, None, earlier.versions
         return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)
     options = study.options
-    start = find_orbit(study.system, options.period, options.start, shooting=options.shooting)
+    start = find_orbit(study.system, options.period, options.start, method=options.shooting)
     trail = _trail(study, start)
     walk = StoredWalk(start, [trail.first], [], None, None)
     if output is not None:

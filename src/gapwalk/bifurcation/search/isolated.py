@@ -80,7 +80,7 @@ def isolated(
             if any(curve.holds(each.orbit) for curve in curves):
                 continue
             try:
-                branch = follow(each.orbit, parameter, to, walk=walk, shooting=shooting)
+                branch = follow(each.orbit, parameter, to, walk=walk, method=shooting)
             except NumericalError as error:
                 lost.append((each, str(error)))
                 continue

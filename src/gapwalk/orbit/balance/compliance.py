@@ -1,0 +1,200 @@
+"""The linear part of a system, solved exactly in each harmonic: only contact deflections are left as unknowns.
+
+With the forces of the contacts on the right-hand side, the lines of the motion obey, for each frequency ``w = k W/m``,
+
+    (A + sum_k D_k s_k e_k - w^2 + i w B) q = loads - sum_k D_k (f_k - s_k x_k)
+
+where a share s_k of each contact's stiffness is moved to the left, so that a system that only its contacts hold in
+place can be solved too.
+
+There are two ways to solve it, with the same members. `DirectCompliance` factors the matrix of each line. Where the
+matrices stay the same along the branch, `PoleCompliance` sums over the eigenvalues of the linear system, found once:
+after that a line costs as many operations as there are eigenvalues.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.balance.linear import Linear
+from gapwalk.orbit.balance.poles import Poles
+
+
+class Lines(NamedTuple):
+    """The lines of a motion.
+
+    Attributes
+    ----------
+    frequencies, slopes : shape (lines,)
+        Frequencies, and their derivatives by the parameter.
+    loads : shape (orders + 1,)
+        Which line each load acts on, one each.
+    """
+
+    frequencies: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    loads: NDArray[np.intp]
+
+
+class Compliance(Protocol):
+    """The linear part on some lines."""
+
+    @property
+    def flexibility(self) -> NDArray[np.complex128]:
+        """Deflections under a unit force of each contact (against it), shape (lines, contacts, contacts)."""
+        ...
+
+    @property
+    def free(self) -> NDArray[np.complex128]:
+        """Deflections under the loads alone, shape (lines, contacts)."""
+        ...
+
+    def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Lines of all coordinates, shape (lines, n), under the loads and contact forces of shape (lines, contacts)."""
+        ...
+
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts).
+
+        As with `motion`, there may be forces on the first lines alone; the result has as many.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class DirectCompliance:
+    """The linear part solved line by line.
+
+    Parameters
+    ----------
+    linear, change
+        The matrices, and their derivatives by the parameter (None for none).
+    lines
+        The lines.
+    shift : shape (contacts,)
+        Stiffness of each contact that is counted as part of the linear system.
+    """
+
+    linear: Linear
+    change: Linear | None
+    lines: Lines
+    shift: NDArray[np.float64]
+
+    @cached_property
+    def _dynamic(self) -> NDArray[np.complex128]:
+        """Dynamic stiffness of each line, shape (lines, n, n)."""
+        w, linear = self.lines.frequencies, self.linear
+        matrix = np.array(1j * w[:, None, None] * linear.damping + linear.shifted(self.shift), dtype=np.complex128)
+        n = matrix.shape[-1]
+        matrix[:, np.arange(n), np.arange(n)] -= w[:, None] ** 2
+        return matrix
+
+    @cached_property
+    def _solved(self) -> NDArray[np.complex128]:
+        """Motions under a unit force of each contact and under the loads, shape (lines, n, contacts + 1)."""
+        forces = np.broadcast_to(self.linear.contacts, (len(self._dynamic), *self.linear.contacts.shape))
+        return self._solve(np.concatenate((forces.astype(complex), self._loads(self.linear)[:, :, None]), axis=2))
+
+    @cached_property
+    def flexibility(self) -> NDArray[np.complex128]:
+        """See `Compliance.flexibility`."""
+        return self.linear.deflections @ self._solved[:, :, :-1]
+
+    @cached_property
+    def free(self) -> NDArray[np.complex128]:
+        """See `Compliance.free`."""
+        return self._solved[:, :, -1] @ self.linear.deflections.T
+
+    def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.motion`."""
+        solved = self._solved[: len(forces)]
+        return solved[:, :, -1] - (solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
+
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.slope`."""
+        linear, change = self.linear, self.change
+        count, motion = len(forces), self.motion(forces)
+        w, rate = self.lines.frequencies[:count, None], self.lines.slopes[:count, None]
+        right = (2.0 * w * rate) * motion - 1j * rate * (motion @ linear.damping.T)
+        right -= force_slopes @ linear.contacts.T
+        if change is None:
+            return self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T
+        shifted = change.stiffness + (change.contacts * self.shift) @ linear.deflections
+        shifted += (linear.contacts * self.shift) @ change.deflections
+        right += self._loads(change)[:count] - forces @ change.contacts.T
+        right -= motion @ shifted.T + 1j * w * (motion @ change.damping.T)
+        moved = self._solve(right[:, :, None])[:, :, 0]
+        return moved @ linear.deflections.T + motion @ change.deflections.T
+
+    def _loads(self, linear: Linear) -> NDArray[np.complex128]:
+        loads = np.zeros((len(self.lines.frequencies), len(linear.loads)), dtype=complex)
+        loads[self.lines.loads] = linear.loads.T
+        return loads
+
+    def _solve(self, right: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        try:
+            return np.asarray(np.linalg.solve(self._dynamic[: len(right)], right), dtype=np.complex128)
+        except np.linalg.LinAlgError:
+            raise NumericalError(
+                "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
+                "the excitation; give it damping, or a spring that holds it"
+            ) from None
+
+
+@dataclass(frozen=True)
+class PoleCompliance:
+    """The linear part as a sum over its eigenvalues, on some lines.
+
+    Parameters
+    ----------
+    poles
+        The eigenvalues.
+    lines
+        The lines; the poles do not change with the parameter.
+    """
+
+    poles: Poles
+    lines: Lines
+
+    @cached_property
+    def _gains(self) -> NDArray[np.complex128]:
+        """Amplitude of each eigenvector under a unit load, shape (lines, 2n)."""
+        return 1.0 / (1j * self.lines.frequencies[:, None] - self.poles.values)
+
+    @cached_property
+    def _loaded(self) -> NDArray[np.complex128]:
+        """Amplitude of each eigenvector under the loads, shape (lines, 2n)."""
+        amplitudes, at = np.zeros_like(self._gains), self.lines.loads
+        amplitudes[at] = self._gains[at] * self.poles.loads.T
+        return amplitudes
+
+    @cached_property
+    def flexibility(self) -> NDArray[np.complex128]:
+        """See `Compliance.flexibility`."""
+        contacts = len(self.poles.deflections)
+        return (self._gains @ self.poles.residues).reshape(-1, contacts, contacts)
+
+    @cached_property
+    def free(self) -> NDArray[np.complex128]:
+        """See `Compliance.free`."""
+        return self._loaded @ self.poles.deflections.T
+
+    def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.motion`."""
+        return self._amplitudes(forces) @ self.poles.outputs.T
+
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.slope`."""
+        count = len(forces)
+        moved = (1j * self.lines.slopes[:count, None]) * self._amplitudes(forces) + force_slopes @ self.poles.inputs.T
+        return -(self._gains[:count] * moved) @ self.poles.deflections.T
+
+    def _amplitudes(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        count = len(forces)
+        return self._loaded[:count] - self._gains[:count] * (forces @ self.poles.inputs.T)

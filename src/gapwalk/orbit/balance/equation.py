@@ -1,0 +1,262 @@
+"""Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.motion import integrate
+from gapwalk.motion.switching import ContactEvent
+from gapwalk.orbit.balance.compliance import DirectCompliance, PoleCompliance
+from gapwalk.orbit.balance.force import Forces, contact_forces_of
+from gapwalk.orbit.balance.hill import projected_monodromy
+from gapwalk.orbit.balance.laws import Laws
+from gapwalk.orbit.balance.linear import linear_of
+from gapwalk.orbit.balance.lines import differentiated, from_real_form, multiplication, real_form, waves
+from gapwalk.orbit.balance.modal import modal_monodromy
+from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.balance.orbit import BalancedOrbit
+from gapwalk.orbit.balance.parts import Parts
+from gapwalk.orbit.balance.series import Series
+from gapwalk.orbit.balance.variational import monodromy
+from gapwalk.orbit.equation import Evaluation
+from gapwalk.orbit.floquet import multipliers
+from gapwalk.orbit.orbit import Orbit
+
+_MOST = 1000  # harmonics beyond which an automatic choice gives up
+_MANY = 16  # degrees of freedom from which stability is computed in eigenvectors
+_FASTEST = 2.0  # eigenvalues that are kept for stability, in highest lines
+
+
+class Evidence(NamedTuple):
+    """What an evaluation knows of the motion: its lines, the linear part, the forces, and their sum.
+
+    Attributes
+    ----------
+    coefficients
+        Of the flow.
+    lines, total : shape (contacts, K + 1)
+        Of the deflections, and of the contact forces less the linear shares.
+    tangent : shape (contacts, K + 1, 2K + 1)
+        Derivative of the total of each contact by the real form of its deflection.
+    compliance, laws, forces
+        The parts.
+    """
+
+    coefficients: NDArray[np.float64]
+    lines: NDArray[np.complex128]
+    total: NDArray[np.complex128]
+    tangent: NDArray[np.complex128]
+    compliance: PoleCompliance | DirectCompliance
+    laws: Laws
+    forces: Forces
+
+
+@dataclass(frozen=True)
+class BalanceEquation:
+    """``x - x_free + G F(x) = 0`` in each harmonic: x the contact deflections, F their forces, G their flexibility.
+
+    The unknowns are the real forms of the deflections, one contact after the other: 2K + 1 numbers each, with
+    ``K = H m`` lines. All other coordinates are eliminated exactly.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter
+        The named parameter to follow, or None.
+    period
+        m, forcing periods.
+    options
+        How to balance.
+    harmonics
+        H, the highest harmonic of the forcing frequency.
+    """
+
+    system: System
+    parameter: str | None = None
+    period: int = 1
+    options: Balance = Balance()
+    harmonics: int = 10
+
+    def __post_init__(self) -> None:
+        if isinstance(self.period, bool) or not isinstance(self.period, int) or self.period < 1:
+            raise ModelError(f"period is {self.period!r}; it must be an integer >= 1 (forcing periods of the orbit)")
+        if self.parameter is not None:
+            self.system.structure.place(self.parameter)
+        if not self.system.structure.contacts:
+            raise ModelError("the system has no contact; harmonic balance solves for the deflections of contacts")
+        highest = max(self._parts.layout.orders, default=1)
+        if self.harmonics < highest:
+            raise ModelError(
+                f"harmonics is {self.harmonics}, but the excitation has order {highest}; write harmonics = {highest} "
+                "or more"
+            )
+
+    @property
+    def tolerance(self) -> float:
+        """Largest residual of an orbit, relative to the size of its lines."""
+        return self.options.tolerance
+
+    @property
+    def count(self) -> int:
+        """K, the number of lines."""
+        return self.harmonics * self.period
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Residual and derivatives; see `Equation.evaluate`.
+
+        Raises
+        ------
+        NumericalError
+            If the linear part is singular at one of the lines.
+        """
+        coefficients, slope = self._parts.coefficients(value)
+        contacts, count = len(self._parts.layout.contacts), self.count
+        lines = from_real_form(unknowns.reshape(contacts, -1))
+        compliance = self._parts.compliance(coefficients, slope)
+        laws = self._parts.laws(coefficients, slope)
+        forces = contact_forces_of(lines, laws)
+        iw = 1j * compliance.lines.frequencies[: count + 1]
+        total = forces.spring[:, : count + 1] - self._parts.shift[:, None] * lines + iw * forces.damper[:, : count + 1]
+        tangents = forces.tangents if laws.damped else forces.tangents[:1]
+        tangent, *damping = multiplication(tangents)
+        if damping:
+            tangent += iw[:, None] * damping[0]
+        tangent -= self._parts.share
+        flexibility = compliance.flexibility[: count + 1]
+        residual = lines.T - compliance.free[: count + 1] + (flexibility @ total.T[:, :, None])[:, :, 0]
+        evidence = Evidence(coefficients, lines, total, tangent, compliance, laws, forces)
+        jacobian = _real_rows(flexibility, tangent)
+        jacobian.flat[:: len(jacobian) + 1] += 1.0
+        by_parameter = None
+        if slope is not None:
+            change = forces.spring_slope + iw * forces.damper_slope
+            change += 1j * compliance.lines.slopes[: count + 1] * forces.damper[:, : count + 1]
+            by_parameter = -real_form(compliance.slope(total.T, change.T).T).ravel()
+        return Evaluation(real_form(residual.T).ravel(), jacobian, by_parameter, evidence)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
+        """The orbit of a solution."""
+        evidence: Evidence = evaluation.evidence
+        system = self.system if self.parameter is None else self._parts.line.system_at(value)
+        # the unknowns may be one Newton step past the evaluation
+        real = unknowns.reshape(len(evidence.lines), -1)
+        step = (evidence.tangent @ (real - real_form(evidence.lines))[:, :, None])[:, :, 0]
+        series = Series(evidence.compliance.motion((evidence.total + step).T).T, self.period, system.frequency)
+        return BalancedOrbit(
+            system,
+            self.period,
+            series.states(np.zeros(1))[0],
+            self._multipliers(evidence),
+            self._events(evidence),
+            float(np.abs(evaluation.residual).max()),
+            2 * self.count,
+            series,
+            Series(from_real_form(real), self.period, system.frequency),
+            self._truncation(evidence),
+        )
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """The real forms of the deflections of an orbit that was found in whatever way."""
+        if not isinstance(orbit, BalancedOrbit):
+            samples = max(orbit.samples, 1 << (16 * self.harmonics - 1).bit_length())
+            return self._from_positions(orbit.motion(samples).q)
+        known, stride = orbit.deflections.lines, self.period // orbit.deflections.period
+        kept = min(known.shape[1], self.count // stride + 1)
+        lines = np.zeros((len(known), self.count + 1), dtype=complex)
+        lines[:, : (kept - 1) * stride + 1 : stride] = known[:, :kept]
+        return real_form(lines).ravel()
+
+    def _from_positions(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
+        lines = 2.0 * np.fft.rfft(q[:-1], axis=0).T[:, : self.count + 1] / (len(q) - 1)
+        lines[:, 0] *= 0.5
+        return real_form(linear_of(self._parts.layout, coefficients_of(self.system)).deflections @ lines).ravel()
+
+    def scales(self, length: float) -> NDArray[np.float64]:
+        """How much of each unknown counts as one length."""
+        contacts = len(self._parts.layout.contacts)
+        return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
+
+    def doubt(self, orbit: Orbit) -> str:
+        """Why a solution is no motion that can be trusted, and what to change; empty if it is one."""
+        if not isinstance(orbit, BalancedOrbit) or orbit.truncation <= self.options.error:
+            return ""
+        text = (
+            f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.2g} of the motion, and error = "
+            f"{self.options.error:g} is allowed; "
+        )
+        if self.options.harmonics is None:
+            return text + "no motion was found with more of them: allow a larger error, or use Shooting()"
+        return (
+            text + f"write Balance(harmonics={2 * self.harmonics}) or more, or Balance(harmonics=None) for as many as "
+            "it takes, or allow a larger error"
+        )
+
+    def finer(self) -> BalanceEquation | None:
+        """The same with half as many harmonics again, if their number is left open."""
+        more = self.harmonics + max(2, self.harmonics // 2)
+        if self.options.harmonics is not None or more > _MOST:
+            return None
+        return replace(self, harmonics=more)
+
+    def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The lines of the motion from a state over the orbit's period; of no motion at all for the state zero."""
+        if not state.any():  # a system of a thousand degrees of freedom has no flow
+            return np.zeros(len(self._parts.layout.contacts) * (2 * self.count + 1))
+        samples = 1 << (16 * self.harmonics - 1).bit_length()
+        return self._from_positions(integrate(self.system, state, self.period, samples).q)
+
+    def _multipliers(self, evidence: Evidence) -> NDArray[np.complex128]:
+        length = 2.0 * np.pi / float(evidence.compliance.lines.frequencies[1])
+        forces, breaks = evidence.forces, evidence.forces.visits.phi
+        poles, shift = self._parts.poles, self._parts.shift
+        if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
+            # eigenvectors that are faster than every line, by far, follow at once
+            slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
+            return multipliers([modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)])
+        linearised = self._parts.linearised(evidence.coefficients, evidence.laws)
+        if self.options.stability == "hill":
+            tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
+            return multipliers([projected_monodromy(linearised, tangents, length)])
+        return multipliers([monodromy(linearised, evidence.lines, breaks, length)])
+
+    def _truncation(self, evidence: Evidence) -> float:
+        """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
+        count, forces = self.count, evidence.forces
+        iw = 1j * evidence.compliance.lines.frequencies[count + 1 :]
+        total = forces.spring[:, count + 1 :] + iw * forces.damper[:, count + 1 :]
+        neglected = (evidence.compliance.flexibility[count + 1 :] @ total.T[:, :, None])[:, :, 0]
+        kept = np.abs(evidence.lines[:, 1:]).sum(axis=1).max()
+        return float(np.abs(neglected).sum(axis=0).max() / kept) if kept > 0.0 else 0.0
+
+    def _events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
+        visits, lines = evidence.forces.visits, evidence.lines
+        if not len(visits.phi):
+            return ()
+        rates = differentiated(lines)[evidence.laws.contact[visits.switch]]
+        speeds = (rates * waves(visits.phi, lines.shape[1] - 1)).sum(axis=1).real
+        speeds *= evidence.compliance.lines.frequencies[1]
+        order = np.argsort(visits.phi, kind="stable")
+        rows = (self.period * visits.phi, visits.switch, visits.enters, speeds)
+        return tuple(ContactEvent(*event) for event in zip(*(row[order].tolist() for row in rows), strict=True))
+
+    @cached_property
+    def _parts(self) -> Parts:
+        return Parts(self.system, self.parameter, self.period, self.count)
+
+
+def _real_rows(flexibility: NDArray[np.complex128], tangent: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """``G`` times the tangents, as a real matrix: rows and columns are real forms, contact by contact."""
+    contacts, rows, columns = tangent.shape
+    product = flexibility.transpose(1, 0, 2)[:, :, :, None] * tangent.transpose(1, 0, 2)
+    real = np.concatenate((product.real, -product.imag[:, 1:]), axis=1)
+    return real.reshape(contacts * (2 * rows - 1), contacts * columns)

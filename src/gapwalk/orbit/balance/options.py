@@ -1,0 +1,60 @@
+"""How to balance harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.balance.equation import BalanceEquation
+
+_FIRST = 10  # harmonics to begin with, where the number is left open
+STABILITIES = ("variational", "hill")
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Harmonic balance: the motion as a Fourier series, its contact forces exact in the breakpoints.
+
+    Parameters
+    ----------
+    harmonics
+        H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many
+        as the stated `error` needs, and more where a branch needs more.
+    error
+        Largest sum of the amplitudes in the neglected harmonics (those from H to 2 H, as the exact contact force
+        drives them), relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
+    stability
+        ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over a period.
+        ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
+    tolerance
+        Largest residual of an orbit, relative to the size of its lines.
+    """
+
+    harmonics: int | None = None
+    error: float = 1e-4
+    stability: str = "variational"
+    tolerance: float = 1e-10
+
+    def __post_init__(self) -> None:
+        h = self.harmonics
+        if h is not None and (isinstance(h, bool) or not isinstance(h, int) or not 1 <= h <= 2000):
+            raise ModelError(
+                f"harmonics is {h!r}; it must be an integer from 1 to 2000, or None for an automatic choice"
+            )
+        if not 1e-12 <= self.error <= 1.0:
+            raise ModelError(f"error is {self.error!r}; it must lie between 1e-12 and 1 (a share of the amplitude)")
+        if self.stability not in STABILITIES:
+            raise ModelError(f'stability is {self.stability!r}; write "variational" or "hill"')
+        if not 1e-14 <= self.tolerance <= 1e-3:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
+
+    def pose(self, system: System, parameter: str | None = None, period: int = 1) -> BalanceEquation:
+        """The equation of the orbits of a system, by harmonic balance."""
+        from gapwalk.orbit.balance.equation import BalanceEquation
+
+        first = max(_FIRST, 2 * max((harmonic.order for harmonic in system.structure.harmonics), default=1))
+        return BalanceEquation(system, parameter, period, self, self.harmonics or first)

@@ -1,0 +1,60 @@
+"""An orbit that was found by harmonic balance: it knows its Fourier series, and draws its motion from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.motion import Motion
+from gapwalk.orbit.balance.series import Series
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.survey import Survey
+
+
+@dataclass(frozen=True, repr=False)
+class BalancedOrbit(Orbit):
+    """A motion given by its Fourier series; the rest as for any orbit.
+
+    It satisfies the equations of motion up to the harmonics that are neglected. An integration from its state would
+    leave an unstable one, so everything is drawn from the series.
+
+    Attributes
+    ----------
+    series
+        The lines of all coordinates.
+    deflections
+        The lines of the deflections of all contacts.
+    truncation
+        Sum of the amplitudes of the neglected harmonics, as the exact contact force drives them, relative to the
+        largest amplitude of the deflections.
+    """
+
+    series: Series
+    deflections: Series
+    truncation: float
+
+    def motion(self, samples: int | None = None) -> Motion:
+        """One full period, sampled evenly with `samples` a forcing period."""
+        count = (samples or self.samples) * self.period
+        theta = PERIOD * self.period * np.arange(count + 1) / count
+        states = self.series.states(theta)
+        n = self.system.size
+        return Motion(self.system, theta, states[:, :n], states[:, n:], self.events)
+
+    def strobes(self, count: int) -> NDArray[np.float64]:
+        """The states at the start of the first `count` forcing periods, shape (count, 2n)."""
+        return self.series.states(PERIOD * np.arange(count, dtype=float))
+
+    @cached_property
+    def turns(self) -> tuple[NDArray[np.float64], ...]:
+        """For each contact the angles at which its deflection turns, and its values there; shape (2, turns)."""
+        return tuple(self.deflections.turns())
+
+    @cached_property
+    def survey(self) -> Survey:
+        """Extremes of the coordinates, and the turning points of the contacts' deflections."""
+        return Survey(self.series.extremes(), self.turns)

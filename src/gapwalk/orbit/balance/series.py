@@ -1,0 +1,60 @@
+"""A periodic motion as a finite Fourier series: its values, its turning points, and its means, all in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.motion.flow import PERIOD
+from gapwalk.orbit.balance.lines import Bracket, differentiated, grid, real_form, waves, zeros
+
+
+@dataclass(frozen=True)
+class Series:
+    """``q(theta) = Re sum_k lines_k exp(i k theta / m)``.
+
+    Attributes
+    ----------
+    lines : shape (n, K + 1)
+        Complex amplitudes of each coordinate.
+    period
+        m, forcing periods.
+    frequency
+        W.
+    """
+
+    lines: NDArray[np.complex128]
+    period: int
+    frequency: float
+
+    def states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions and velocities (over time) at angles of the excitation, shape (samples, 2n)."""
+        wave = waves(np.asarray(theta) / self.period, self.lines.shape[1] - 1)
+        rates = (self.frequency / self.period) * differentiated(self.lines)
+        return np.hstack(((wave @ self.lines.T).real, (wave @ rates.T).real))
+
+    def turns(self) -> list[NDArray[np.float64]]:
+        """For each coordinate the angles theta at which it turns, and its values there; shape (2, turns) each."""
+        phi, _, slopes = grid(self.lines.shape[1] - 1)
+        speeds = real_form(self.lines) @ slopes
+        rising = speeds > 0.0
+        row, cell = np.nonzero(rising[:, 1:] != rising[:, :-1])
+        if not len(row):
+            return [np.empty((2, 0)) for _ in self.lines]
+        bracket = Bracket(phi[cell], phi[cell + 1], speeds[row, cell], speeds[row, cell + 1])
+        at = zeros(differentiated(self.lines[row]), bracket)
+        values = (self.lines[row] * waves(at, self.lines.shape[1] - 1)).sum(axis=1).real
+        both = np.array((at * self.period % (PERIOD * self.period), values))
+        return [both[:, row == index] for index in range(len(self.lines))]
+
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        mean = self.lines[:, 0].real
+        square = mean**2 + 0.5 * (np.abs(self.lines[:, 1:]) ** 2).sum(axis=1)
+        largest, smallest = mean.copy(), mean.copy()
+        for index, (_, values) in enumerate(self.turns()):
+            if len(values):
+                largest[index], smallest[index] = values.max(), values.min()
+        return np.column_stack((largest, smallest, mean, np.sqrt(square)))
