@@ -101,8 +101,8 @@ class Orbit:
         return survey(self)
 
     @cached_property
-    def turns(self) -> tuple[NDArray[np.float64], ...]:
-        """For each contact the angles at which its deflection turns, and its values there; shape (2, turns)."""
+    def turns(self) -> tuple[Turns, ...]:
+        """For each contact the angles at which its deflection turns, and its values there."""
         return self.survey.turns
 
     @cached_property

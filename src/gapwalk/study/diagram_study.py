@@ -76,7 +76,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
 
 def _first_orbit(study: Study) -> Orbit:
     options = study.options
-    return find_orbit(study.system, options.period, options.start, shooting=options.shooting)
+    return find_orbit(study.system, options.period, options.start, method=options.shooting)
 
 
 def _empty(options) -> Diagram:

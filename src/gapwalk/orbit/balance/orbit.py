@@ -12,7 +12,7 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import Motion
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.survey import Survey
+from gapwalk.orbit.survey import Turns
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,11 +50,11 @@ class BalancedOrbit(Orbit):
         return self.series.states(PERIOD * np.arange(count, dtype=float))
 
     @cached_property
-    def turns(self) -> tuple[NDArray[np.float64], ...]:
-        """For each contact the angles at which its deflection turns, and its values there; shape (2, turns)."""
-        return tuple(self.deflections.turns())
+    def turns(self) -> tuple[Turns, ...]:
+        """For each contact the angles at which its deflection turns, and its values there."""
+        return tuple(Turns(*found[:, np.argsort(found[0])].tolist()) for found in self.deflections.turns())
 
     @cached_property
-    def survey(self) -> Survey:
-        """Extremes of the coordinates, and the turning points of the contacts' deflections."""
-        return Survey(self.series.extremes(), self.turns)
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        return self.series.extremes()

@@ -200,7 +200,7 @@ def _follow_section(cut: _Cut) -> _Found:
     system = cut.system.at({cut.first: value if low <= value <= high else high})
     where = f"at {cut.second} = {cut.system[cut.second]:.10g}"
     try:
-        orbit = find_orbit(system, cut.period, cut.start, shooting=cut.shooting)
+        orbit = find_orbit(system, cut.period, cut.start, method=cut.shooting)
     except NumericalError as error:
         return _Found(failures=(f"{where} no branch could be followed: {error}",))
     grown, finished = grow(orbit, cut.first, cut.within, cut.options, cut.walk, cut.shooting)
