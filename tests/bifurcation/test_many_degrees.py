@@ -33,8 +33,8 @@ def rod(size: int) -> System:
 
 def test_every_pair_that_leaves_the_unit_circle_has_its_special_point() -> None:
     method = Balance(5, error=1.0)
-    orbit = find_orbit(rod(24), start="rest", method=method)
-    branch = follow(orbit, "frequency", to=0.36, method=method, walk=WalkOptions(largest_step=0.02))
+    orbit = find_orbit(rod(40), start="rest", method=method)
+    branch = follow(orbit, "frequency", to=0.34, method=method, walk=WalkOptions(largest_step=0.02))
     special = [each for each in branch.special_points if each.kind in BIFURCATIONS]
     assert len(branch.special(Kind.NEIMARK_SACKER)) >= 2
     marks = [each.point.arclength for each in special]

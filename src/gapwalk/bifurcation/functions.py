@@ -89,4 +89,4 @@ def _nearest(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return factors
     order = np.argsort(np.abs(factors))
     rest = factors[order[_FEW:]]
-    return np.append(factors[order[:_FEW]], np.prod(rest / np.abs(rest)))
+    return np.array([*factors[order[:_FEW]], np.prod(rest / np.abs(rest))], dtype=np.complex128)
