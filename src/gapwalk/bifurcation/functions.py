@@ -24,7 +24,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.floquet import REAL
 
 _MANY = 8  # multipliers from which a product of them all, or of all their pairs, would drown the one that matters
-_FACTORS = _MANY * (_MANY - 1) // 2
+_FEW = 4
 BIFURCATIONS = (Kind.BRANCH_POINT, Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER)
 
 
@@ -43,7 +43,7 @@ def _compute(kind: Kind, point: BranchPoint) -> float:
         case Kind.BRANCH_POINT:
             return point.determinant
         case Kind.FLIP:
-            return _bounded_product(point.orbit.multipliers + 1.0)
+            return _bounded_product(_nearest(point.orbit.multipliers + 1.0))
         case Kind.NEIMARK_SACKER:
             return _bounded_product(_pair_factors(point.orbit.multipliers))
         case Kind.GRAZING:
@@ -73,15 +73,20 @@ def _pair_factors(multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]
         first, second = _pairs(len(multipliers))
         return multipliers[first] * multipliers[second] - 1.0
     pairs = multipliers[multipliers.imag > REAL * np.abs(multipliers)]
-    return (1.0 - np.abs(pairs) ** 2).astype(complex)
+    return _nearest((1.0 - np.abs(pairs) ** 2).astype(complex))
 
 
 def _bounded_product(factors: NDArray[np.complex128]) -> float:
     product = 1.0 + 0.0j
-    if len(factors) > _FACTORS:  # of many, all but the nearest to zero give their sign alone, lest it all drown
-        order = np.argsort(np.abs(factors))
-        rest, factors = factors[order[_MANY:]], factors[order[:_MANY]]
-        product = complex(np.prod(rest / np.abs(rest)))
     for factor in factors.tolist():
         product *= factor / max(1.0, abs(factor))
     return product.real
+
+
+def _nearest(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Of many factors the few nearest to zero, and the sign of the others: the product of them all would drown."""
+    if len(factors) <= _MANY:
+        return factors
+    order = np.argsort(np.abs(factors))
+    rest = factors[order[_FEW:]]
+    return np.array([*factors[order[:_FEW]], np.prod(rest / np.abs(rest))], dtype=np.complex128)
