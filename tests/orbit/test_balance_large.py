@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from gapwalk import Balance, Harmonic, System, backlash, find_orbit
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -91,3 +92,18 @@ def test_a_defective_linear_part_is_solved_line_by_line() -> None:
     orbit = find_orbit(system, start="rest", method=Balance(2))
     line = 0.8 / (1.0 - 0.49 + 1.4j)
     assert orbit.state == pytest.approx([line.real, (0.7j * line).real], abs=1e-14)
+
+
+def test_sparse_matrices_are_taken() -> None:
+    dense = chain(20)
+    sparse = System(
+        dense.coordinates,
+        csr_array(dense.matrix("stiffness")),
+        csr_array(dense.matrix("damping")),
+        contacts=[
+            backlash(f"gap{k}", {q: 1.0}, 0.1 + 0.05 * k, 5.0, impact_damping=0.1) for k, q in enumerate(("q6", "q13"))
+        ],
+        harmonics=[Harmonic(2.0, {"q10": 1.0})],
+        frequency=0.5,
+    )
+    assert sparse == dense

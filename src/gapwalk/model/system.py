@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
@@ -28,7 +29,7 @@ class System:
     ----------
     coordinates
         Names of the n degrees of freedom.
-    stiffness, damping, mass : array_like, shape (n, n)
+    stiffness, damping, mass : array_like or sparse, shape (n, n)
         The matrices K, C and M; mass is the identity by default, damping zero.
     contacts
         The contacts, any number.
@@ -219,7 +220,7 @@ def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[n
     if given is None:
         return default
     try:
-        matrix = np.asarray(given, dtype=float)
+        matrix = np.asarray(given.toarray() if issparse(given) else given, dtype=float)
     except (TypeError, ValueError):
         problems.append(f"{what} is {given!r}; it must be a matrix of {n} x {n} numbers")
         return default

@@ -183,7 +183,9 @@ class PoleCompliance:
     @cached_property
     def free(self) -> NDArray[np.complex128]:
         """See `Compliance.free`."""
-        return self._loaded @ self.poles.deflections.T
+        free, at = np.zeros((len(self._gains), len(self.poles.deflections)), dtype=complex), self.lines.loads
+        free[at] = (self._gains[at] * self.poles.loads.T) @ self.poles.deflections.T
+        return free
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.motion`."""

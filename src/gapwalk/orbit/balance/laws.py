@@ -80,6 +80,11 @@ class Laws:
         return bool(self.slope_table.any())
 
     @cached_property
+    def _rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Coefficients of the derivatives of g and P by the penetration."""
+        return _rate(self.spring), _rate(self.damper)
+
+    @cached_property
     def _select(self) -> NDArray[np.float64]:
         """Sign of each switch in the column of its contact, shape (switches, contacts)."""
         return (self.contact[:, None] == np.arange(self.contact.max(initial=-1) + 1)) * self.sign[:, None]
@@ -88,10 +93,7 @@ class Laws:
         """``g'(x)`` and ``P'(x)`` at deflections of shape (..., contacts), of the same shape."""
         depth = np.maximum(self.sign * x[..., self.contact] - self.clearance, 0.0)
         inside = depth > 0.0
-        spring, damper = (
-            (_horner(polynomial, depth, self.degree) * inside) @ self._select
-            for polynomial in (_rate(self.spring), _rate(self.damper))
-        )
+        spring, damper = ((_horner(rate, depth, self.degree) * inside) @ self._select for rate in self._rates)
         return spring, damper
 
 
