@@ -160,6 +160,12 @@ def test_a_transient_that_dies_away_slowly_is_waited_for():
     assert settling.entry.orbit.state == pytest.approx(exact.state, abs=1e-8)
 
 
+def test_the_least_patience_goes_with_the_longest_periods():
+    options = SearchOptions(starts=3, newton_starts=0, patience=16, periods=16)
+    (found,) = search(clutch(), "frequency", [1.8], options=options).found
+    assert found.orbit.stable
+
+
 def test_motions_that_never_become_periodic_are_counted_and_kept():
     """At W = 0.85 every start of the figure-15 system leads to a torus."""
     options = SearchOptions(starts=12, newton_starts=6, patience=100)

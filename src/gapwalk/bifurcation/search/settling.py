@@ -91,7 +91,7 @@ class Settler:
     def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
         """Whether to follow a transient further: it has been followed for a short time only, or its returns shrink."""
         length = len(path) - 1
-        if length < self._patience:
+        if length < max(self._patience, 4 * self._periods):  # before that there are no two halves to compare
             return True
         if length >= _LONGEST * self._patience:
             return False
