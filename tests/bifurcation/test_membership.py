@@ -68,6 +68,39 @@ def test_doubled_branches_and_their_parents(response):
         assert all(curve.holds(replace(orbit, period=4)) for orbit in later[::10])
 
 
+@pytest.mark.parametrize("size", [1e-14, 1e-12, 1e-10, 1e-8])
+def test_where_branches_meet_they_hold_the_orbit_however_it_is_rounded(response, size):
+    rng = np.random.default_rng(1)
+    flips = response.special(Kind.FLIP)[:2]
+    parent = Curve(response)
+    for flip in flips:
+        curve = Curve(walk_out(switch(flip, "frequency", (0.3, 2.0))))
+        for end in flips:  # it begins at one and joins the other
+            for _ in range(20):
+                rounded = replace(end.orbit, state=end.orbit.state * (1.0 + size * rng.normal(size=4)))
+                assert curve.holds(rounded)
+                assert parent.holds(rounded)
+
+
+def test_beside_where_branches_meet_each_holds_its_own_orbits(response):
+    rng = np.random.default_rng(2)
+    parent = Curve(response)
+    flip = response.special(Kind.FLIP)[0]
+    departure = switch(flip, "frequency", (0.3, 2.0))[0]
+    curve, corrector = Curve(walk_out([departure])), departure.corrector
+    for amplitude in (1e-6, 1e-5, 1e-4, 1e-3):
+        point = departure.first
+        correction = corrector.correct(point.x + amplitude * point.tangent, point.tangent)
+        orbit = corrector.point(correction, point.tangent, amplitude).orbit
+        for _ in range(5):
+            rounded = replace(orbit, state=orbit.state * (1.0 + 1e-12 * rng.normal(size=4)))
+            assert curve.holds(rounded)
+            assert not parent.holds(rounded)
+        for side in (-1.0, 1.0):
+            beside = {"frequency": flip.value + side * 10 * amplitude}
+            assert not curve.holds(find_orbit(flip.orbit.system, start=flip.orbit.state, at=beside))
+
+
 def test_the_branch_from_its_other_end_is_the_same(response):
     first, second = (walk_out(switch(flip, "frequency", (0.3, 2.0))) for flip in response.special(Kind.FLIP)[:2])
     curve = Curve(first)

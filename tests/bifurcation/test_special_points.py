@@ -11,8 +11,11 @@ from scipy.optimize import brentq
 from gapwalk.bifurcation import follow
 from gapwalk.continuation import EndReason, Kind, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
-from gapwalk.orbit import find_orbit
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
+from tests.independent import integrate
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
@@ -76,11 +79,42 @@ def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_step
 
 @pytest.mark.slow
 @pytest.mark.parametrize("figure", frequency_responses())
-def test_nothing_is_missed_or_invented_in_any_figure(figure):
-    coarse = response(figure)
-    fine = response(figure, walk=WalkOptions(initial_step=1e-4, largest_step=1e-3))
-    assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
-    assert [s.value for s in coarse.special_points] == pytest.approx([s.value for s in fine.special_points], abs=1e-9)
+def test_nothing_is_missed_or_invented_in_any_figure_whatever_the_steps(figure):
+    fine = response(figure, walk=steps(0.001)).special_points
+    for longest in (0.005, 0.008, 0.01, 0.011, 0.014, 0.02):
+        coarse = response(figure, walk=steps(longest)).special_points
+        assert [s.kind for s in coarse] == [s.kind for s in fine]
+        assert [s.value for s in coarse] == pytest.approx([s.value for s in fine], abs=1e-9)
+
+
+def steps(longest: float) -> WalkOptions:
+    return WalkOptions(initial_step=min(0.002, longest / 5), largest_step=longest)
+
+
+@pytest.mark.parametrize("longest", [0.005, 0.014, 0.021])
+def test_a_pair_of_flips_within_one_step_is_found(longest):
+    # two multipliers meet, one just passes -1 and comes back, and both part again
+    flips = response("9b", walk=steps(longest)).special(Kind.FLIP)
+    pair = [flip.value for flip in flips if 0.18 < flip.value < 0.19]
+    assert pair == pytest.approx([0.1842869819, 0.1833494533], abs=1e-9)
+
+
+@pytest.mark.parametrize("longest", [0.005, 0.011, 0.021])
+def test_grazing_points_are_where_a_contact_touches_whatever_the_steps(longest):
+    # an extremum is born by the breakpoint, so it cannot be tracked over the step; two may change sides at once
+    grazes = response("23b", walk=steps(longest)).special(Kind.GRAZING)
+    pair = [special for special in grazes if 0.3126 < special.value < 0.3128]
+    assert [special.value for special in pair] == pytest.approx([0.3127323524, 0.3126295165], abs=1e-9)
+
+
+def test_another_integrator_sees_the_touch_at_a_grazing_point():
+    special = next(each for each in response("13").special(Kind.GRAZING) if each.value < 1.0)
+    system, full = special.orbit.system, 2 * np.pi / special.value
+    theta = min(zip(*special.orbit.survey.turns[0], strict=True), key=lambda turn: abs(abs(turn[1]) - 1.0))[0]
+    around = np.array([theta - 0.01, theta, theta + 0.01, 2 * np.pi]) / (2 * np.pi) * full
+    before, there, after, _ = integrate(system, special.orbit.state, t_eval=around)[:, 0]
+    assert abs(there) == pytest.approx(system["stage2.clearance"], abs=1e-7)
+    assert (there - before) * (after - there) < 0.0
 
 
 def test_a_pair_of_grazing_points_within_one_step_is_found():
@@ -90,6 +124,35 @@ def test_a_pair_of_grazing_points_within_one_step_is_found():
     assert len(pair) == 2
     assert abs(pair[0].value - pair[1].value) < 2e-4
     assert abs(pair[0].point.arclength - pair[1].point.arclength) < WalkOptions().largest_step / 4
+
+
+AMPLITUDE = "harmonic1.amplitude"
+
+
+def mirrored(orbit: Orbit) -> Orbit:
+    """The same motion half a period later, where the load has the other sign."""
+    later = flow_of(orbit.system).integrate(coefficients_of(orbit.system), orbit.state, 0.0, PERIOD / 2).state
+    return find_orbit(orbit.system.at({AMPLITUDE: -orbit.system[AMPLITUDE]}), orbit.period, later)
+
+
+@pytest.mark.parametrize(("value", "longest"), [(0.383, 0.01), (0.3882, 0.02), (0.4025, 0.003)])
+def test_mirror_images_have_mirrored_special_points_wherever_they_are_entered(value, longest):
+    # over the amplitude of one load the system is its own mirror image, with the other sign, half a period later
+    start = find_orbit(case("28"), 2, [2.46807309, 1.11607739, 0.01055129, -0.01674301], at={AMPLITUDE: 0.393})
+    whole = follow(start, AMPLITUDE, to=(-1.0, 1.0))
+    orbit = min(whole.points, key=lambda point: abs(point.value - value)).orbit
+    image = mirrored(orbit)
+    # with steps ten times smaller
+    expected = [0.3832405852, 0.3834140692, 0.3934664613, 0.4040027333, 0.4043030548]
+    for to in ((-1.0, 1.0), (0.2, 0.6)):
+        one = follow(orbit, AMPLITUDE, to=to, walk=steps(longest))
+        other = follow(image, AMPLITUDE, to=(-to[1], -to[0]), walk=steps(longest))
+        for branch, sign in ((one, 1.0), (other, -1.0)):
+            assert [end.reason for end in branch.ends] == [EndReason.JOINED] * 2
+            assert len(branch.special(Kind.FOLD)) == 1
+            assert sorted(sign * each.value for each in branch.special_points) == pytest.approx(expected, abs=1e-9)
+            ends = sorted(sign * end.value for end in branch.ends)
+            assert ends == pytest.approx([0.3823772106, 0.4036304193], abs=1e-8)
 
 
 def preloaded(mean: float) -> System:

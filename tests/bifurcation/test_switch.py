@@ -37,6 +37,23 @@ def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):
         assert reached[back] == pytest.approx(begin, abs=1e-6)
 
 
+def test_a_doubled_branch_that_reaches_the_end_of_the_range_has_not_turned_back(parent):
+    # its first tangent has no component along the parameter: it heads neither way
+    low, high = sorted(flip.value for flip in parent.special(Kind.FLIP))[-2:]
+    middle = 0.5 * (low + high)
+    for flip in parent.special(Kind.FLIP)[:2]:
+        within = (middle, 2.0) if flip.value == high else (0.15, middle)
+        cut = walk_out(switch(flip, "frequency", within))
+        assert cut.ends[-1].reason is EndReason.RANGE
+        assert cut.ends[-1].value == cut.points[-1].value == middle
+
+
+def test_a_broken_symmetry_that_reaches_the_end_of_the_range_has_not_turned_back():
+    breaking = follow(find_orbit(symmetric()), "frequency", to=0.8).special(Kind.BRANCH_POINT)[0]
+    for departure in switch(breaking, "frequency", (0.84, 0.9)):
+        assert walk_out([departure]).ends[-1].reason is EndReason.RANGE
+
+
 def test_orbits_of_a_doubled_branch_repeat_after_two_periods_and_not_after_one(parent):
     loop = walk_out(switch(parent.special(Kind.FLIP)[0], "frequency", RANGE))
     for point in loop.points[2:-2:5]:

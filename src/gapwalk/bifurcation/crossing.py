@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 _NODES = 7
 _FEWEST = 5
 _NEAR = 0.08  # share of the window around the crossing from which no node is taken
-_NARROW = 0.2  # second window, in lengths of the first, which is the whole step
+_NARROW = 0.2  # length of each window, in lengths of the one before; the first is the whole step
+_WINDOWS = 3  # most windows after the first
+_ROUGH = 0.1  # spread of the zero, in windows, within which one window shows where the next must be
 _SURE = 1e-6  # spread of the zero, in windows, above which the surroundings are not smooth enough
+_ROUGH_BRANCH = "the branch is not smooth where it seems to cross another"
 
 
 @dataclass(frozen=True)
@@ -74,14 +77,19 @@ def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossin
         If the branch is not smooth there (a contact grazes nearby), or too few points can be found.
     """
     window = b.arclength - a.arclength
-    rough = _fit_window(stretch, a, b, None, window)
-    return _fit_window(stretch, a, b, rough.arclength, _NARROW * window)
+    guess = a.arclength + window * abs(a.determinant) / (abs(a.determinant) + abs(b.determinant))
+    crossing = _fit_window(stretch, a, b, guess, window)
+    for _ in range(_WINDOWS):
+        window *= _NARROW
+        crossing = _fit_window(stretch, a, b, crossing.arclength, window)
+        if crossing.spread < _SURE * window:
+            return crossing
+    raise NumericalError(_ROUGH_BRANCH)
 
 
-def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, centre: float | None, window: float) -> Crossing:
-    middle = 0.5 * (a.arclength + b.arclength) if centre is None else centre
+def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
     low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
-    nodes = _nodes(stretch, low, window, centre)
+    nodes = _nodes(stretch, low, window, middle)
     # how far along the chord the points stand: a parameter along which they are smooth, as their labels are not
     chord = (b.x - a.x) / (b.arclength - a.arclength)
     along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
@@ -89,20 +97,20 @@ def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, centre: float 
     determinants = [node.determinant for node in nodes]
     zero = _zero(places, determinants)
     spread = abs(_zero(places[1:-1], determinants[1:-1]) - zero)
-    if not (spread < _SURE if centre is not None else spread < 0.1):
-        raise NumericalError("the branch is not smooth where it seems to cross another")
+    if not spread < _ROUGH:
+        raise NumericalError(_ROUGH_BRANCH)
     away = (places - zero) * window
     curve = tuple(_polynomial(away, [node.x[i] for node in nodes]) for i in range(len(a.x)))
     return Crossing(middle + zero * window, 0.3 * window, spread * window, curve)
 
 
-def _nodes(stretch: Stretch, low: float, window: float, centre: float | None) -> list[BranchPoint]:
-    """Exact points of a window, denser towards its ends, none too near to its centre."""
+def _nodes(stretch: Stretch, low: float, window: float, centre: float) -> list[BranchPoint]:
+    """Exact points of a window, denser towards its ends, none too near to where the crossing must be."""
     nodes = []
     shares = 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
     ends = (stretch.points[0].arclength, stretch.points[-1].arclength)
     for place in np.clip(low + window * shares, *ends):  # rounding must not lead beyond the ends
-        if centre is None or abs(place - centre) > _NEAR * window:
+        if abs(place - centre) > _NEAR * window:
             try:
                 nodes.append(stretch.corrector.refined(stretch.at(float(place))))
             except NumericalError:  # it happens to lie on the crossing
@@ -113,9 +121,12 @@ def _nodes(stretch: Stretch, low: float, window: float, centre: float | None) ->
 
 
 def _zero(places: NDArray[np.float64], values: list[float]) -> float:
-    """The zero of the polynomial through values at places that is nearest to the middle of their sign change."""
-    change = next((i for i in range(len(values) - 1) if values[i] * values[i + 1] <= 0.0), len(values) // 2)
-    middle = 0.5 * (places[change] + places[min(change + 1, len(places) - 1)])
+    """The zero of the polynomial through values at places nearest to the middle of their sign change.
+
+    Nearest to 0, where the zero is expected, if all places are on one side of it.
+    """
+    change = next((i for i in range(len(values) - 1) if values[i] * values[i + 1] <= 0.0), None)
+    middle = 0.0 if change is None else 0.5 * (places[change] + places[change + 1])
     roots: NDArray[np.complex128] = np.array(_polynomial(places, values).roots(), dtype=np.complex128)
     real = roots[np.abs(roots.imag) < 1e-6].real
     return float(real[np.argmin(np.abs(real - middle))]) if len(real) else float("nan")

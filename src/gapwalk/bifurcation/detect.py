@@ -24,7 +24,7 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 
-_DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
+_DOUBT = 1.0  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EXACT = 1e-14  # arclength to which zeros are located

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
-
-_MEETING = 2e-3  # relative distance, in parameter and state, within which an end is at a special point
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,11 @@ class Limb:
 
 @dataclass(frozen=True)
 class Cascade:
-    """Successive period doublings: flips that follow one another from a branch to its child and grandchild.
+    """Successive period doublings: flips that follow one another, all one way along the parameter.
+
+    Each flip lies on the child that leaves the flip before it, and is the first that is met along it from there. Where
+    the next one lies the other way, the child has turned round on its way to it: there a cascade ends, and another may
+    begin. Only so can the intervals between the flips shrink by a constant ratio.
 
     Attributes
     ----------
@@ -135,14 +137,17 @@ class Diagram:
 
     @cached_property
     def cascades(self) -> tuple[Cascade, ...]:
-        """All successions of three or more flips, longest first."""
-        found = [
-            cascade
+        """All successions of three or more flips, longest first; none is a part of another."""
+        chains = [
+            _chain(self, Origin(limb.name, index))
             for limb in self.limbs
             for index, special in enumerate(limb.branch.special_points)
-            if special.kind is Kind.FLIP and limb.begins is None
-            for cascade in [_cascade(self, limb, index)]
-            if len(cascade.values) >= 3
+            if special.kind is Kind.FLIP
+        ]
+        found = [
+            _cascade(self, chain)
+            for chain in chains
+            if len(chain) >= 3 and not any(set(chain) < set(other) for other in chains)
         ]
         return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
 
@@ -173,45 +178,68 @@ def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
 
 
 def _tied(diagram: Diagram, limb: Limb) -> Limb:
-    """The limb with its end tied to the special point that it joins, if that is on a known branch."""
+    """The limb with its end tied to the special point that it joins, if that is on a known branch.
+
+    It is tied where both have one and the same orbit, never to what is merely near: the branch that it joins may not
+    be known up to there. If it ends just before the flip that it joins, that is located first.
+    """
     branch = limb.branch
-    value, orbit = branch.ends[-1].value, branch.points[-1].orbit
-    nearest: tuple[float, Origin, SpecialPoint] | None = None
-    for other in (*diagram.limbs,):
-        if branch.period not in (other.period, 2 * other.period):
-            continue
-        wanted = Kind.FLIP if branch.period == 2 * other.period else Kind.BRANCH_POINT
-        for index, special in enumerate(other.branch.special_points):
-            if special.kind is wanted and abs(special.value - value) <= _MEETING * (1.0 + abs(value)):
-                distance = abs(special.value - value) + _state_distance(special.orbit, orbit)
-                if distance <= 50 * _MEETING and (nearest is None or distance < nearest[0]):
-                    nearest = (distance, Origin(other.name, index), special)
-    if nearest is None:
-        return limb
-    _, origin, special = nearest
-    end = End(EndReason.JOINED, special.value, f"{origin.parent}, at its {special.kind.value}")
+    origin, value = _shared(diagram, limb, branch.points[-1].orbit), branch.ends[-1].value
+    if origin is None and (flip := parent_flip(branch, diagram.within)) is not None:
+        origin, value = _shared(diagram, limb, flip), flip.system[branch.parameter]
+    detail = branch.ends[-1].detail
+    if origin is not None:
+        special = diagram[origin.parent].branch.special_points[origin.special]
+        value, detail = special.value, f"{origin.parent}, at its {special.kind.value}"
+    end = End(EndReason.JOINED, value, detail)
     return replace(limb, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
 
 
-def _state_distance(parent: Orbit, child: Orbit) -> float:
-    """Least relative distance of the child's state from the parent's states a forcing period apart."""
-    states = stroboscopic(parent)
-    return float(np.abs(states - child.state).max(axis=1).min()) / (1.0 + float(np.abs(child.state).max()))
+def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
+    """The flip of a parent, or the branch point of a branch of equal period, that has an orbit; not the limb's own."""
+    kinds = {limb.period: Kind.BRANCH_POINT, limb.period / 2: Kind.FLIP}
+    candidates = (
+        (Origin(other.name, index), special)
+        for other in diagram.limbs
+        for index, special in enumerate(other.branch.special_points)
+        if special.kind is kinds.get(other.period)
+    )
+    return next(
+        (
+            origin
+            for origin, special in candidates
+            if origin != limb.begins and meets(orbit, special, diagram.parameter)
+        ),
+        None,
+    )
 
 
-def _cascade(diagram: Diagram, limb: Limb, index: int) -> Cascade:
-    """The flips that follow one another from one flip on, always the next one along the child."""
-    names, values = [limb.name], [limb.branch.special_points[index].value]
-    while True:
-        origin = Origin(limb.name, index)
-        child = next(
-            (each for each in diagram.limbs if origin in each.origins and each.period == 2 * limb.period), None
-        )
-        if child is None:
-            return Cascade(tuple(names), tuple(values))
-        flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
-        if not flips:
-            return Cascade(tuple(names), tuple(values))
-        limb, index = child, flips[0] if child.begins == origin else flips[-1]
-        names.append(limb.name)
-        values.append(limb.branch.special_points[index].value)
+def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
+    """The flips of a cascade from one flip on: the next one along each child, as long as all go one way."""
+    chain = [flip]
+    while (following := _next_flip(diagram, chain[-1])) is not None:
+        values = [_value(diagram, origin) for origin in (*chain[-2:], following)]
+        steps = np.diff(values)
+        if steps[0] * steps[-1] <= 0.0:
+            break
+        chain.append(following)
+    return chain
+
+
+def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
+    """The first flip along the branch of twice the period that leaves a flip."""
+    period = 2 * diagram[flip.parent].period
+    child = next((limb for limb in diagram.attached(flip.parent, flip.special) if limb.period == period), None)
+    if child is None:
+        return None
+    flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
+    return Origin(child.name, flips[0] if child.begins == flip else flips[-1]) if flips else None
+
+
+def _cascade(diagram: Diagram, chain: list[Origin]) -> Cascade:
+    return Cascade(tuple(flip.parent for flip in chain), tuple(_value(diagram, flip) for flip in chain))
+
+
+def _value(diagram: Diagram, origin: Origin) -> float:
+    """The parameter at a special point of a branch."""
+    return diagram[origin.parent].branch.special_points[origin.special].value

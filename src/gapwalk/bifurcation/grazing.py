@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.stretch import Stretch
@@ -13,10 +12,12 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.survey import Turns, apart
 
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
 _BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down
 _FINEST = 1e-6  # arclength below which a pair of changes that undo each other is not told apart
+_TOUCH = 1e-6  # depth of a graze, relative to those at the ends of its bracket, that is nothing but rounding
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
 
@@ -31,64 +32,92 @@ class Graze(NamedTuple):
 def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
     """All grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
 
-    A change of the pattern between two points is halved until each grazing point stands alone. Two changes that undo
-    each other within one step leave no trace in the pattern: wherever an extremum of a deflection bends so fast that
-    it may have touched its breakpoint between two points, the step is halved until that doubt is gone.
+    A change of the pattern between two points is halved until each grazing point stands alone and can be located. Two
+    changes that undo each other within one step leave no trace in the pattern: wherever extrema of a deflection may
+    have touched their breakpoint between two points all the same, the step is halved until that doubt is gone.
     """
-    changes = np.subtract(last.orbit.closings, first.orbit.closings)
-    number = int(np.abs(changes).sum())
-    if number == 1:
-        return [_locate(stretch, first, last, int(np.flatnonzero(changes)[0]))]
+    changes = [then - now for now, then in zip(first.orbit.closings, last.orbit.closings, strict=True)]
+    number = sum(map(abs, changes))
     length = last.arclength - first.arclength
     if number and length < _SMALLEST:
         spread = abs(last.value - first.value)
         return [Graze(last, int(switch), spread) for switch in np.flatnonzero(changes)]
-    if not number and not _is_doubtful(before, first, last, length):
-        return []
+    if number < 2 and not _is_doubtful(before, first, last, changes):
+        if not number:
+            return []
+        graze = _locate(stretch, first, last, int(np.flatnonzero(changes)[0]))
+        if graze is not None:
+            return [graze]
     middle = stretch.middle(first, last)
     return find_grazing(stretch, before, first, middle) + find_grazing(stretch, first, middle, last)
 
 
-def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, length: float) -> bool:
-    """Whether a pair of grazing points may hide between two points of equal pattern."""
-    if length > _BIRTH and _is_born_near_contact(first.orbit, last.orbit):
-        return True
-    return length > _FINEST and _may_touch(before, first, last)
-
-
-def _is_born_near_contact(first: Orbit, last: Orbit) -> bool:
-    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
-    for switch in range(len(first.closings)):
-        fewer, more = sorted((first.turning_depths[switch], last.turning_depths[switch]), key=np.size)
-        if more.shape[1] < fewer.shape[1] + 2:
+def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
+    """Whether grazing points that undo each other may hide between two points with these changes of the pattern."""
+    length = last.arclength - first.arclength
+    if length <= _FINEST:
+        return False
+    full = PERIOD * first.orbit.period
+    for switch, change in enumerate(changes):
+        now, then = (point.orbit.turning_depths[switch] for point in (first, last))
+        if _crossings(now, then, full) > abs(change):
+            return True
+        if change:
             continue
-        lonely = [depth for theta, depth in more.T if not fewer.size or _apart(fewer[0], theta, last).min() > 0.05]
-        if lonely and min(map(abs, lonely)) < 0.02 * float(np.ptp(more[1])):
+        if length > _BIRTH and _is_born_near_contact(now, then, full):
+            return True
+        if before is not None and _may_touch(before, first, last, switch):
             return True
     return False
 
 
-def _may_touch(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+def _crossings(now: Turns, then: Turns, full: float) -> int:
+    """How many extremes have gone from one side of their breakpoint to the other.
+
+    One that comes in and one that goes out may leave the pattern as it was: a maximum makes one visit more or less, a
+    minimum one less or more.
+    """
+    if [depth > 0.0 for depth in now.values] == [depth > 0.0 for depth in then.values]:
+        return 0
+    count = 0
+    for index, (theta, depth) in enumerate(zip(*now, strict=True)):
+        if then.thetas:
+            nearest = then.nearest(theta, full)
+            if now.nearest(then.thetas[nearest], full) == index:
+                count += (depth > 0.0) is not (then.values[nearest] > 0.0)
+    return count
+
+
+def _is_born_near_contact(now: Turns, then: Turns, full: float) -> bool:
+    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
+    fewer, more = sorted((now, then), key=lambda turns: len(turns.thetas))
+    if len(more.thetas) < len(fewer.thetas) + 2:
+        return False
+    lonely = [depth for theta, depth in zip(*more, strict=True) if _is_lonely(theta, fewer, full)]
+    return bool(lonely) and min(map(abs, lonely)) < 0.02 * (max(more.values) - min(more.values))
+
+
+def _is_lonely(theta: float, turns: Turns, full: float) -> bool:
+    """Whether no turning point is near an angle."""
+    return not turns.thetas or apart(turns.thetas[turns.nearest(theta, full)], theta, full) > 0.05
+
+
+def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:
     """Whether an extremum of a deflection, seen at three points, may have touched a breakpoint between the last two."""
-    if before is None or first.arclength <= before.arclength:
+    if first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
-    for switch in range(len(first.orbit.closings)):
-        now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
-        if not now.size or not then.size or not past.size:
-            continue
-        for theta, depth in now.T:
-            following = _nearest(then, theta, last.orbit)
-            preceding = _nearest(past, theta, before.orbit)
-            bend = abs((following - depth) - ratio * (depth - preceding))
-            if min(abs(depth), abs(following)) < _DOUBT * bend:
-                return True
+    full = PERIOD * first.orbit.period
+    now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
+    if not now.thetas or not then.thetas or not past.thetas:
+        return False
+    for theta, depth in zip(*now, strict=True):
+        following = then.values[then.nearest(theta, full)]
+        preceding = past.values[past.nearest(theta, full)]
+        bend = abs((following - depth) - ratio * (depth - preceding))
+        if min(abs(depth), abs(following)) < _DOUBT * bend:
+            return True
     return False
-
-
-def _nearest(turns: NDArray[np.float64], theta: float, orbit: Orbit) -> float:
-    """Depth of the turning point nearest to an angle."""
-    return float(turns[1, np.argmin(_apart(turns[0], theta, orbit))])
 
 
 def describe_switch(orbit: Orbit, switch: int) -> str:
@@ -97,34 +126,28 @@ def describe_switch(orbit: Orbit, switch: int) -> str:
     return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
 
 
-def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze:
-    """The point between `first` and `last` where the deflection just reaches the breakpoint of a switch."""
+def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
+    """The point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
+
+    None if the extremum that reaches it cannot be tracked: it may be born on the way.
+    """
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
-    where = _shortest_visit(richer.orbit, switch)
-    tracked, depths = {"theta": where}, {}
+    tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
 
     def depth(arclength: float) -> float:
-        if arclength not in depths:  # once for each place: the extremum that is tracked moves on
-            tracked["theta"], depths[arclength] = _extremal_depth(stretch.at(arclength).orbit, switch, tracked["theta"])
-        return depths[arclength]
+        if arclength not in tracked:
+            nearest = min(tracked, key=lambda known: abs(known - arclength))
+            tracked[arclength] = _extremum(stretch.at(arclength).orbit, switch, tracked[nearest][0])
+        return tracked[arclength][1]
 
-    low, high = first.arclength, last.arclength
-    if depth(richer.arclength) * depth(fewer.arclength) < 0:
-        root = float(brentq(depth, low, high, xtol=1e-13, rtol=1e-14))
-        point = stretch.at(root)
-        return Graze(point, switch, abs(float(point.tangent[-1])) * 1e-12)
-    return _halve(stretch, first, last, switch)
-
-
-def _halve(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze:
-    """The same by halving on the number of closings, where no extremum can be tracked."""
-    while last.arclength - first.arclength > _SMALLEST:
-        middle = stretch.middle(first, last)
-        if middle.orbit.closings[switch] == first.orbit.closings[switch]:
-            first = middle
-        else:
-            last = middle
-    return Graze(last, switch, abs(last.value - first.value))
+    ends = depth(richer.arclength), depth(fewer.arclength)
+    if ends[0] * ends[1] >= 0.0:
+        return None
+    root = float(brentq(depth, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
+    if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
+        return None
+    point = stretch.at(root)
+    return Graze(point, switch, abs(float(point.tangent[-1])) * 1e-12)
 
 
 def _shortest_visit(orbit: Orbit, switch: int) -> float:
@@ -136,14 +159,8 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
     return float(0.5 * (thetas[shortest] + following[shortest]) % full)
 
 
-def _extremal_depth(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
+def _extremum(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
     """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
-    thetas, depths = orbit.turning_depths[switch]
-    nearest = int(np.argmin(_apart(thetas, near, orbit)))
-    return float(thetas[nearest]), float(depths[nearest])
-
-
-def _apart(thetas: NDArray[np.float64], near: float, orbit: Orbit) -> NDArray[np.float64]:
-    """Distances of angles from one angle, on the circle of the orbit."""
-    full = PERIOD * orbit.period
-    return np.abs((thetas - near + full / 2) % full - full / 2)
+    turns = orbit.turning_depths[switch]
+    nearest = turns.nearest(near, PERIOD * orbit.period)
+    return turns.thetas[nearest], turns.values[nearest]

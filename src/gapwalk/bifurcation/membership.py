@@ -81,7 +81,10 @@ class Curve:
         near = self._bracketing(value)
         if not len(near):
             return False
-        return any(self._passes(orbit, state, value, near, tolerance) for state in stroboscopic(orbit))
+        states = stroboscopic(orbit)
+        if any(self._has_knot(state, value, tolerance) for state in states):
+            return True
+        return any(self._passes(orbit, state, value, near, tolerance) for state in states)
 
     def orbits_at(self, value: float) -> list[Orbit]:
         """The orbits of the branch at one value of its parameter, in the order of the walk.
@@ -116,6 +119,16 @@ class Curve:
         margin = _BULGE * self._lengths + 1e-12
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
+
+    def _has_knot(self, state: NDArray[np.float64], value: float, tolerance: float) -> bool:
+        """Whether a state at a value is one of the points from which the curve is made.
+
+        Nothing is corrected there: where a branch begins on another or joins it, solutions of both lie beside each
+        other, and the corrector's way to them is a matter of rounding.
+        """
+        size = len(state)
+        off = np.abs(self._x[:, :size] * self._scales[:size] - state).max(axis=1)
+        return bool(np.any((off <= tolerance * _size(state)) & (np.abs(self._values - value) <= tolerance)))
 
     def _passes(
         self, orbit: Orbit, state: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect_left
 
-import numpy as np
-
 from gapwalk.bifurcation.crossing import Crossing
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
@@ -57,7 +55,7 @@ class Stretch:
             if arclength in crossing:
                 return self.corrector.uncorrected(crossing.x(arclength), crossing.tangent(arclength), arclength)
         chord = b.x - a.x
-        length = float(np.linalg.norm(chord))
+        length = length_of(chord)
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         for guess in (hermite(a, b, share), a.x + share * chord):

@@ -45,7 +45,13 @@ class Trail(Iterator[Step]):
         self.departure, self.first = departure, departure.first
         options = walk or WalkOptions()
         self.walk = Walk(
-            departure.equation, departure.first, departure.within, departure.corrector, options, resume and resume.walk
+            departure.equation,
+            departure.first,
+            departure.within,
+            departure.corrector,
+            options,
+            resume and resume.walk,
+            branched=departure.singular,
         )
         self.detector = Detector(departure.corrector)
         if resume is not None:

@@ -15,6 +15,7 @@ from gapwalk.orbit.equation import Equation, Evaluation
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
 class Correction(NamedTuple):
@@ -62,8 +63,8 @@ class Corrector:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
 
         Where the residual is within the tolerance, or within `trust` if that is larger, one more step is taken
-        without looking: it leaves about the square of the residual. So the point is exact to rounding, and the
-        evaluation belongs to a point off by that residual; `trust` serves where its multipliers need no more digits.
+        without looking, if it is short: it leaves about the square of the residual. So the point is exact to rounding,
+        and the evaluation belongs to a point off by that step; `trust` serves where multipliers need no more digits.
 
         Each step solves the bordered system
 
@@ -84,15 +85,15 @@ class Corrector:
             right = np.zeros(len(x))
             right[:-1] -= evaluation.residual
             _, _, step, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
-            length = np.inf if singular else _length(step)
+            length = np.inf if singular else length_of(step)
             if solved:
                 x = x + step if length < _POLISH else x
-                return Correction(x, evaluation, iteration, _length(x - guess), last)
+                return Correction(x, evaluation, iteration, length_of(x - guess), last)
             if singular:
                 return None
             x, last, before = x + step, length, size
-            if size <= trust * scale:
-                return Correction(x, evaluation, iteration + 1, _length(x - guess), last)
+            if size <= trust * scale and length < _TRUSTED:
+                return Correction(x, evaluation, iteration + 1, length_of(x - guess), last)
         return None
 
     def refined(self, point: BranchPoint) -> BranchPoint:
@@ -111,7 +112,7 @@ class Corrector:
             tangent *= np.sign(tangent @ along) or 1.0
             matrix[-1] = tangent
             return tangent, float(np.linalg.det(matrix))
-        length = _length(tangent)
+        length = length_of(tangent)
         # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
         swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
         determinant = float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length
@@ -157,5 +158,6 @@ def _largest(vector: NDArray[np.float64]) -> float:
     return max(map(abs, vector.tolist()))
 
 
-def _length(vector: NDArray[np.float64]) -> float:
+def length_of(vector: NDArray[np.float64]) -> float:
+    """Length of a vector (for short vectors several times faster than NumPy's)."""
     return math.sqrt(float(vector @ vector))

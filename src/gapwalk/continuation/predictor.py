@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 
 
@@ -28,7 +29,7 @@ def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list
     if not 0.0 < step < 3.0 * length:
         return [straight]
     curved = hermite(previous, point, 1.0 + step / length)
-    if float(np.linalg.norm(curved - straight)) > 0.5 * step:
+    if length_of(curved - straight) > 0.5 * step:
         return [straight]
     # both guesses lie on the same plane across the tangent
     curved += ((straight - curved) @ point.tangent) * point.tangent

@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.corrector import Correction, Corrector, length_of
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
@@ -24,6 +24,7 @@ from gapwalk.orbit.equation import Equation
 from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
+_GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 _TRUST = 1e-7  # residual from which the next Newton step is exact to rounding, with exact derivatives
 _REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
@@ -112,6 +113,9 @@ class Walk(Iterator[BranchPoint]):
         Where a walk that was stopped had come to: it goes on as if it had never been stopped.
     trust
         Residual from which the next Newton step is exact to rounding; 0 where the derivatives are approximate.
+    branched
+        Whether the branch begins at a special point of another one, perhaps across the parameter: then it has no side
+        of the range to turn back to.
     """
 
     def __init__(
@@ -123,9 +127,10 @@ class Walk(Iterator[BranchPoint]):
         options: WalkOptions,
         resume: WalkState | None = None,
         trust: float = _TRUST,
+        branched: bool = False,
     ) -> None:
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
-        self.trust = trust
+        self.trust, self.branched = trust, branched
         self.origin = first
         state = resume or WalkState(None, first, options.initial_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
@@ -186,15 +191,17 @@ class Walk(Iterator[BranchPoint]):
         correction = point = None
         for guess in ahead(self.previous, self.point, self.step):
             correction = self.corrector.correct(guess, self.point.tangent, self.trust)
-            point = None if correction is None else self._accepted(correction)
-            if point is not None:
+            if correction is None:
+                continue
+            point = self._accepted(correction)
+            if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
     def _accepted(self, correction: Correction) -> BranchPoint | None:
         """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
         chord = correction.x - self.point.x
-        length = float(np.linalg.norm(chord))
+        length = length_of(chord)
         if correction.distance > 0.5 * self.step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
@@ -216,15 +223,15 @@ class Walk(Iterator[BranchPoint]):
         along = float(chord @ gap) / length2
         if not 0.0 < along <= 1.0 or point.tangent @ self.origin.tangent < 0.8:
             return False
-        if float(np.linalg.norm(gap - along * chord)) > 0.3 * np.sqrt(length2):
+        if length_of(gap - along * chord) > 0.3 * np.sqrt(length2):
             return False
         flat = self.origin.tangent
         guess = self.point.x + along * chord
         meeting = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
-        return meeting is not None and float(np.linalg.norm(meeting.x - self.origin.x)) < 1e-6
+        return meeting is not None and length_of(meeting.x - self.origin.x) < 1e-6
 
     def _closing_point(self) -> BranchPoint:
-        gap = float(np.linalg.norm(self.origin.x - self.point.x))
+        gap = length_of(self.origin.x - self.point.x)
         o = self.origin
         return BranchPoint(o.value, o.orbit, o.x, o.tangent, o.determinant, self.point.arclength + gap)
 
@@ -232,14 +239,14 @@ class Walk(Iterator[BranchPoint]):
         """The point of the branch on the bound that the step to `beyond` has passed."""
         bound = self.within.bound(beyond.value)
         ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
-        reason = EndReason.RANGE if ahead else EndReason.TURNED_BACK
+        reason = EndReason.RANGE if ahead or self.branched else EndReason.TURNED_BACK
         share = (bound - self.point.value) / (beyond.value - self.point.value)
         correction = self.corrector.at_value(self.point.x + share * (beyond.x - self.point.x), bound)
         if correction is None:  # a fold lies between: come nearer in a shorter step
             self.step = shorter_step(self.step)
             return self._advance()
         self.end = End(reason, bound)
-        length = float(np.linalg.norm(correction.x - self.point.x))
+        length = length_of(correction.x - self.point.x)
         if length == 0.0:
             return None
         return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
@@ -285,5 +292,4 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Angle between two unit vectors, in radians."""
-    chord = a - b
-    return 2.0 * math.asin(min(1.0, math.sqrt(float(chord @ chord)) / 2.0))
+    return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))

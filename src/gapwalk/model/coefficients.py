@@ -13,6 +13,7 @@ no hand-written derivative to get wrong, whatever the map.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
+_ASIDE = 0.0123  # relative shift of parameters at which no slope vanishes by chance
 _STEP = 1e-150  # of the complex step: its square must underflow against every coefficient, itself not
 
 
@@ -167,7 +169,10 @@ class ParameterLine:
         """The system of the line at one value of the parameter; unlike `System.at`, it trusts the value."""
         values = self.system.values.copy()
         values[self._place] = value
-        return System.from_values(self.system.structure, values)
+        system = System.from_values(self.system.structure, values)
+        if self._place == 0:  # cheap here, costly to compute later
+            object.__setattr__(system, "_coefficients", self.coefficients(value)[0])
+        return system
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The coefficients at one value of the parameter, and their derivative by it."""
@@ -179,6 +184,23 @@ class ParameterLine:
         values[self._place] = complex(value, _STEP)
         both: NDArray[np.complex128] = layout_of(self.system.structure).compute(values)
         return both.real.copy(), both.imag / _STEP
+
+
+def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
+    """For each named parameter the coefficients that it can change, wherever it and the others go.
+
+    A slope may be zero at one place by chance, as that of a cosine at 0 or of a product whose other factor is 0.
+    """
+    if not names:
+        return []
+    places = [system.structure.place(name) for name in names]
+    moved = system.values.copy()
+    moved[places] += _ASIDE * (1.0 + np.abs(moved[places]))
+    masks = []
+    for name in names:
+        lines = [ParameterLine(each, name) for each in (system, System.from_values(system.structure, moved))]
+        masks.append(np.any([line.coefficients(line.system[name])[1] != 0.0 for line in lines], axis=0))
+    return masks
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots
+from gapwalk.model.contact import DampingLaw
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,8 @@ class Equations:
         Where the coefficients stand.
     pattern : shape (number of coefficients,), bool
         Which of them take part; the others are zero.
-    directions
-        How many sensitivities along directions of the coefficients are wanted.
+    varying
+        For each sensitivity that is wanted, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
     then the coefficients. The last of all, `1/W`, is in every equation, so the integrator has room for them all.
@@ -36,7 +37,7 @@ class Equations:
 
     layout: CoefficientLayout
     pattern: NDArray[np.bool_]
-    directions: int = 0
+    varying: tuple[NDArray[np.intp], ...] = ()
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
@@ -48,10 +49,19 @@ class Equations:
         """Run-time parameter of each active slot."""
         return {int(slot): self.first_coefficient + i for i, slot in enumerate(self.active)}
 
+    def first_component(self, index: int) -> int:
+        """Run-time parameter of the first component of a direction."""
+        return sum(len(slots) for slots in self.varying[:index])
+
+    @cached_property
+    def components(self) -> NDArray[np.intp]:
+        """Where the components of all directions stand among the coefficients of all directions, one after another."""
+        return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
+
     @property
     def first_switch(self) -> int:
         """Run-time parameter of the first switch."""
-        return self.directions * len(self.active)
+        return self.first_component(len(self.varying))
 
     @property
     def first_coefficient(self) -> int:
@@ -88,7 +98,7 @@ class Equations:
     def gap(self, contact: int, stage: int) -> hy.expression:
         """Deflection of a contact past a breakpoint; the stage's event function."""
         slots = self.layout.contacts[contact]
-        return self._deflection(slots) - slots.stages[stage].sign * self._coefficient(slots.stages[stage].clearance)
+        return self._depth(self._deflection(slots), slots.stages[stage])
 
     @cached_property
     def state(self) -> list:
@@ -107,15 +117,14 @@ class Equations:
     def direction(self, index: int) -> list:
         """Equations of the sensitivity to the coefficients along a direction given at run time."""
         size = 2 * self.layout.structure.size
-        first = index * len(self.active)
+        first = self.first_component(index)
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
-            terms = [linear]
-            for parameter in _parameter_indices(force):
-                component = parameter - self.first_coefficient
-                if component >= 0:
-                    terms.append(hy.diff(force, hy.par[parameter]) * hy.par[first + component])
+            terms, used = [linear], _parameter_indices(force)
+            for component, slot in enumerate(self.varying[index].tolist()):
+                if self._indices[slot] in used:
+                    terms.append(hy.diff(force, hy.par[self._indices[slot]]) * hy.par[first + component])
             forced.append((variable, hy.sum(terms)))
         return forced
 
@@ -146,11 +155,14 @@ class Equations:
     def _switch(self, contact: int, stage: int) -> hy.expression:
         return hy.par[self.first_switch + self.switches.index((contact, stage))]
 
-    def _dot(self, slots, symbols) -> hy.expression:
-        terms = [
+    def _terms(self, slots, symbols) -> list[hy.expression]:
+        """Products of coefficients and symbols, without those that are zero."""
+        return [
             self._coefficient(slot) * symbol for slot, symbol in zip(slots, symbols, strict=True) if self.pattern[slot]
         ]
-        return hy.sum(terms) if terms else hy.expression(0.0)
+
+    def _dot(self, slots, symbols) -> hy.expression:
+        return hy.sum(self._terms(slots, symbols) or [hy.expression(0.0)])
 
     def _deflection(self, slots: ContactSlots) -> hy.expression:
         return self._dot(slots.deflection, self.positions)
@@ -164,30 +176,33 @@ class Equations:
         slots, form = self.layout.contacts[index], self.layout.structure.contacts[index]
         x, rate = self._deflection(slots), self._dot(slots.deflection, self.velocities)
         zero = hy.expression(0.0)
-        spring, slope, size, size_slope = [zero], [zero], [zero], [zero]
+        spring, slope, size, growth = [zero], [zero], [zero], [zero]
         for number, stage in enumerate(slots.stages):
             force, tangent = self._spring(x, stage)
             switch = self._switch(index, number)
+            weight = 1 if form.damping is DampingLaw.HUNT_CROSSLEY_AS_PRINTED else stage.sign
             spring.append(switch * force)
             slope.append(switch * tangent)
-            size.append(stage.sign * switch * force)
-            size_slope.append(stage.sign * switch * tangent)
+            # each parameter next to a variable: to the integrator a product of parameters is a series like any other
+            size.append(weight * (switch * force))
+            growth.append(weight * (switch * (tangent * rate)))
         g, k = hy.sum(spring), hy.sum(slope)
         if slots.damping is None or not self.pattern[slots.damping]:
             return g, k, zero
         c = self._coefficient(slots.damping)
-        match form.damping.value:
-            case "viscous":
-                touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
-                return g + c * touching * rate, k, c * touching
-            case "hunt-crossley":
-                magnitude = hy.sum(size)
-                return g + c * magnitude * rate, k + c * hy.sum(size_slope) * rate, c * magnitude
-            case _:
-                return g + c * g * rate, k + c * k * rate, c * g
+        if form.damping is DampingLaw.VISCOUS:
+            touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
+            return g + c * touching * rate, k, c * touching
+        magnitude = hy.sum(size)  # of the spring force: |g|, or g as the paper prints it
+        return g + c * (magnitude * rate), k + c * hy.sum(growth), c * magnitude
+
+    def _depth(self, x, stage: StageSlots):
+        """Deflection past a breakpoint."""
+        clearance = self._coefficient(stage.clearance)
+        return x - clearance if stage.sign > 0 else x + clearance
 
     def _spring(self, x, stage: StageSlots) -> tuple:
-        depth = x - stage.sign * self._coefficient(stage.clearance)
+        depth = self._depth(x, stage)
         force, tangent = self._coefficient(stage.stiffness) * depth, self._coefficient(stage.stiffness)
         if self.pattern[stage.cubic]:
             cubic = self._coefficient(stage.cubic)
@@ -205,15 +220,14 @@ class Equations:
         sines = [hy.sin(float(order) * hy.time) for order in orders]
         rows = []
         for row in slots:
-            forces = [self._dot(row[:n], self.positions), self._dot(row[n : 2 * n], self.velocities)]
+            forces = self._terms(row[: 2 * n], self.positions + self.velocities)
             forces += [
                 self._coefficient(row[2 * n + k]) * law[0]
                 for k, law in enumerate(self._contact_laws)
                 if self.pattern[row[2 * n + k]]
             ]
             loads = [self._coefficient(row[mean])]
-            loads.append(self._dot(row[mean + 1 : mean + 1 + len(orders)], cosines))
-            loads.append(self._dot(row[mean + 1 + len(orders) :], sines))
+            loads += self._terms(row[mean + 1 :], cosines + sines)
             rows.append(self.rate * (hy.sum(loads) - hy.sum(forces)))
         return rows
 
@@ -227,13 +241,13 @@ class Equations:
             for contact, (_, slope, damping) in zip(self.layout.contacts, self._contact_laws, strict=True)
         ]
         for symbol, row in zip(dv, slots, strict=True):
-            forces = [self._dot(row[:n], dq), self._dot(row[n : 2 * n], dv)]
+            forces = self._terms(row[: 2 * n], symbols)
             forces += [
                 self._coefficient(row[2 * n + k]) * change
                 for k, change in enumerate(changes)
                 if self.pattern[row[2 * n + k]]
             ]
-            equations.append((symbol, -self.rate * hy.sum(forces)))
+            equations.append((symbol, self.rate * -hy.sum(forces)))
         return equations
 
 
@@ -243,6 +257,6 @@ def _first_stages(slots: ContactSlots) -> list[int]:
     return [signs.index(sign) for sign in (1, -1) if sign in signs]
 
 
-def _parameter_indices(expression) -> list[int]:
+def _parameter_indices(expression) -> set[int]:
     """Indices of the run-time parameters on which an expression depends."""
-    return sorted(int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression))
+    return {int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression)}

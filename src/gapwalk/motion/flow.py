@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.motion.equations import Equations
@@ -28,7 +28,6 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 20_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
 _EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
-_ASIDE = 0.01  # shift of parameters that shows which coefficients they can reach together
 _COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
 
 if hasattr(hy, "set_logger_level_critical"):
@@ -64,7 +63,7 @@ class Turn(NamedTuple):
 
     event: int
     theta: float
-    positions: NDArray[np.float64]
+    positions: list[float]
 
 
 class Flow:
@@ -76,8 +75,6 @@ class Flow:
         The equations to compile.
     transition
         Whether to integrate the state transition matrix.
-    directions
-        Number of directions of the coefficients along which to integrate the sensitivity too.
     survey
         Whether to integrate the positions and their squares, and to note where coordinates and deflections turn.
     """
@@ -85,20 +82,18 @@ class Flow:
     calls = 0
     """Number of integrations in this process, for tests of work done."""
 
-    def __init__(
-        self, equations: Equations, *, transition: bool = False, directions: int = 0, survey: bool = False
-    ) -> None:
+    def __init__(self, equations: Equations, *, transition: bool = False, survey: bool = False) -> None:
         self.equations = equations
         self.size = 2 * equations.layout.structure.size
-        self.has_transition, self.directions = transition, directions
+        self.has_transition, self.directions = transition, len(equations.varying)
         right_hand_sides = list(equations.state)
         if transition:
             right_hand_sides += equations.fundamental()
-        for index in range(directions):
+        for index in range(self.directions):
             right_hand_sides += equations.direction(index)
         if survey:
             right_hand_sides += equations.integrals()
-        self._columns = self.size * transition + directions
+        self._columns = self.size * transition + self.directions
         self._board = Switchboard(equations)
         events = [
             hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
@@ -114,6 +109,8 @@ class Flow:
             compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
         )
         self._state, self._parameters = self._integrator.state, self._integrator.pars
+        self._coefficients = self._parameters[equations.first_coefficient :]
+        self._components = self._parameters[: equations.first_switch]
         self._board.attach(self._integrator, self._columns)
         self._identity = np.zeros(len(right_hand_sides) - self.size)
         if transition:
@@ -186,7 +183,7 @@ class Flow:
         """The function that the integrator calls where a coordinate or a deflection turns."""
 
         def note(integrator, theta: float, _direction: int) -> None:
-            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].copy()))
+            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].tolist()))
 
         return note
 
@@ -200,7 +197,6 @@ class Flow:
         return np.array(states), contacts
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
-        active, board = self.equations.active, self._board
         self._turns = []
         Flow.calls += 1
         self._integrator.time = start
@@ -208,13 +204,12 @@ class Flow:
             self._integrator.reset_cooldowns()
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
-        self._parameters[self.equations.first_coefficient :] = coefficients[active]
+        self._coefficients[:] = coefficients[self.equations.active]
         if self.directions:
-            components = 0.0 if direction is None else direction[..., active].ravel()
-            self._parameters[: self.equations.first_switch] = components
+            self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        board.start(coefficients, start, int(_EVENTS * periods))
+        self._board.start(coefficients, start, int(_EVENTS * periods))
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         outcome, _, _, steps, *_ = self._integrator.propagate_until(
@@ -262,20 +257,18 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     survey
         Whether the flow is to survey orbits; see `Flow.survey`.
     """
-    pattern = coefficients_of(system) != 0.0
-    for parameter in parameters:
-        pattern |= ParameterLine(system, parameter).coefficients(system[parameter])[1] != 0.0
-    if len(parameters) > 1:  # the product of two that are both zero has no slope along either
-        moved = system.values.copy()
-        moved[[system.structure.place(parameter) for parameter in parameters]] += _ASIDE
-        pattern |= layout_of(system.structure).compute(moved) != 0.0
-    return _compile(system.structure, pattern.tobytes(), transition, len(parameters), survey)
+    pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
+    for mask in directions:
+        pattern |= mask
+    masks = tuple(mask.tobytes() for mask in (pattern, *directions))
+    return _compile(system.structure, masks, transition, survey)
 
 
 @lru_cache(maxsize=64)
-def _compile(structure: Structure, pattern: bytes, transition: bool, directions: int, survey: bool) -> Flow:
-    equations = Equations(layout_of(structure), np.frombuffer(pattern, dtype=bool), directions)
-    return Flow(equations, transition=transition, directions=directions, survey=survey)
+def _compile(structure: Structure, masks: tuple[bytes, ...], transition: bool, survey: bool) -> Flow:
+    pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
+    equations = Equations(layout_of(structure), pattern, tuple(np.flatnonzero(mask) for mask in directions))
+    return Flow(equations, transition=transition, survey=survey)
 
 
 def _short(state: NDArray[np.float64]) -> str:

@@ -211,8 +211,8 @@ class Switchboard:
         shift = columns[:, :n] @ self._vectors[switch]
         for index in range(self._columns - size):
             direction = np.zeros_like(self._coefficients)
-            first = index * len(self.equations.active)
-            direction[self.equations.active] = self._parameters[first : first + len(self.equations.active)]
+            first, varying = self.equations.first_component(index), self.equations.varying[index]
+            direction[varying] = self._parameters[first : first + len(varying)]
             shift[size + index] += direction[slots.deflection] @ self._state[:n]
             shift[size + index] -= slots.stages[stage].sign * direction[slots.stages[stage].clearance]
         push = self._coefficients[slots.force] * self._coefficients[slots.damping]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure
-from gapwalk.orbit.survey import Survey, survey
+from gapwalk.orbit.survey import Survey, Turns, survey
 
 _SIGNS = {1: "+", -1: "-"}
 
@@ -64,8 +63,10 @@ class Orbit:
     @cached_property
     def closings(self) -> tuple[int, ...]:
         """How often each switch closes in one full period; it changes only where a contact grazes."""
-        counts = Counter(event.switch for event in self.events if event.enters)
-        return tuple(counts[index] for index in range(len(switch_names(self.system))))
+        counts = [0] * sum(len(stage.side.signs) for form in self.system.structure.contacts for stage in form.stages)
+        for event in self.events:
+            counts[event.switch] += event.enters
+        return tuple(counts)
 
     @cached_property
     def pattern(self) -> str:
@@ -97,14 +98,14 @@ class Orbit:
         return self.survey.extremes
 
     @cached_property
-    def turning_depths(self) -> tuple[NDArray[np.float64], ...]:
-        """For each switch: angles at which the deflection turns, and how far past the breakpoint; shape (2, turns)."""
+    def turning_depths(self) -> tuple[Turns, ...]:
+        """For each switch: angles at which the deflection turns, and how far past the breakpoint."""
         depths = []
         for index, contact in enumerate(self.system.structure.contacts):
             thetas, values = self.survey.turns[index]
             for stage in contact.stages:
                 clearance = self.system[f"{contact.stage_prefix(stage)}.clearance"]
-                depths += [np.array((thetas, side * values - clearance)) for side in stage.side.signs]
+                depths += [Turns(thetas, [side * x - clearance for x in values]) for side in stage.side.signs]
         return tuple(depths)
 
     def measure(self, name: str) -> float:

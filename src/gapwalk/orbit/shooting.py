@@ -105,7 +105,7 @@ class ShootingEquation:
             unknowns[: 2 * self.system.size].copy(),
             multipliers([_transition(arc) for arc in arcs]),
             tuple(event for arc in arcs for event in arc.contacts),
-            float(np.abs(evaluation.residual).max()),
+            max(map(abs, evaluation.residual.tolist())),
             sum(arc.steps for arc in arcs),
         )
 

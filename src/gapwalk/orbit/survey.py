@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,19 +17,44 @@ if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
 
 
-class Survey(NamedTuple):
+class Turns(NamedTuple):
+    """Turning points of something along an orbit: their angles, increasing, and its values there.
+
+    Plain lists: there are few turning points, and walks ask for them at every step.
+    """
+
+    thetas: list[float]
+    values: list[float]
+
+    def nearest(self, theta: float, full: float) -> int:
+        """Index of the turning point nearest to an angle, on a circle of circumference `full`."""
+        after = bisect_left(self.thetas, theta) % len(self.thetas)
+        return min((after - 1, after), key=lambda index: apart(self.thetas[index], theta, full))
+
+
+@dataclass(frozen=True)
+class Survey:
     """What one pass over an orbit shows, exact to rounding.
 
     Attributes
     ----------
-    extremes : shape (n, 4)
-        Maximum, minimum, mean and root mean square of each coordinate.
     turns
-        For each contact the angles at which its deflection turns, and its values there; shape (2, turns).
+        For each contact the angles at which its deflection turns, and its values there.
+    visited
+        Positions at the start, and wherever a coordinate or a deflection turns.
+    means : shape (2, n)
+        Mean of each coordinate, and of its square.
     """
 
-    extremes: NDArray[np.float64]
-    turns: tuple[NDArray[np.float64], ...]
+    turns: tuple[Turns, ...]
+    visited: list[list[float]]
+    means: NDArray[np.float64]
+
+    @cached_property
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        visited = np.array(self.visited)
+        return np.column_stack((visited.max(axis=0), visited.min(axis=0), self.means[0], np.sqrt(self.means[1])))
 
 
 def survey(orbit: Orbit) -> Survey:
@@ -34,21 +62,24 @@ def survey(orbit: Orbit) -> Survey:
     flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
     length, n = PERIOD * orbit.period, orbit.system.size
     integrals, turns = flow.survey(coefficients, orbit.state, length)
-    mean, square = integrals / length
-    visited = np.array([orbit.state[:n], *(turn.positions for turn in turns)])
-    extremes = np.column_stack((visited.max(axis=0), visited.min(axis=0), mean, np.sqrt(square)))
     rows = flow.equations.turning
     contacts = []
     for contact in flow.equations.layout.contacts:
-        vector = coefficients[contact.deflection]
-        if np.count_nonzero(vector) > 1:
+        factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
+        event = factors[0][0]
+        if len(factors) > 1:
             event = next(k for k, (slots, _) in enumerate(rows) if slots is contact.deflection)
-        else:
-            event = int(np.argmax(np.abs(vector)))
-        contacts.append(_turns_along(vector, [turn for turn in turns if turn.event == event]))
-    return Survey(extremes, tuple(contacts))
+        contacts.append(_turns_along(factors, [turn for turn in turns if turn.event == event]))
+    visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
+    return Survey(tuple(contacts), visited, integrals / length)
 
 
-def _turns_along(vector: NDArray[np.float64], turns: list[Turn]) -> NDArray[np.float64]:
-    """Angles and values of a deflection at its turning points, shape (2, turns)."""
-    return np.array([[turn.theta, float(vector @ turn.positions)] for turn in turns]).reshape(-1, 2).T
+def apart(a: float, b: float, full: float) -> float:
+    """Distance of two angles on a circle of circumference `full`."""
+    return abs((a - b + full / 2) % full - full / 2)
+
+
+def _turns_along(factors: list[tuple[int, float]], turns: list[Turn]) -> Turns:
+    """The turning points of a deflection, given its non-zero factors."""
+    values = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in turns]
+    return Turns([turn.theta for turn in turns], values)

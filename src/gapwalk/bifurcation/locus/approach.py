@@ -74,8 +74,8 @@ def turnings(point: BranchPoint) -> list[Turning]:
     if found is None:
         found = point.memo["turnings"] = []
         for switch, (thetas, depths) in enumerate(point.orbit.turning_depths):
-            for index, (theta, depth) in enumerate(zip(thetas.tolist(), depths.tolist(), strict=True)):
-                is_highest = depth >= float(depths[index - 1])
+            for index, (theta, depth) in enumerate(zip(thetas, depths, strict=True)):
+                is_highest = depth >= depths[index - 1]
                 found.append(Turning(switch, theta, depth, (depth > 0.0) is is_highest))
     return found
 

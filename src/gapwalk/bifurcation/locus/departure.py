@@ -88,6 +88,9 @@ def depart_locus(
     correction, tangent = onto_curve(corrector, start)
     if correction is None or correction.distance > _FAR:
         raise ConvergenceError(f"the start is no {special.kind.value} at {_place(special, (first, second))}")
+    held = corrector.at_value(correction.x, special.orbit.system[second])
+    if held is not None and held.distance <= _FAR:  # the same point, with the second parameter exact: it may be a bound
+        correction = held
     if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
         tangent = -tangent
     there = corrector.point(correction, tangent, 0.0)

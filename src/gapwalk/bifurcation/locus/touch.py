@@ -79,7 +79,7 @@ class TouchEquation:
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """State, angle of the turning point that comes nearest to the breakpoint, and first parameter of an orbit."""
         thetas, depths = orbit.turning_depths[self.switch]
-        theta = float(thetas[np.argmin(np.abs(depths))])
+        theta = thetas[int(np.argmin(np.abs(depths)))]
         return np.concatenate((orbit.state, [theta, orbit.system[self.plane.names[0]]]))
 
     def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
