@@ -51,9 +51,15 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import branch, compiling, growth, period
+    from benchmarks import branch, compiling, diagram, growth, period
 
-    return {"period": period.rows, "branch": branch.rows, "compiling": compiling.rows, "growth": growth.rows}
+    return {
+        "period": period.rows,
+        "branch": branch.rows,
+        "diagram": diagram.rows,
+        "compiling": compiling.rows,
+        "growth": growth.rows,
+    }
 
 
 if __name__ == "__main__":

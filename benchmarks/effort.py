@@ -19,13 +19,16 @@ class Effort:
         Degrees of freedom of the chains.
     walk_to
         Where the walk beside SciPy's ends; it begins at 0.9.
+    diagram_from
+        Lowest frequency of the diagram.
     """
 
     repeats: int = 25
     burst: float = 0.01
     sizes: tuple[int, ...] = (2, 5, 10, 20, 50)
     walk_to: float = 0.8
+    diagram_from: float = 0.15
 
 
 FULL = Effort()
-QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85)
+QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85, diagram_from=1.0)

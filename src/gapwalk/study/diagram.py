@@ -11,7 +11,7 @@ import numpy as np
 from gapwalk.bifurcation.departure import depart, directions
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
-from gapwalk.bifurcation.membership import lies_on
+from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.bifurcation.search import SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -168,6 +168,7 @@ class _Grower:
         self.report = report
         self.truncated = False
         self._tried: set[tuple[Origin, int]] = set()
+        self._curves: list[Curve] = []
 
     def plant_first(self, orbit: Orbit, hands: Workers) -> None:
         """Add the branch through the first orbit, and all that grows from it.
@@ -214,7 +215,7 @@ class _Grower:
         pieces = [self._piece(orbit, 0) for orbit in orbits]
 
         def is_new(index: int) -> bool:
-            return not any(lies_on(known, orbits[index]) for known in self.diagram.branches) and not self._full()
+            return not any(curve.holds(orbits[index]) for curve in self._all_curves()) and not self._full()
 
         hands.run(_walk_piece, pieces, lambda index, branch: self._accept(branch, None), is_new)
 
@@ -252,6 +253,11 @@ class _Grower:
         self.diagram = self.diagram.with_branch(branch, origin)
         if self.report is not None:
             self.report(self.diagram, self.diagram.limbs[-1])
+
+    def _all_curves(self) -> list[Curve]:
+        """The branches as curves, each made once."""
+        self._curves += [Curve(branch) for branch in self.diagram.branches[len(self._curves) :]]
+        return self._curves
 
     def _full(self) -> bool:
         if len(self.diagram.limbs) < self.options.max_branches:

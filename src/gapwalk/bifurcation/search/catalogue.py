@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,11 @@ class Catalogue:
     def __init__(self, scales: NDArray[np.float64]) -> None:
         self.scales = scales
         self.entries: list[Entry] = []
+        # a row for each state of each entry
+        self._states = np.zeros((0, len(scales)))
+        self._owners: list[Entry] = []
+        self._periods = np.zeros(0, dtype=int)
+        self._stable = np.zeros(0, dtype=bool)
 
     def add(self, orbit: Orbit) -> Entry:
         """The entry of an orbit, an old one if there is one."""
@@ -47,6 +53,10 @@ class Catalogue:
         if known is None:
             known = Entry(orbit, stroboscopic(orbit))
             self.entries.append(known)
+            self._states = np.concatenate((self._states, known.states))
+            self._owners += [known] * orbit.period
+            self._periods = np.append(self._periods, [orbit.period] * orbit.period)
+            self._stable = np.append(self._stable, [orbit.stable] * orbit.period)
         return known
 
     def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
@@ -56,18 +66,23 @@ class Catalogue:
 
     def nearest(self, state: NDArray[np.float64], period: int) -> tuple[Entry | None, float]:
         """The entry nearest to a state of those that repeat after `period` forcing periods, and its distance."""
-        best, least = None, np.inf
-        for entry in self.entries:
-            if period % entry.orbit.period == 0:
-                distance = float(np.abs((entry.states - state) / self.scales).max(axis=1).min())
-                if distance < least:
-                    best, least = entry, distance
-        return best, least
+        return self._nearest(state, period % self._periods == 0)
+
+    def nearest_stable(self, state: NDArray[np.float64]) -> tuple[Entry | None, float]:
+        """The stable entry nearest to a state, whatever its period, and its distance."""
+        return self._nearest(state, self._stable)
+
+    def _nearest(self, state: NDArray[np.float64], asked: NDArray[np.bool_]) -> tuple[Entry | None, float]:
+        if not asked.any():
+            return None, math.inf
+        distances = np.abs((self._states - state) / self.scales).max(axis=1)
+        distances[~asked] = math.inf
+        nearest = int(distances.argmin())
+        return self._owners[nearest], float(distances[nearest])
 
     def states(self, period: int) -> NDArray[np.float64]:
         """All states, at the start of a forcing period, of orbits that repeat after `period` of them; shape (K, 2n)."""
-        states = [entry.states for entry in self.entries if period % entry.orbit.period == 0]
-        return np.concatenate([np.zeros((0, len(self.scales))), *states])
+        return self._states[period % self._periods == 0]
 
 
 def exact_orbit(system: System, period: int, state: NDArray[np.float64]) -> Orbit | None:

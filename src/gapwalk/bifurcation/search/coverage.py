@@ -56,6 +56,8 @@ def _sentences(result: SearchResult) -> Iterator[str]:
     if len(tallies) == 1:
         where = f"at {result.parameter} = {low:.6g}"
     yield f"{starts} starts {where}: {settled} settled to {_count(attractors, 'periodic motion')}."
+    yield from _between(result)
+    yield from _hits(result)
     yield from _not_periodic(tallies)
     yield _unseen(tallies)
     if settled:
@@ -67,6 +69,25 @@ def _sentences(result: SearchResult) -> Iterator[str]:
         f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "
         f"{_count(unstable, 'orbit')} more to which nothing settled; for unstable orbits no bound can be given."
     )
+
+
+def _between(result: SearchResult) -> Iterator[str]:
+    """What may lie between the values."""
+    if len(result.values) > 1:
+        width = float(np.diff(np.sort(result.values)).max())
+        yield f"An island narrower than {width:.2g} in {result.parameter} may lie between two values."
+
+
+def _hits(result: SearchResult) -> Iterator[str]:
+    """How often the motions were met."""
+    settled = sorted(each.hits_settled for each in result.found if each.hits_settled)
+    if len(settled) == 1:
+        yield f"All {settled[0]} settled to the same motion."
+    elif settled:
+        yield (
+            f"The starts that settled to one motion are {settled[0]} to {settled[-1]}, "
+            f"{settled[(len(settled) - 1) // 2]} in the median."
+        )
 
 
 def _not_periodic(tallies: tuple[Tally, ...]) -> Iterator[str]:

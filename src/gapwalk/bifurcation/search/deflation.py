@@ -16,6 +16,7 @@ flatten everything between them, and fewer new ones are found than without any d
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,7 @@ def newton_aside(
     scales: NDArray[np.float64],
     known: NDArray[np.float64] | None = None,
     options: Deflation = Deflation(),
+    is_enough: Callable[[NDArray[np.float64]], bool] = lambda _: False,
 ) -> NDArray[np.float64] | None:
     """A solution other than the known ones, from a start; None if Newton's method comes to none.
 
@@ -73,6 +75,8 @@ def newton_aside(
         The known solutions; without any it is Newton's method with damping and bounds.
     options
         How to look.
+    is_enough
+        Asked after each step; True gives up, for instance because it leads to where nothing new is.
     """
     known = np.zeros((0, len(start))) if known is None else known
     x, evaluation = start, _evaluate(equation, start, scales, options)
@@ -83,10 +87,14 @@ def newton_aside(
             newton = np.linalg.solve(evaluation.by_unknowns, -evaluation.residual)
         except np.linalg.LinAlgError:
             return None
-        away = (x - known) / (scales * options.reach)
-        step = newton * _stretch(away, newton / (scales * options.reach), options)
+        step = newton
+        if len(known):
+            away = (x - known) / (scales * options.reach)
+            step = newton * _stretch(away, newton / (scales * options.reach), options)
         step *= min(1.0, options.longest / float(np.linalg.norm(step / scales)))
         x, evaluation = _line_search(equation, x, evaluation, step, scales, known, options)
+        if evaluation is not None and is_enough(x):
+            return None
     if evaluation is None or not is_solved(equation, x, evaluation):
         return None
     return x
@@ -94,8 +102,6 @@ def newton_aside(
 
 def _stretch(away: NDArray[np.float64], step: NDArray[np.float64], options: Deflation) -> float:
     """The number by which deflation stretches (or turns) the Newton step."""
-    if not len(away):
-        return 1.0
     p, distance2 = options.power, np.maximum((away * away).sum(axis=1), 1e-300)
     slopes = -p / (distance2 * (1.0 + options.shift * distance2 ** (p / 2.0)))
     rest = 1.0 - float(slopes @ (away @ step))
@@ -116,10 +122,12 @@ def _line_search(equation, x, evaluation, step, scales, known, options: Deflatio
 
 def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> float:
     """Logarithm of the size of the deflated residual."""
+    size = math.log(max(math.hypot(*(evaluation.residual / scales).tolist()), 1e-300))
+    if not len(known):
+        return size
     away = (x - known) / (scales * options.reach)
     distance2 = np.maximum((away * away).sum(axis=1), 1e-300)
-    size = float(np.linalg.norm(evaluation.residual / scales))
-    return math.log(max(size, 1e-300)) + float(np.log(distance2 ** (-options.power / 2.0) + options.shift).sum())
+    return size + float(np.log(distance2 ** (-options.power / 2.0) + options.shift).sum())
 
 
 def _evaluate(equation: Equation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:

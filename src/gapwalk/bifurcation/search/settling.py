@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +13,17 @@ from gapwalk.bifurcation.search.deflation import Deflation, newton_aside
 from gapwalk.errors import FlowError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
-from gapwalk.motion.flow import flow_of
+from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.shooting import ShootingEquation
 
 _EVERY = 8  # forcing periods from one look at the returns to the next
+_STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # in one call: a call costs as much as a period
 _RETURN = 1e-3  # a state that returns so closely, in half-widths of the box, may be settling
 _FINEST = 1e-11  # the closest return that is asked for
 _NEAR = 1e-2  # distance from a stable orbit within which a transient that returns has settled to it
-_SHRINKING = 0.9  # change of the returns, over half the patience, up to which a transient goes on
-_LONGEST = 10  # times the patience: the longest transient
+_SHRINKING = 0.75  # change of the returns, over half the patience, up to which a transient goes on
+_LONGEST = 10  # times the patience: the longest transient; what shrinks more slowly would not be there by then
+_DOUBTS = 8  # times in one patience that a long transient is asked whether its returns shrink
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,19 @@ class Settler:
         self._flow, self._coefficients = flow_of(system), coefficients_of(system)
 
     def settle(self, state: NDArray[np.float64]) -> Settling:
-        """Follow the transient from a state until it has settled, has run away, or shows no sign of settling."""
-        path, finest = [state], _RETURN
+        """Follow the transient from a state until it has settled, has run away, or shows no sign of settling.
+
+        It has settled where it returns closely and Newton's method finds a stable orbit there; or, which is seen
+        sooner, where it comes nearer and nearer to a stable orbit that is known already.
+        """
+        path, finest, beside, before = [state], _RETURN, None, math.inf
         try:
             while self._goes_on(path):
-                for _ in range(_EVERY):
-                    path.append(self._flow.integrate(self._coefficients, path[-1]).state)
+                path += list(self._flow.sample(self._coefficients, path[-1], _STROBES)[0][1:])
+                entry, distance = self._catalogue.nearest_stable(path[-1])
+                if entry is beside and distance < before <= _NEAR:
+                    return Settling(np.array(path), entry)
+                beside, before = entry, distance
                 period = self._returns(path, finest)
                 if period:
                     entry = self._orbit_near(path[-1], period)
@@ -85,6 +95,8 @@ class Settler:
             return True
         if length >= _LONGEST * self._patience:
             return False
+        if (length - self._patience) % max(_EVERY, self._patience // _DOUBTS // _EVERY * _EVERY) >= _EVERY:
+            return True  # it is not time to ask yet
         half = max(self._patience // 2, 2 * self._periods)
         last, before = self._closeness(path[-half:]), self._closeness(path[-2 * half : -half])
         return last < _SHRINKING * before

@@ -1,0 +1,119 @@
+"""The diagram of figure 15, and the speed of the walks that it is made of."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks.clutch import ScipyClutch
+from benchmarks.effort import Effort
+from benchmarks.row import Row, Target
+from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
+from gapwalk import Branch, DiagramOptions, Orbit, diagram, find_orbit, follow, paper
+from gapwalk.bifurcation.search import values_between
+from gapwalk.motion.flow import PERIOD, Flow
+from gapwalk.orbit.identity import true_period
+
+GROUP = "Diagram of figure 15"
+_RANGE = (0.15, 1.9)
+_NARROWEST = (_RANGE[1] - _RANGE[0]) / 300  # of the islands; in any part of the range the same
+_AT, _EIGHT = 0.408896, (3.70, 0.83, 0.74, 0.95)  # a frequency, and a state there near a motion of period 8
+_AGREE = 1e-6
+
+
+def rows(effort: Effort) -> list[Row]:
+    """Measure all lines."""
+    one = find_orbit(paper.case("15"), frequency=_RANGE[1])
+    eight = find_orbit(paper.case("15"), 8, _EIGHT, frequency=_AT)
+    if true_period(eight) != 8:
+        raise RuntimeError(f"the motion at W = {_AT:g} repeats after {true_period(eight)} forcing periods")
+    return [measure_walk(one, Target(1e-3), effort), measure_walk(eight, Target(10e-3), effort), measure(one, effort)]
+
+
+def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
+    """One branch with all its special points: CPU time of a point."""
+
+    def ours() -> Branch:
+        return follow(start, "frequency", to=_RANGE)
+
+    branch, periods = count_periods(ours)
+    points = len(branch.points)
+    seconds = fastest(ours, effort) / points
+    baseline = estimate(periods, effort) / points
+    counts = {"points": points, "special points": len(branch.special_points), "points per second": round(1 / seconds)}
+    low, high = branch.values.min(), branch.values.max()
+    note = (
+        f"{points} points from W = {low:.4g} to {high:.4g} with {counts['special points']} special points, "
+        f"{counts['points per second']} points a second. The baseline is an estimate: as many periods by DOP853"
+    )
+    return Row(
+        GROUP, f"a branch of period {branch.period}: each point", seconds, baseline, "estimate", (target,), counts, note
+    )
+
+
+def measure(start: Orbit, effort: Effort) -> Row:
+    """The whole diagram in one process, once: period 1 to 8, with the search for what is attached to nothing."""
+    low, high = effort.diagram_from, _RANGE[1]
+    values = len(values_between(low, high, _NARROWEST))
+    options = DiagramOptions(workers=1, search_values=values)
+    found: list[Any] = []
+
+    def ours() -> None:
+        found.append(
+            count_periods(lambda: diagram(start.system, "frequency", (low, high), start=start, options=options))
+        )
+
+    seconds = cpu_seconds(ours)
+    tree, periods = found[0]
+    points = sum(len(branch.points) for branch in tree.branches)
+    counts = {
+        "branches": len(tree.limbs),
+        "points": points,
+        "periods": round(sum(periods.values())),
+        "search values": values,
+        "search starts": values * options.search.starts,
+    }
+    note = (
+        f"{counts['branches']} branches of {points} points; the search tries {counts['search starts']} starts at "
+        f"{values} values of W. The baseline is an estimate: as many periods, {counts['periods']}, by DOP853"
+    )
+    targets = (Target(100.0),) if low == _RANGE[0] else ()
+    what = f"P1 to P8 with search, W = {low:g} to {high:g}"
+    return Row(GROUP, what, seconds, estimate(periods, effort), "estimate", targets, counts, note)
+
+
+def count_periods(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
+    """The result of some work, and over how many forcing periods it integrated with sensitivities and without."""
+    counts: Counter[str] = Counter()
+    integrate, sample = Flow.integrate, Flow.sample
+
+    def integrated(self, coefficients, state, start=0.0, stop=PERIOD, direction=None):
+        counts["sensitive" if self.has_transition else "plain"] += (stop - start) / PERIOD
+        return integrate(self, coefficients, state, start, stop, direction)
+
+    def sampled(self, coefficients, state, thetas):
+        counts["plain"] += (thetas[-1] - thetas[0]) / PERIOD
+        return sample(self, coefficients, state, thetas)
+
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(Flow, "integrate", integrated))
+        stack.enter_context(patch.object(Flow, "sample", sampled))
+        return work(), counts
+
+
+def estimate(periods: Counter[str], effort: Effort) -> float:
+    """What as many forcing periods take SciPy, at its speed at W = 0.5."""
+    orbit = find_orbit(paper.case("15"), frequency=0.5)
+    clutch, state = ScipyClutch(orbit.system), orbit.state
+    difference = float(np.abs(clutch.period(state, 0.5) - state).max())
+    if not difference < _AGREE:
+        raise RuntimeError(f"gapwalk and SciPy differ by {difference:.3g}")
+    plain, sensitive = side_by_side(
+        [lambda: clutch.period(state, 0.5), lambda: clutch.period_with_sensitivities(state, 0.5)], effort
+    )
+    return periods["plain"] * plain + periods["sensitive"] * sensitive
