@@ -51,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import branch, compiling, diagram, growth, period
+    from benchmarks import branch, compiling, diagram, growth, mass, period
 
     return {
         "period": period.rows,
@@ -59,6 +59,7 @@ def _groups() -> dict[str, Callable]:
         "diagram": diagram.rows,
         "compiling": compiling.rows,
         "growth": growth.rows,
+        "mass": mass.rows,
     }
 
 

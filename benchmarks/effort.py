@@ -21,6 +21,8 @@ class Effort:
         Where the walk beside SciPy's ends; it begins at 0.9.
     diagram_from
         Lowest frequency of the diagram.
+    mass_periods
+        Forcing periods of each run of the mass flow.
     """
 
     repeats: int = 25
@@ -28,7 +30,8 @@ class Effort:
     sizes: tuple[int, ...] = (2, 5, 10, 20, 50)
     walk_to: float = 0.8
     diagram_from: float = 0.15
+    mass_periods: int = 1000
 
 
 FULL = Effort()
-QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85, diagram_from=1.0)
+QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85, diagram_from=1.0, mass_periods=50)

@@ -1,15 +1,18 @@
 """The benchmarks run and say what they should; no times are asserted here."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from benchmarks import period
+from benchmarks import mass, period
 from benchmarks.__main__ import main
 from benchmarks.chain import ScipyChain, chain
 from benchmarks.clutch import ScipyClutch
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
+from benchmarks.simd import SimdClutch
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
 from gapwalk.model.coefficients import coefficients_of
@@ -71,6 +74,17 @@ def test_the_baseline_of_the_clutch_is_the_same_motion(frequency):
     assert found.state == pytest.approx(orbit.state, abs=1e-7)
     expected = flow.integrate(coefficients_of(orbit.system), orbit.state).transition
     assert found.transition == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_baseline_of_the_mass_flow_is_the_same_motion():
+    system = paper.case("15").at(frequency=0.45)
+    states = np.random.default_rng(0).uniform(-2, 2, (64, 4))
+    flow, coefficients = flow_of(system), coefficients_of(system)
+    exact = np.array([flow.integrate(coefficients, state).state for state in states])
+    assert SimdClutch(system).run(states, 1) == pytest.approx(exact, abs=3e-3)
+    row = mass.measure_core(system, states.repeat(4, axis=0), replace(LEAST, mass_periods=5))
+    assert row.counts["stated error"] <= 1e-4
+    assert row.ratio == row.baseline / row.seconds
 
 
 def test_the_baseline_of_the_chain_is_the_same_motion():

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
+    from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -48,6 +49,7 @@ __all__ = [
     "Map",
     "MapOptions",
     "MapStudyOptions",
+    "MassOptions",
     "Orbit",
     "ResponseOptions",
     "Result",
@@ -71,6 +73,7 @@ __all__ = [
     "follow_locus",
     "integrate",
     "load",
+    "mass_flow_of",
     "paper",
     "read_studies",
     "read_study",
@@ -96,6 +99,7 @@ _HOMES = {
     "Map": "study.map",
     "MapOptions": "study.map",
     "MapStudyOptions": "study.options",
+    "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "ResponseOptions": "study.options",
     "Result": "study.result",
@@ -117,6 +121,7 @@ _HOMES = {
     "follow_locus": "bifurcation.locus",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "mass_flow_of": "motion.mass",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",

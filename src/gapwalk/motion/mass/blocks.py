@@ -1,0 +1,169 @@
+"""Blocks of trajectories: what the kernel works on, carried over forcing periods by threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.motion.mass.form import Form
+from gapwalk.motion.mass.frame import LANES
+from gapwalk.motion.mass.kernel import Kernel, kernel_of
+from gapwalk.motion.mass.run import MassSurvey
+from gapwalk.motion.mass.scheme import Linear, Scheme, scheme_of
+from gapwalk.motion.mass.start import history_of
+
+LIMIT = 1e12
+"""Size of a state from which a motion has run away, as for the exact flow."""
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Systems of equal structure and the number of steps by which their trajectories go: all that a kernel needs.
+
+    Parameters
+    ----------
+    linear
+        The systems, one for each trajectory, or one for all.
+    pattern
+        Which coefficients may differ from zero.
+    steps
+        Steps a forcing period.
+    """
+
+    linear: Linear
+    pattern: bytes
+    steps: int
+
+    @property
+    def shared(self) -> bool:
+        """Whether all trajectories have the same coefficients."""
+        return len(self.linear.coefficients) == 1
+
+    def kernel(self, survey: bool) -> Kernel:
+        """The kernel for these systems."""
+        structure = self.linear.layout.structure
+        return kernel_of(Form(structure, self.pattern, self.linear.basis is not None, self.shared, survey))
+
+    @cached_property
+    def scheme(self) -> Scheme:
+        """The step."""
+        return scheme_of(self.linear, self.steps)
+
+
+class Blocks:
+    """Trajectories in blocks of lanes; the last one is filled up with copies.
+
+    Parameters
+    ----------
+    fleet
+        The systems and the steps.
+    states : shape (N, 2n)
+        Where the trajectories are at theta = 0.
+    noted, every
+        How often the states will be noted, and how many forcing periods from one time to the next.
+    survey
+        Whether a survey will be wanted.
+    threads
+        How many blocks are worked on at a time.
+    """
+
+    def __init__(
+        self, fleet: Fleet, states: NDArray[np.float64], noted: int, every: int, survey: bool, threads: int
+    ) -> None:
+        self.fleet, self.count, self.threads = fleet, len(states), threads
+        self._size, self._every, self._first, self._surveys = states.shape[1], every, 0, False
+        self._lanes = np.minimum(np.arange(-(-self.count // LANES) * LANES), self.count - 1)
+        number = len(self._lanes) // LANES
+        height = max(fleet.kernel(kind).source.height for kind in {False, survey})
+        self._data = np.zeros((number, height, LANES))
+        basis = fleet.linear.basis
+        modal = states if basis is None else np.linalg.solve(basis, states[:, :, None])[:, :, 0]
+        forces = history_of(fleet.linear, states, fleet.steps)
+        self._data[:, : self._size] = self._in_blocks(modal.T)
+        self._data[:, self._size : self._size + forces[:, :, 0].size] = self._in_blocks(forces.reshape(-1, self.count))
+        self._record = np.full((number, noted, self._size, LANES), np.nan)
+        self._left = np.full((number, LANES), -1, dtype=np.int64)
+        self._last = self._data[:, : self._size].copy()
+        self._stop = np.zeros(1, dtype=np.int64)
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """Where the trajectories are now, shape (N, 2n); NaN where one ran away."""
+        return self._physical(self._data[:, : self._size])
+
+    @property
+    def strobes(self) -> NDArray[np.float64] | None:
+        """The states that were noted, shape (noted, N, 2n)."""
+        if not self._every:
+            return None
+        noted = [self._physical(self._record[:, row]) for row in range(self._record.shape[1])]
+        return np.array(noted).reshape(len(noted), self.count, self._size)
+
+    @property
+    def left(self) -> NDArray[np.int64]:
+        """In which forcing period each trajectory ran away, or -1."""
+        return self._left.reshape(-1)[: self.count]
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """Where each trajectory was at the start of the last forcing period in which it had not run away."""
+        return self._physical(self._last)
+
+    def begin_survey(self) -> None:
+        """From now on note extremes, contacts and largest forces."""
+        self._surveys = True
+        rows = self.fleet.kernel(True).source.tally_rows
+        self._data[:, rows["low"] : rows["end"]] = 0.0
+        self._data[:, rows["low"] : rows["high"]] = np.inf
+        self._data[:, rows["high"] : rows["peak"]] = -np.inf
+
+    def survey(self, periods: int) -> MassSurvey:
+        """What was noted since the survey began, that many forcing periods ago."""
+        source = self.fleet.kernel(True).source
+        values = self._data.transpose(0, 2, 1).reshape(-1, source.height)[: self.count].copy()
+        values[self.left >= 0] = np.nan
+        rows = source.tally_rows
+        low, high, peak, contacts = (values[:, first:stop] for first, stop in pairwise(rows.values()))
+        return MassSurvey(periods, low, high, peak, contacts.reshape(self.count, -1, 2) / periods)
+
+    def advance(self, periods: int) -> None:
+        """Carry all trajectories over some forcing periods."""
+        kernel = self.fleet.kernel(self._surveys)
+        numbers = kernel.source.numbers(self.fleet.scheme, self.fleet.linear)
+        times = kernel.source.times(self.fleet.scheme, self.fleet.steps).ravel()
+
+        def work(block: int) -> None:
+            lanes = slice(None) if self.fleet.shared else self._lanes[block * LANES : (block + 1) * LANES]
+            own = np.ascontiguousarray(numbers[:, lanes]).ravel()
+            kernel.advance(
+                self._data[block].reshape(-1), own, times, self._first, periods, self.fleet.steps, self._every,
+                self._record[block], self._left[block], self._last[block], LIMIT, self._stop,
+            )  # fmt: skip
+
+        self._share_out(work)
+        self._first += periods
+
+    def _share_out(self, work: Callable[[int], None]) -> None:
+        """Do all blocks, several at a time. Ctrl-C stops them within a forcing period."""
+        with ThreadPoolExecutor(min(self.threads, len(self._data))) as pool:
+            try:
+                list(pool.map(work, range(len(self._data))))
+            except BaseException:
+                self._stop[0] = 1
+                raise
+
+    def _in_blocks(self, rows: NDArray) -> NDArray[np.float64]:
+        """Rows of N numbers as blocks, shape (blocks, rows, LANES)."""
+        return rows[:, self._lanes].reshape(len(rows), len(self._lanes) // LANES, LANES).transpose(1, 0, 2)
+
+    def _physical(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
+        states = blocks.transpose(0, 2, 1).reshape(-1, self._size)[: self.count]
+        basis = self.fleet.linear.basis
+        return states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]

@@ -1,0 +1,183 @@
+"""The step of the mass flow as numbers: exact linear propagation, and weights for the contact forces.
+
+Over one step the linear part (stiffness, damping, mean load, harmonics) is carried exactly by a matrix exponential.
+The contact forces enter by Duhamel's integral over a polynomial through their values at the end of the step and at
+three earlier ones: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
+the polynomial through the three earlier values as its predictor, and one evaluation of each force a step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from gapwalk.model.coefficients import CoefficientLayout
+
+HISTORY = 3
+"""Earlier values of each contact force that a step uses."""
+
+_MODAL_FROM = 3  # degrees of freedom from which two numbers a mode are fewer than a full matrix
+_LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost, which leaves more than are asked for
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The linear part of one or many systems of equal structure, in matrices over time (not theta).
+
+    Parameters
+    ----------
+    layout
+        Where the coefficients stand.
+    coefficients : shape (lanes, number of coefficients)
+        Of each system.
+    """
+
+    layout: CoefficientLayout
+    coefficients: NDArray[np.float64]
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return self.layout.structure.size
+
+    @property
+    def rate(self) -> NDArray[np.float64]:
+        """Time by theta, ``1/W``, shape (lanes,)."""
+        return self.coefficients[:, 0]
+
+    @cached_property
+    def table(self) -> NDArray[np.float64]:
+        """The coefficients ``[A | B | D_1 ... | m | a_1 ... | b_1 ...]``, shape (lanes, n, columns)."""
+        return self.coefficients[:, self.layout.accelerations]
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """``L`` of ``z' = L z`` without contacts and loads, shape (lanes, 2n, 2n)."""
+        n = self.n
+        matrix = np.zeros((len(self.coefficients), 2 * n, 2 * n))
+        matrix[:, :n, n:] = np.eye(n)
+        matrix[:, n:, :] = -self.table[:, :, : 2 * n]
+        return matrix
+
+    @cached_property
+    def push(self) -> NDArray[np.float64]:
+        """How a unit of each contact force accelerates the state, shape (lanes, 2n, contacts)."""
+        n, count = self.n, len(self.layout.contacts)
+        push = np.zeros((len(self.coefficients), 2 * n, count))
+        push[:, n:] = -self.table[:, :, 2 * n : 2 * n + count]
+        return push
+
+    @cached_property
+    def loads(self) -> NDArray[np.float64]:
+        """How ``1, cos h theta, sin h theta, ...`` accelerate the state, shape (lanes, 2n, 1 + 2 orders)."""
+        n, first, count = self.n, 2 * self.n + len(self.layout.contacts), len(self.layout.orders)
+        loads = np.zeros((len(self.coefficients), 2 * n, 1 + 2 * count))
+        loads[:, n:, 0] = self.table[:, :, first]
+        loads[:, n:, 1::2] = self.table[:, :, first + 1 : first + 1 + count]
+        loads[:, n:, 2::2] = self.table[:, :, first + 1 + count :]
+        return loads
+
+    @cached_property
+    def deflections(self) -> NDArray[np.float64]:
+        """Rows that give each contact's deflection, then each one's rate, shape (lanes, 2, contacts, 2n)."""
+        n, count = self.n, len(self.layout.contacts)
+        rows = np.zeros((len(self.coefficients), 2, count, 2 * n))
+        for index, slots in enumerate(self.layout.contacts):
+            rows[:, 0, index, :n] = rows[:, 1, index, n:] = self.coefficients[:, slots.deflection]
+        return rows
+
+    @cached_property
+    def basis(self) -> NDArray[np.float64] | None:
+        """Real modal basis, shape (lanes, 2n, 2n), pairs of columns side by side; None where it does not pay."""
+        if self.n < _MODAL_FROM:
+            return None
+        values: NDArray[np.complex128]
+        vectors: NDArray[np.complex128]
+        values, vectors = (part.astype(complex) for part in np.linalg.eig(self.matrix))
+        order = np.argsort(values.imag != 0, axis=1, kind="stable")  # real ones first: pairs stay together
+        values = np.take_along_axis(values, order, axis=1)
+        vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
+        columns = np.where(values.imag[:, None, :] < 0, vectors.imag, vectors.real)
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny)
+        good = np.all(np.isfinite(columns)) and np.linalg.cond(columns).max() <= _LARGEST_CONDITION
+        return columns if good else None
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What one step of a given length does, for each lane.
+
+    Attributes
+    ----------
+    transition : shape (lanes, 2n, 2n)
+        Carries the state over the step.
+    loads : shape (lanes, 2n, 1 + 2 orders)
+        What ``1, cos h theta, sin h theta, ...`` at the start of the step add.
+    weights : shape (lanes, 1 + HISTORY, 2n, contacts)
+        What the contact forces add: that at the end of the step, that at its start, and so on back.
+    rows : shape (lanes, 2, contacts, 2n)
+        Deflections and their rates from the state.
+    forecast : shape (lanes, HISTORY, 2, contacts, contacts)
+        What earlier contact forces add to the deflections and rates at the end of the step.
+    span : shape (lanes,)
+        Length of the step, in time.
+    """
+
+    transition: NDArray[np.float64]
+    loads: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    forecast: NDArray[np.float64]
+    span: NDArray[np.float64]
+
+
+def scheme_of(linear: Linear, steps: int) -> Scheme:
+    """The scheme of `steps` steps a forcing period, in the basis of `linear`."""
+    span = linear.rate * (2.0 * math.pi / steps)
+    n2, n_loads, n_contacts = 2 * linear.n, linear.loads.shape[2], linear.push.shape[2]
+    carried = expm(_augmented(linear, span))
+    moments = [
+        carried[:, :n2, n2 + n_loads + n_contacts * j : n2 + n_loads + n_contacts * (j + 1)] * math.factorial(j)
+        for j in range(1 + HISTORY)
+    ]
+    transition, loads = carried[:, :n2, :n2], carried[:, :n2, n2 : n2 + n_loads]
+    weights: NDArray[Any] = _interpolating(moments, np.arange(1.0, -HISTORY, -1.0))
+    before = _interpolating(moments[:HISTORY], np.arange(0.0, -HISTORY, -1.0))
+    rows = linear.deflections
+    forecast = np.einsum("lakz,ljzm->ljakm", rows, before)
+    if linear.basis is not None:
+        transition = np.linalg.solve(linear.basis, transition @ linear.basis)
+        loads = np.linalg.solve(linear.basis, loads)
+        weights = np.linalg.solve(linear.basis[:, None], weights)
+        rows = rows @ linear.basis[:, None]
+    return Scheme(transition, loads, weights, rows, forecast, span)
+
+
+def _augmented(linear: Linear, span: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The linear part over one step, with its loads, and with polynomials of growing degree on each contact."""
+    lanes, n2, n_contacts = len(span), 2 * linear.n, linear.push.shape[2]
+    first = n2 + linear.loads.shape[2]
+    matrix = np.zeros((lanes, first + n_contacts * (1 + HISTORY), first + n_contacts * (1 + HISTORY)))
+    over = span[:, None, None]
+    matrix[:, :n2, :n2] = linear.matrix * over
+    matrix[:, :n2, n2:first] = linear.loads * over
+    matrix[:, :n2, first : first + n_contacts] = linear.push * over
+    angle = span / linear.rate
+    for index, order in enumerate(linear.layout.orders):
+        cosine, sine = n2 + 1 + 2 * index, n2 + 2 + 2 * index
+        matrix[:, cosine, sine], matrix[:, sine, cosine] = -order * angle, order * angle
+    for index in range(n_contacts * HISTORY):
+        matrix[:, first + index, first + n_contacts + index] = 1.0
+    return matrix
+
+
+def _interpolating(moments: list[NDArray[np.float64]], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights of the values at the nodes (in steps), from integrals of powers; shape (lanes, nodes, 2n, contacts)."""
+    powers = np.linalg.inv(np.vander(nodes, increasing=True))
+    return np.einsum("jlzk,ji->lizk", np.array(moments), powers)
