@@ -7,6 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper
+    from gapwalk.attractor.attractor import Attractor
+    from gapwalk.attractor.classify import ClassifyOptions, classify
+    from gapwalk.attractor.lyapunov import lyapunov
+    from gapwalk.attractor.match import match
+    from gapwalk.attractor.plane import Plane, impact_plane
+    from gapwalk.attractor.rattle import rattle
+    from gapwalk.attractor.section import section, strobe
+    from gapwalk.attractor.settle import SettleOptions, settle
+    from gapwalk.attractor.settled import Settled
+    from gapwalk.attractor.spectrum import spectrum
+    from gapwalk.attractor.waterfall import waterfall
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
     from gapwalk.bifurcation.locus import Locus, follow_locus
@@ -34,9 +45,11 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Attractor",
     "Branch",
     "BranchPoint",
     "Cascade",
+    "ClassifyOptions",
     "Contact",
     "DampingLaw",
     "Diagram",
@@ -51,11 +64,14 @@ __all__ = [
     "MapStudyOptions",
     "MassOptions",
     "Orbit",
+    "Plane",
     "ResponseOptions",
     "Result",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
+    "SettleOptions",
+    "Settled",
     "Shooting",
     "Side",
     "SpecialPoint",
@@ -66,27 +82,39 @@ __all__ = [
     "__version__",
     "backlash",
     "bifurcation_map",
+    "classify",
     "diagram",
     "errors",
     "find_orbit",
     "follow",
     "follow_locus",
+    "impact_plane",
     "integrate",
     "load",
+    "lyapunov",
     "mass_flow_of",
+    "match",
     "paper",
+    "rattle",
     "read_studies",
     "read_study",
     "run",
     "search",
+    "section",
+    "settle",
+    "spectrum",
+    "strobe",
     "switch",
+    "waterfall",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
+    "Attractor": "attractor.attractor",
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
+    "ClassifyOptions": "attractor.classify",
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
     "Diagram": "bifurcation.diagram",
@@ -101,11 +129,14 @@ _HOMES = {
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
+    "Plane": "attractor.plane",
     "ResponseOptions": "study.options",
     "Result": "study.result",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
+    "SettleOptions": "attractor.settle",
+    "Settled": "attractor.settled",
     "Shooting": "orbit.shooting",
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
@@ -115,18 +146,28 @@ _HOMES = {
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
     "bifurcation_map": "study.map",
+    "classify": "attractor.classify",
     "diagram": "study.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
+    "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
+    "match": "attractor.match",
+    "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
     "run": "study.run",
     "search": "bifurcation.search",
+    "section": "attractor.section",
+    "settle": "attractor.settle",
+    "spectrum": "attractor.spectrum",
+    "strobe": "attractor.section",
     "switch": "bifurcation.switch",
+    "waterfall": "attractor.waterfall",
 }
 _MODULES = ("errors", "paper")
 

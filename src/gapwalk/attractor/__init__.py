@@ -1,0 +1,48 @@
+"""Where motions settle: transients, sections, spectra, Lyapunov exponents, the kinds of attractors, impacts."""
+
+from gapwalk.attractor.attractor import Attractor, AttractorKind
+from gapwalk.attractor.classify import ClassifyOptions, classify, identify
+from gapwalk.attractor.lyapunov import Lyapunov, LyapunovOptions, lyapunov
+from gapwalk.attractor.match import distance, match
+from gapwalk.attractor.plain import attractor_of, plain_attractor
+from gapwalk.attractor.plane import Crossing, Plane, impact_plane
+from gapwalk.attractor.rattle import Rattle, rattle
+from gapwalk.attractor.rotation import Rotation, rotation
+from gapwalk.attractor.section import Section, section, strobe
+from gapwalk.attractor.settle import SettleOptions, settle
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.spectrum import Spectrum, SpectrumOptions, spectrum
+from gapwalk.attractor.waterfall import Waterfall, waterfall
+
+__all__ = [
+    "Attractor",
+    "AttractorKind",
+    "ClassifyOptions",
+    "Crossing",
+    "Lyapunov",
+    "LyapunovOptions",
+    "Plane",
+    "Rattle",
+    "Rotation",
+    "Section",
+    "SettleOptions",
+    "Settled",
+    "Spectrum",
+    "SpectrumOptions",
+    "Waterfall",
+    "attractor_of",
+    "classify",
+    "distance",
+    "identify",
+    "impact_plane",
+    "lyapunov",
+    "match",
+    "plain_attractor",
+    "rattle",
+    "rotation",
+    "section",
+    "settle",
+    "spectrum",
+    "strobe",
+    "waterfall",
+]

@@ -1,0 +1,88 @@
+"""The attractor: a motion on which others settle, of whatever kind, with what shows its kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.lyapunov import Lyapunov
+from gapwalk.attractor.rotation import Rotation
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+
+
+class AttractorKind(StrEnum):
+    """What kind of motion an attractor is."""
+
+    PERIODIC = "periodic"
+    QUASI_PERIODIC = "quasi-periodic"
+    CHAOTIC = "chaotic"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """A motion on which others settle.
+
+    Attributes
+    ----------
+    kind
+        Periodic, quasi-periodic, chaotic, or undecided.
+    system
+        The system that moves.
+    period
+        m of a periodic one; the number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
+    strobes : shape (count, 2n)
+        States at theta = 0, a forcing period apart: the m of an orbit, or a sample of the motion.
+    orbit
+        The orbit, if it is one.
+    lyapunov
+        The Lyapunov exponents; those of an orbit follow from its multipliers.
+    rotation
+        The rotation number of a quasi-periodic one.
+    evidence
+        What the judgement rests on, in sentences.
+    """
+
+    kind: AttractorKind
+    system: System
+    period: int
+    strobes: NDArray[np.float64]
+    orbit: Orbit | None
+    lyapunov: Lyapunov | None
+    rotation: Rotation | None
+    evidence: tuple[str, ...]
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """A state of the motion at theta = 0, shape (2n,)."""
+        return self.strobes[0]
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128] | None:
+        """Floquet multipliers of an orbit, largest modulus first; None for any other motion."""
+        return None if self.orbit is None else self.orbit.multipliers
+
+    @property
+    def label(self) -> str:
+        """A short name: ``P3``, ``torus`` (``3 x torus`` if it surrounds an orbit of period 3), ``chaos`` or ``?``."""
+        match self.kind:
+            case AttractorKind.PERIODIC:
+                return f"P{self.period}"
+            case AttractorKind.QUASI_PERIODIC:
+                return "torus" if self.period <= 1 else f"{self.period} x torus"
+            case AttractorKind.CHAOTIC:
+                return "chaos"
+            case AttractorKind.UNDECIDED:
+                return "?"
+
+    def __repr__(self) -> str:
+        details = [self.label, f"frequency {self.system.frequency:.8g}"]
+        if self.rotation is not None:
+            details.append(f"rotation number {self.rotation.number:.9g}")
+        if self.lyapunov is not None:
+            details.append(f"largest exponent {self.lyapunov.exponents[0]:.4g} +- {self.lyapunov.errors[0]:.1g}")
+        return f"Attractor({self.kind.value}: {', '.join(details)})"

@@ -1,0 +1,192 @@
+"""Lyapunov exponents from the exact sensitivities: how fast neighbouring motions part, with errors.
+
+The transition matrix of each forcing period is factorised by QR; the logarithms of the diagonal of R, averaged along
+the motion, are the exponents (Benettin, Galgani, Giorgilli and Strelcyn 1980, Meccanica 15, 9-20 and 21-30).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from gapwalk.attractor.average import Average, average
+from gapwalk.attractor.strobe import check_count
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.motion.motion import check_state
+
+_FIRST = 1024  # forcing periods after which the errors are looked at for the first time
+_RESOLVED = -14.0  # logarithm of the stretching over a segment, below which rounding errors show
+_MOST_SEGMENTS = 64
+_ROUNDING = 1e-9  # spread of averages, a forcing period, that says nothing about the motion
+_ALIGNING = 8  # one in so many of the first periods is left out: the directions are still turning into place
+
+
+@dataclass(frozen=True, slots=True)
+class LyapunovOptions:
+    """How long to average.
+
+    Parameters
+    ----------
+    max_periods
+        The most forcing periods.
+    relative, absolute
+        It ends when the standard error of each exponent is below `relative` times the exponent, or below `absolute`
+        a forcing period.
+    """
+
+    max_periods: int = 16_384
+    relative: float = 0.02
+    absolute: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_count("max_periods", self.max_periods, 256)
+        for name in ("relative", "absolute"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
+class Lyapunov:
+    """Lyapunov exponents of a motion.
+
+    Attributes
+    ----------
+    exponents, errors : shape (2n,)
+        Per unit of time, in falling order, and their standard errors.
+    periods
+        Forcing periods that were averaged over; 0 for an orbit, whose exponents follow from its multipliers.
+    frequency
+        W, that turns them into rates a forcing period.
+    regular
+        Whether the weighted averages converge as they do for periodic and quasi-periodic motion.
+    converged
+        Whether the errors came down to what was asked for.
+    """
+
+    exponents: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    periods: int
+    frequency: float
+    regular: bool
+    converged: bool
+
+    @property
+    def per_period(self) -> NDArray[np.float64]:
+        """The exponents a forcing period, shape (2n,)."""
+        return self.exponents * (PERIOD / self.frequency)
+
+    @property
+    def errors_per_period(self) -> NDArray[np.float64]:
+        """The errors a forcing period, shape (2n,)."""
+        return self.errors * (PERIOD / self.frequency)
+
+    @cached_property
+    def dimension(self) -> float:
+        """Dimension of the attractor's section (Kaplan and Yorke 1979): 0 for an orbit, 1 for a torus, more for chaos.
+
+        The exponents within three errors of zero count as zero.
+        """
+        values = np.where(np.abs(self.exponents) <= 3.0 * self.errors, 0.0, self.exponents)
+        sums = np.cumsum(values)
+        if values[0] < 0.0:
+            return 0.0
+        full = int(np.flatnonzero(sums >= 0.0)[-1]) + 1
+        return float(full) if full == len(values) else float(full + sums[full - 1] / abs(values[full]))
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{x:.5g} +- {e:.1g}" for x, e in zip(self.exponents, self.errors, strict=True))
+        return f"Lyapunov({values}; {self.periods} forcing periods)"
+
+
+def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
+    """The Lyapunov exponents of the motion from a settled state at theta = 0.
+
+    Raises
+    ------
+    ModelError
+        If the state has the wrong length.
+    FlowError
+        If the motion runs away.
+    """
+    return lyapunov_run(system, state, options)[0]
+
+
+def lyapunov_run(
+    system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
+) -> tuple[Lyapunov, NDArray[np.float64]]:
+    """The exponents, and the strobes of the motion over which they were averaged, shape (periods, 2n)."""
+    options = options or LyapunovOptions()
+    stretching = _Stretching(system, check_state(system, state))
+    length = min(_FIRST, options.max_periods)
+    while True:
+        stretching.extend(length)
+        logs = stretching.logs[length // _ALIGNING :]
+        found = average(logs)
+        order = np.argsort(-found.mean)
+        value, error = found.mean[order], found.error[order]
+        good = bool(np.all(error <= np.maximum(options.relative * np.abs(value), options.absolute)))
+        if good or length >= options.max_periods:
+            return _record(system, Average(*(each[order] for each in found)), len(logs), good), stretching.strobes
+        length = min(2 * length, options.max_periods)
+
+
+def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
+    """The exponents of an orbit: ``log |mu| / (m T)``."""
+    span = PERIOD * period / system.frequency
+    values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
+    return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)
+
+
+def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
+    rate = system.frequency / PERIOD
+    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
+    return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
+
+
+class _Stretching:
+    """The logarithms of the stretching of an orthonormal frame, one forcing period after the other."""
+
+    def __init__(self, system: System, state: NDArray[np.float64]) -> None:
+        self._flow, self._coefficients = flow_of(system, transition=True), coefficients_of(system)
+        self._state, self._frame = state, np.eye(len(state))
+        self._segments = 1
+        self._logs: list[NDArray[np.float64]] = []
+        self._strobes: list[NDArray[np.float64]] = []
+
+    @property
+    def logs(self) -> NDArray[np.float64]:
+        return np.array(self._logs)
+
+    @property
+    def strobes(self) -> NDArray[np.float64]:
+        return np.array(self._strobes)
+
+    def extend(self, length: int) -> None:
+        """Go on until `length` periods have been seen."""
+        while len(self._logs) < length:
+            state, frame, logs = self._period()
+            while logs.min() < _RESOLVED and self._segments < _MOST_SEGMENTS:
+                self._segments *= 2  # what shrinks so fast is lost beside the rest: factorise more often
+                state, frame, logs = self._period()
+            self._state, self._frame = state, frame
+            self._logs.append(logs.sum(axis=0))
+            self._strobes.append(state)
+
+    def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """State and frame after a period, and the logarithms for each segment of it, shape (segments, 2n)."""
+        state, frame, logs = self._state, self._frame, []
+        for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
+            arc = self._flow.integrate(self._coefficients, state, start, stop)
+            assert arc.transition is not None
+            factors, scales, _, _ = lapack.dgeqrf(arc.transition @ frame)
+            frame, state = lapack.dorgqr(factors, scales)[0], arc.state
+            logs.append(np.log(np.maximum(np.abs(factors.diagonal()), np.finfo(float).tiny)))
+        return state, frame, np.array(logs)

@@ -1,0 +1,230 @@
+"""What an engineer asks of a rattling motion: impacts, forces, energy, and how impulsive it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gapwalk.attractor.impact import Impact, damping_power, impacts
+from gapwalk.attractor.quadrature import Quadrature, largest, quadrature
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.strobe import check_count
+from gapwalk.model.structure import ContactForm
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit
+
+_PERIODS = 256  # forcing periods over which a motion without period is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class SideRattle:
+    """The impacts of one contact on one side.
+
+    Attributes
+    ----------
+    contact, side
+        Which contact, and on which side: +1 or -1.
+    impacts
+        Impacts a forcing period.
+    velocity, fastest
+        Mean and largest approach velocity.
+    peak
+        Largest size of the contact force.
+    loss, costliest
+        Mean and largest energy that an impact costs, in units of the contact force times the deflection.
+    """
+
+    contact: str
+    side: int
+    impacts: float
+    velocity: float
+    fastest: float
+    peak: float
+    loss: float
+    costliest: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContactLoad:
+    """The force of one contact over the whole motion.
+
+    Attributes
+    ----------
+    contact
+        Which.
+    closed
+        Share of the time for which it is closed.
+    peak, rms
+        Largest size and root mean square of its force.
+    power
+        Mean power that its damping law takes out.
+    """
+
+    contact: str
+    closed: float
+    peak: float
+    rms: float
+    power: float
+
+
+@dataclass(frozen=True, slots=True)
+class Impulsiveness:
+    """How impulsive the acceleration of one coordinate is.
+
+    Attributes
+    ----------
+    coordinate
+        Which.
+    rms, peak
+        Root mean square and largest size of its acceleration, about its mean (which is zero for a settled motion).
+    crest
+        Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
+    kurtosis
+        Fourth moment over the square of the second (Dyer and Stewart 1978, J. Mech. Des. 100, 229-235): 1.5 for a
+        harmonic motion, 3 for Gaussian noise, more for rattle.
+    """
+
+    coordinate: str
+    rms: float
+    peak: float
+    crest: float
+    kurtosis: float
+
+
+@dataclass(frozen=True, repr=False)
+class Rattle:
+    """Impacts, contact forces, energy and impulsiveness of one settled motion. Printed, it is three tables.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    periods
+        Forcing periods that were looked at.
+    sides
+        Impacts by contact and side.
+    contacts
+        Forces by contact.
+    coordinates
+        Impulsiveness by coordinate. The kurtosis of the acceleration serves as rattle index.
+    impacts
+        Every impact.
+    """
+
+    system: System
+    periods: int
+    sides: tuple[SideRattle, ...]
+    contacts: tuple[ContactLoad, ...]
+    coordinates: tuple[Impulsiveness, ...]
+    impacts: tuple[Impact, ...]
+
+    @property
+    def index(self) -> float:
+        """The rattle index: the largest kurtosis of any coordinate's acceleration."""
+        return max(each.kurtosis for each in self.coordinates)
+
+    def __repr__(self) -> str:
+        sides = [
+            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.loss, s.costliest)
+            for s in self.sides
+        ]
+        loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
+        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
+        return "\n\n".join(
+            (
+                _table(("impacts", "a period", "velocity", "fastest", "peak force", "loss", "costliest"), sides),
+                _table(("contact", "closed", "peak force", "rms force", "power"), loads),
+                _table(("signal", "rms", "peak", "crest factor", "kurtosis"), signals),
+            )
+        )
+
+
+def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
+    """Impacts, contact forces, energy and impulsiveness of a settled motion.
+
+    Parameters
+    ----------
+    motion
+        An orbit or a settled motion.
+    periods
+        Forcing periods over which a motion without period is looked at; an orbit is looked at over its own.
+
+    Raises
+    ------
+    FlowError
+        If the motion runs away.
+    """
+    check_count("periods", periods)
+    system, period = motion.system, motion.period
+    along = quadrature(system, motion.state, period or periods)
+    if period:  # twice round, so that an impact that lasts across the end is seen whole
+        twice = impacts(system, quadrature(system, motion.state, 2 * period))
+        found = _once(twice, PERIOD * period)
+    else:
+        found = impacts(system, along)
+    length = period or periods
+    return Rattle(
+        system, length, _sides(system, found, length), _loads(system, along, found), _impulsiveness(along), found
+    )
+
+
+def _once(found: tuple[Impact, ...], end: float) -> tuple[Impact, ...]:
+    """Of the impacts of two rounds those that close in the first, each once."""
+    return tuple(impact for impact in found if impact.theta < end)
+
+
+def _sides(system: System, found: tuple[Impact, ...], periods: int) -> tuple[SideRattle, ...]:
+    rows = []
+    for contact in system.structure.contacts:
+        for side in _sides_of(contact):
+            own = [impact for impact in found if impact.contact == contact.name and impact.side == side]
+            velocity, peak, loss = (
+                np.array([getattr(impact, name) for impact in own] or [0.0]) for name in ("velocity", "peak", "loss")
+            )
+            means = float(velocity.mean()), float(velocity.max()), float(peak.max()), float(loss.mean())
+            rows.append(SideRattle(contact.name, side, len(own) / periods, *means, float(loss.max())))
+    return tuple(rows)
+
+
+def _sides_of(contact: ContactForm) -> list[int]:
+    return [side for side in (1, -1) if any(side in stage.side.signs for stage in contact.stages)]
+
+
+def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tuple[ContactLoad, ...]:
+    forces, share = along.motion.forces, along.weights / along.weights.sum()
+    rms, power = np.sqrt(share @ forces**2), share @ damping_power(system, along)
+    closed = share @ (forces != 0.0)
+    rows = []
+    for k, contact in enumerate(system.structure.contacts):
+        peaks = [impact.peak for impact in found if impact.contact == contact.name]
+        peak = max([float(np.abs(forces[:, k]).max()), *peaks])
+        rows.append(ContactLoad(contact.name, float(closed[k]), peak, float(rms[k]), float(power[k])))
+    return tuple(rows)
+
+
+def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
+    share = along.weights / along.weights.sum()
+    mean = share @ along.motion.a
+    varying = along.motion.a - mean
+    second, fourth = share @ varying**2, share @ varying**4
+    nodes = np.arange(len(share))
+    rows = []
+    for k, name in enumerate(along.motion.system.coordinates):
+        rms = float(np.sqrt(second[k]))
+        peak = largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
+        crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
+        rows.append(Impulsiveness(name, rms, peak, crest, kurtosis))
+    return tuple(rows)
+
+
+def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
+    """A text table: first column to the left, numbers to the right."""
+    cells = [head, *((row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
+    lines = [
+        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
+        for row in cells
+    ]
+    return "\n".join(line.rstrip() for line in lines)

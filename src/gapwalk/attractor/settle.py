@@ -1,0 +1,195 @@
+"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.approach import Approach, nearby_orbit, watch
+from gapwalk.attractor.recurrence import recurrences
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.stationary import Drift, drift_of
+from gapwalk.attractor.strobe import Strobe, check_count, size_of
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import initial_state
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import Orbit
+
+_FIRST = 8  # forcing periods before the first look; the following looks come after half as many again
+_STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
+_PROMISING = 0.05  # distance of return, relative to the motion, from which a period is tried
+_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos shows
+_REST = 1e-3  # size of a motion, relative to the largest so far, below which it may be on its way to rest
+_KEPT = 1024  # strobes that the record keeps
+_ON = 1e-7  # distance from an unstable orbit below which a motion stays on it by symmetry or by chance
+_UNSTABLE = 1.0 + 1e-6  # the least multiplier of such an orbit: a neutral one repels nothing
+_NUDGE = 1e-5  # how far it is pushed off, relative to the motion
+
+
+@dataclass(frozen=True, slots=True)
+class SettleOptions:
+    """How to settle.
+
+    Parameters
+    ----------
+    max_periods
+        The most forcing periods to follow the transient.
+    max_period
+        The longest period m of an orbit that is looked for.
+    tolerance
+        Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
+        settled; a chaotic one may drift by four standard errors.
+    """
+
+    max_periods: int = 20_000
+    max_period: int = 64
+    tolerance: float = 1e-5
+
+    def __post_init__(self) -> None:
+        check_count("max_periods", self.max_periods)
+        check_count("max_period", self.max_period)
+        if not 0.0 < self.tolerance <= 0.1:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 0 and 0.1")
+
+
+def settle(
+    system: System,
+    start: str | Sequence[float] | NDArray[np.float64] = "rest",
+    options: SettleOptions | None = None,
+    *,
+    at: Mapping[str, float] | None = None,
+    **values: float,
+) -> Settled:
+    """Follow a motion until it has settled.
+
+    A periodic motion is recognised by the stable orbit next to it and by several returns that contract to it as its
+    linearised return map says (so a slow transient near a flip or a fold is not mistaken for anything else); the orbit
+    is exact. Any other motion counts as settled when the averages over the last two quarters of it agree.
+
+    Parameters
+    ----------
+    system
+        The system.
+    start
+        ``"rest"``, or a state at theta = 0: positions, then velocities.
+    options
+        How far to go, and when to stop.
+    at, **values
+        Parameter values to change first: ``settle(system, frequency=0.45)``.
+
+    Raises
+    ------
+    ModelError
+        For a start or a parameter that makes no sense.
+    FlowError
+        If the motion runs away.
+    """
+    options = options or SettleOptions()
+    system = system.at(at, **values)
+    return _Transient(system, initial_state(system, start), options).follow()
+
+
+class _Transient:
+    """One transient while it is followed."""
+
+    def __init__(self, system: System, state: NDArray[np.float64], options: SettleOptions) -> None:
+        self.strobe, self.options = Strobe(system), options
+        self.blocks = [state[None, :]]
+        self.periods, self.drift = 0, Drift(np.inf, np.inf, irregular=False)
+        self.notes: list[str] = []
+        self.largest = 0.0  # size of the motion so far
+
+    def follow(self) -> Settled:
+        """Look again and again, ever later, until it is known where the motion leads."""
+        target = _FIRST
+        while True:
+            self._advance(min(target, self.options.max_periods) - self.periods)
+            approach = self._look()
+            if approach is not None:
+                return self._arrived(approach)
+            if self.periods >= _STATIONARY and self._is_stationary():
+                return self._record(True, None, self.drift.change, self._words(self.drift.text, *self._returns()))
+            if self.periods >= self.options.max_periods:
+                return self._record(False, None, self.drift.change, self._words(self._unsettled(), *self._returns()))
+            target = self.periods + max(_FIRST, self.periods // 2)
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        return self.blocks[-1][-1]
+
+    def _advance(self, count: int) -> None:
+        if count > 0:
+            self.blocks.append(self.strobe.run(self.state, count))
+            self.periods += count
+            self.largest = float(size_of(self.strobe.system, self.blocks[-1], self.largest)[0])
+
+    def _tail(self, count: int) -> NDArray[np.float64]:
+        states = np.concatenate(self.blocks)
+        self.blocks = [states]
+        return states[-count:]
+
+    def _look(self) -> Approach | None:
+        """Try the periods that are worth it; period 1 always is."""
+        tail = self._tail(4 * self.options.max_period)
+        scaled = tail / size_of(self.strobe.system, tail)
+        periods = [each.period for each in recurrences(scaled, self.options.max_period, _PROMISING)]
+        for period in sorted({1, *periods}):
+            orbit = nearby_orbit(self.strobe, self.state, period, _REST * self.largest)
+            if orbit is None:
+                continue
+            approach = watch(self.strobe, self.state, orbit, _REST * self.largest)
+            if approach.converging:
+                self.periods += approach.periods
+                return approach
+            self._pass(approach)
+        return None
+
+    def _pass(self, approach: Approach) -> None:
+        """Leave an unstable orbit behind; a motion that sits on it is pushed off along its most unstable direction."""
+        orbit = approach.orbit
+        if approach.distance > _ON or float(np.abs(orbit.multipliers).max()) < _UNSTABLE:
+            return
+        self.notes.append(f"it sat on an unstable motion of period {orbit.period} and was pushed off it")
+        transition = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period).transition
+        assert transition is not None
+        values, vectors = np.linalg.eig(transition)
+        direction = np.real(vectors[:, int(np.argmax(np.abs(values)))])
+        scale = size_of(orbit.system, stroboscopic(orbit))
+        push = _NUDGE * direction / np.abs(direction / scale).max()
+        self.blocks.append((self.state + push)[None, :])
+
+    def _is_stationary(self) -> bool:
+        tail = self._tail(self.periods // 2)
+        self.drift = drift_of(tail / size_of(self.strobe.system, tail))
+        return self.drift.is_settled(self.options.tolerance)
+
+    def _arrived(self, approach: Approach) -> Settled:
+        orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
+        how = (
+            f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period} (largest multiplier "
+            f"{rate:.6g}) and contracts to it"
+        )
+        self.blocks.append(approach.state[None, :])
+        return self._record(True, orbit, approach.distance, self._words(how))
+
+    def _unsettled(self) -> str:
+        return f"it had not settled after {self.periods} forcing periods; raise max_periods"
+
+    def _words(self, *more: str) -> tuple[str, ...]:
+        return (*self.notes, *more)
+
+    def _returns(self) -> tuple[str, ...]:
+        """That the motion has a period longer than was looked for, if it has."""
+        tail = self._tail(min(self.periods // 2, _KEPT))
+        tail = tail - tail.mean(axis=0)
+        found = recurrences(tail / size_of(self.strobe.system, tail), len(tail) // 2, _TIGHT)
+        longer = [each for each in found if each.period > self.options.max_period]
+        return tuple(f"it returns to {d:.1e} after {m} forcing periods: raise max_period" for m, d in longer[:1])
+
+    def _record(self, converged: bool, orbit: Orbit | None, residual: float, evidence: tuple[str, ...]) -> Settled:
+        kept = self._tail(_KEPT).copy()
+        return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)

@@ -1,0 +1,199 @@
+"""Spectra of signals: amplitudes in the signal's units over multiples of W."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks, get_window
+
+from gapwalk.attractor.line import line_name
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.strobe import check_count
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.motion.motion import Motion, integrate
+from gapwalk.orbit.orbit import Orbit
+
+_FIRST, _FINEST = 128, 16_384  # samples a forcing period: where the refinement begins, and where it ends
+_SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # W over these has a name in the spectrum of a motion without period
+_CLEAN = 4  # lines above a quarter of the sampling rate are left out: they are folded most
+
+
+@dataclass(frozen=True, slots=True)
+class SpectrumOptions:
+    """How to compute a spectrum.
+
+    Parameters
+    ----------
+    periods
+        Forcing periods that a motion without period is windowed over.
+    window
+        A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
+        ``"hann"`` parts neighbouring lines better.
+    tolerance
+        The sampling is refined until folding changes no line by more than this, relative to the largest line.
+    """
+
+    periods: int = 256
+    window: str = "flattop"
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_count("periods", self.periods, 8)
+        if not 1e-12 <= self.tolerance <= 0.1:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
+        try:
+            get_window(self.window, 8)
+        except (ValueError, TypeError):
+            raise ModelError(
+                f"window is {self.window!r}; write the name of a window of scipy.signal, such as 'flattop' or 'hann'"
+            ) from None
+
+
+class Peak(NamedTuple):
+    """A line of a spectrum: its name, its order (multiple of W) and its amplitude."""
+
+    name: str
+    order: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The spectrum of one signal.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    signal
+        Name of the signal.
+    orders : shape (lines,)
+        Frequencies as multiples of W, from 0.
+    values : shape (lines,)
+        Complex amplitudes c in the units of the signal: it is the sum of ``Re(c exp(i order theta))``. For a motion
+        without period a line of amplitude A shows as a peak of height A, a little wider than `resolution`.
+    period
+        m of a periodic motion, whose lines are exact; 0 for one that was windowed.
+    resolution
+        Width of a line, as a multiple of W: 0 for a periodic motion.
+    folding
+        Bound on what folding (aliasing) adds to any line, in the units of the signal.
+    """
+
+    system: System
+    signal: str
+    orders: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    period: int
+    resolution: float
+    folding: float
+
+    @property
+    def amplitudes(self) -> NDArray[np.float64]:
+        """Amplitude of each line, shape (lines,)."""
+        return np.abs(self.values)
+
+    def amplitude(self, order: float) -> float:
+        """The amplitude at a multiple of W: of the nearest line within the resolution, else 0."""
+        nearest = int(np.argmin(np.abs(self.orders - order)))
+        reach = max(self.resolution, 1e-9)
+        return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
+
+    def peaks(self, count: int = 10, least: float = 1e-3) -> tuple[Peak, ...]:
+        """The highest peaks, the mean left out, highest first.
+
+        Parameters
+        ----------
+        count
+            How many.
+        least
+            Smallest height, relative to the highest.
+        """
+        heights = self.amplitudes.copy()
+        heights[0] = 0.0
+        if self.period:
+            places = np.flatnonzero(heights > max(least * heights.max(), self.folding))
+        else:
+            places = find_peaks(heights, height=least * float(heights.max()))[0]
+        best = places[np.argsort(-heights[places], kind="stable")][:count]
+        near = 1e-9 if self.period else 0.5 * float(self.orders[1])
+        periods = (self.period,) if self.period else _SUBHARMONICS
+        return tuple(
+            Peak(line_name(float(self.orders[k]), periods, near), float(self.orders[k]), float(heights[k]))
+            for k in best
+        )
+
+    def __repr__(self) -> str:
+        lines = ", ".join(f"{peak.name} {peak.amplitude:.4g}" for peak in self.peaks(5))
+        return f"Spectrum({self.signal} at frequency {self.system.frequency:.6g}: {lines})"
+
+
+def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
+    """The spectrum of a signal of a settled motion.
+
+    That of an orbit is taken over exactly one period of it, so no line leaks; any other motion is windowed. In both
+    cases the sampling is refined until folding is negligible: contacts make kinks, and kinks have many harmonics.
+
+    Parameters
+    ----------
+    motion
+        An orbit or a settled motion.
+    signal
+        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), or a contact, for its force.
+    options
+        Length, window and accuracy.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    FlowError
+        If the motion runs away.
+    """
+    options = options or SpectrumOptions()
+    system, state, period = motion.system, motion.state, motion.period or 0
+    length = period or options.periods
+
+    def sampled(samples: int) -> Motion:
+        return integrate(system, state, length, samples)
+
+    def window(count: int) -> NDArray[np.float64]:
+        return np.ones(count) if period else get_window(options.window, count)
+
+    values, folding = _refined(sampled, signal, length, window, options.tolerance)
+    weights = window(len(values) * 2)
+    bins = 0.0 if period else len(weights) * float((weights**2).sum() / weights.sum() ** 2)
+    return Spectrum(system, signal, np.arange(len(values)) / length, values, period, bins / length, folding)
+
+
+def _refined(
+    sampled: Callable[[int], Motion],
+    signal: str,
+    length: int,
+    window: Callable[[int], NDArray[np.float64]],
+    tolerance: float,
+) -> tuple[NDArray[np.complex128], float]:
+    """Lines of a signal at a sampling that is doubled until folding is small, and a bound on folding."""
+    samples, coarse = _FIRST, None
+    while True:
+        values = sampled(samples).signal(signal)[:-1]
+        lines = _lines(values, window)
+        if coarse is not None:
+            folding = float(np.abs(lines[: len(coarse)] - coarse).max())
+            largest = float(np.abs(lines).max())
+            if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
+                return lines, folding
+        samples, coarse = 2 * samples, lines
+
+
+def _lines(values: NDArray[np.float64], window: Callable[[int], NDArray[np.float64]]) -> NDArray[np.complex128]:
+    """Complex amplitudes of the clean part of the spectrum, corrected for the window; the mean is taken out first."""
+    mean, weights = values.mean(), window(len(values))
+    lines = 2.0 * np.fft.rfft((values - mean) * weights) / weights.sum()
+    lines[0] = mean
+    return lines[: len(values) // _CLEAN + 1]

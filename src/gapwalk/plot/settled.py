@@ -1,0 +1,106 @@
+"""A settled motion in one picture: time history, spectrum, section, and the loop of the contact force.
+
+The arrangement is that of figures 17 to 19 of the paper, and the loop of its figures 5 and 6.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import matplotlib as mpl
+from matplotlib.figure import Figure, SubFigure
+
+from gapwalk.attractor.attractor import Attractor
+from gapwalk.attractor.section import strobe
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.spectrum import SpectrumOptions, spectrum
+from gapwalk.motion.motion import integrate
+from gapwalk.plot.history import plot_history, plot_loop
+from gapwalk.plot.section import plot_section
+from gapwalk.plot.spectrum import plot_spectrum
+from gapwalk.plot.style import RC
+
+SIZE = (9.0, 5.8)
+_LONG = 24  # forcing periods of a time history, at least, where the motion does not repeat sooner
+_POINTS = 2000  # of the section of a motion without period
+_SMOOTH = 512  # samples a forcing period
+
+
+def plot_settled(
+    motion: Settled | Attractor,
+    signal: str | None = None,
+    *,
+    phase: float = 0.0,
+    options: SpectrumOptions | None = None,
+    title: str | None = None,
+    figure: Figure | SubFigure | None = None,
+) -> Figure | SubFigure:
+    """Draw a settled motion: time history, spectrum, section, and the loop of the first contact's force.
+
+    Parameters
+    ----------
+    motion
+        Where a motion has settled, or an attractor.
+    signal
+        The signal of history and spectrum; by default the first coordinate.
+    phase
+        Phase of the excitation at which the section is taken, in radians.
+    options
+        Of the spectrum.
+    title
+        By default what kind of motion it is, and at which frequency.
+    figure
+        Where to draw; by default a new figure of pyplot.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    """
+    with mpl.rc_context(RC):
+        if figure is None:
+            from matplotlib import pyplot as plt
+
+            figure = plt.figure(figsize=SIZE, layout="constrained")
+        _draw(figure, _as_settled(motion), signal, phase, options)
+        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5)
+    return figure
+
+
+def _draw(
+    figure: Figure | SubFigure, settled: Settled, signal: str | None, phase: float, options: SpectrumOptions | None
+) -> None:
+    system = settled.system
+    signal = signal or system.coordinates[0]
+    contacts = system.structure.contacts
+    lower: list[Any] = ["spectrum", "section", *(["loop"] if contacts else [])]
+    widths = [1.25, 1.0, 1.0][: len(lower)]
+    axes = figure.subplot_mosaic(
+        [cast(list[Any], ["history"] * len(lower)), lower],
+        width_ratios=widths,
+        height_ratios=[1.0, 1.25],  # type: ignore[arg-type]
+    )
+    period = settled.period or 0
+    length = period * max(1, -(-6 // period)) if period else _LONG
+    plot_history(integrate(system, settled.state, max(length, 6), _SMOOTH), signal, ax=axes["history"])
+    points = strobe(system, settled.state, period or _POINTS, phase)
+    base = signal.rstrip("'") if signal.rstrip("'") in system.coordinates else system.coordinates[0]
+    plot_section(points, base, f"{base}'", ax=axes["section"])
+    if contacts:
+        turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
+        plot_loop(turns, contacts[0].name, ax=axes["loop"])
+    plot_spectrum(spectrum(settled, signal, options), ax=axes["spectrum"])
+
+
+def _as_settled(motion: Settled | Attractor) -> Settled:
+    if isinstance(motion, Settled):
+        return motion
+    return Settled(motion.system, motion.strobes, 0, True, motion.orbit, 0.0, motion.evidence)
+
+
+def _title(motion: Settled | Attractor) -> str:
+    where = f"at Ω = {motion.system.frequency:g}"
+    if isinstance(motion, Attractor):
+        kind = f"period {motion.period}" if motion.orbit is not None else motion.kind.value
+        return f"{kind[0].upper()}{kind[1:]} motion {where}"
+    return f"Motion of period {motion.period} {where}" if motion.period else f"Motion without period {where}"
