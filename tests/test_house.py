@@ -36,11 +36,12 @@ ROOT_NAMES = ("__version__",)
 
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
-    ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("attractor/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
+    ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("study/map/chart.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
+    ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 MAX_LINES = 350

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
+    from gapwalk.study.sweep.options import SweepOptions
+    from gapwalk.study.sweep.record import Sweep
+    from gapwalk.study.sweep.store import load_sweep
+    from gapwalk.study.sweep.sweeping import sweep
+    from gapwalk.study.workers import on_cluster, workers
 
     __version__: str
 
@@ -77,6 +82,8 @@ __all__ = [
     "SpecialPoint",
     "Stage",
     "Study",
+    "Sweep",
+    "SweepOptions",
     "System",
     "WalkOptions",
     "__version__",
@@ -91,9 +98,11 @@ __all__ = [
     "impact_plane",
     "integrate",
     "load",
+    "load_sweep",
     "lyapunov",
     "mass_flow_of",
     "match",
+    "on_cluster",
     "paper",
     "rattle",
     "read_studies",
@@ -104,8 +113,10 @@ __all__ = [
     "settle",
     "spectrum",
     "strobe",
+    "sweep",
     "switch",
     "waterfall",
+    "workers",
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
@@ -142,6 +153,8 @@ _HOMES = {
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
     "Study": "study.file",
+    "Sweep": "study.sweep.record",
+    "SweepOptions": "study.sweep.options",
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
@@ -154,9 +167,11 @@ _HOMES = {
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
+    "on_cluster": "study.workers",
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
@@ -166,8 +181,10 @@ _HOMES = {
     "settle": "attractor.settle",
     "spectrum": "attractor.spectrum",
     "strobe": "attractor.section",
+    "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",
     "waterfall": "attractor.waterfall",
+    "workers": "study.workers",
 }
 _MODULES = ("errors", "paper")
 

@@ -23,3 +23,17 @@ class FlowError(NumericalError):
 
 class ConvergenceError(NumericalError):
     """Newton's method found no solution from the start it was given."""
+
+
+class WorkError(NumericalError):
+    """Work that other processes could not do: one died over a piece of it each time, or all have gone.
+
+    Attributes
+    ----------
+    pieces
+        Indices of the pieces of work that were given up; what was accepted of the others is kept.
+    """
+
+    def __init__(self, message: str, pieces: tuple[int, ...] = ()) -> None:
+        super().__init__(message)
+        self.pieces = pieces

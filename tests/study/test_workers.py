@@ -10,19 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from gapwalk.errors import NumericalError
+from gapwalk.errors import WorkError
 from gapwalk.study.workers import workers
+from tests.study.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def slow_double(number: int) -> int:
-    time.sleep(0.2 if number % 2 == 0 else 0.0)  # the first ones are done last
-    return 2 * number
-
-
-def die(_: int) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -37,9 +29,65 @@ def test_results_come_in_order_and_superfluous_pieces_are_left_out(count) -> Non
     assert accepted == [0, 2, 4]
 
 
-def test_a_process_that_dies_is_told() -> None:
-    with workers(2) as hands, pytest.raises(NumericalError, match="a worker process died"):
-        hands.run(die, [1], lambda *_: None)
+def test_a_process_that_is_killed_costs_its_own_piece_only(tmp_path) -> None:
+    pieces, accepted = [(str(tmp_path), number) for number in range(8)], []
+    with workers(2) as hands:
+        hands.run(die_once, pieces, lambda index, result: accepted.append((index, result)))
+    assert accepted == [(number, number) for number in range(8)]
+    tries = [int(mark.name.split("-")[0]) for mark in tmp_path.iterdir()]
+    assert sorted(tries) == [0, 1, 2, 2, 3, 4, 5, 6, 7]  # the other process went on with what it was doing
+
+
+def test_a_process_that_is_killed_while_it_is_idle_is_replaced() -> None:
+    pids = []
+    with workers(2) as hands:
+        hands.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        hands.run(slow_pid, [0, 1], lambda index, pid: pids.append(pid))
+    assert len(set(pids)) == 4
+
+
+@pytest.mark.parametrize(("in_order", "kept"), [(True, [0, 1, 2]), (False, [0, 1, 2, 4, 5, 6])])
+def test_a_piece_that_kills_its_process_each_time_is_named(in_order, kept) -> None:
+    accepted = []
+    with workers(2) as hands, pytest.raises(WorkError, match="over piece 4 of 7 at each of 3 tries") as caught:
+        hands.run(die_at_three, range(7), lambda index, result: accepted.append(result), in_order=in_order)
+    assert sorted(accepted) == kept
+    assert caught.value.pieces == (3,)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_error_of_a_piece_comes_in_its_turn(count) -> None:
+    accepted = []
+    with workers(count) as hands, pytest.raises(ZeroDivisionError, match="three"):
+        hands.run(fail_at_three, range(8), lambda index, result: accepted.append(result))
+    assert accepted == [0, 1, 2]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_out_of_order_each_result_is_accepted_when_it_comes(count) -> None:
+    accepted = []
+    with workers(count) as hands:
+        hands.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append((index, result)), in_order=False)
+    assert sorted(accepted) == [(0, 0), (1, 2), (2, 4), (3, 6)]
+    assert (accepted[0] == (0, 0)) is (count == 1)  # the second process was quicker
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+@pytest.mark.parametrize("count", [1, 2])
+def test_pieces_may_become_more_while_they_are_done(count, in_order) -> None:
+    pieces, accepted = [1, 5], {}
+
+    def accept(index: int, result: int) -> None:
+        accepted[index] = result
+        if result < 16:
+            pieces.append(result)
+
+    with workers(count) as hands:
+        hands.run(slow_double, pieces, accept, in_order=in_order)
+    assert sorted(accepted) == list(range(6))
+    assert sorted(accepted.values()) == [2, 4, 8, 10, 16, 20]
 
 
 SCRIPT = """

@@ -1,39 +1,72 @@
-"""Where independent pieces of work run: in this process, or on all local cores."""
+"""Where independent pieces of work run: in this process, on all local cores, or on a cluster."""
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
-import threading
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import contextmanager
-from multiprocessing import get_context
-from types import ModuleType
-from typing import Any, TypeVar
+from contextvars import ContextVar
+from typing import Any, Protocol, TypeVar
 
-from gapwalk.errors import NumericalError
+from gapwalk.errors import WorkError
+from gapwalk.study.processes import Processes, local_cores
 
 Work = TypeVar("Work")
 Result = TypeVar("Result")
 
-_SUPERFLUOUS = object()
 
+class Crew(Protocol):
+    """Other processes that do pieces of work, here or elsewhere; each may die while it does one."""
 
-def local_cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):  # not on macOS
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    @property
+    def tries(self) -> int:
+        """How often a piece may be lost by the death of a process before the piece is to blame."""
+        ...
+
+    @property
+    def patience(self) -> float | None:
+        """Seconds after which `check` is called while no result comes; None for never."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of pieces that should be under way at the same time."""
+        ...
+
+    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+        """Have a piece of work done; its result, or its error, comes in the future."""
+        ...
+
+    def is_loss(self, error: BaseException) -> bool:
+        """Whether an error says that the process died, and nothing of the piece of work."""
+        ...
+
+    def check(self) -> None:
+        """A WorkError if no result can come any more."""
+        ...
+
+    def close(self, *, at_once: bool) -> None:
+        """Part from the processes; `at_once` without waiting for what they are working on."""
+        ...
 
 
 class Workers:
-    """Does independent pieces of work in order, several at a time; see `workers`."""
+    """Does independent pieces of work, several at a time; see `workers`.
 
-    def __init__(self, pool: ProcessPoolExecutor | None, count: int) -> None:
-        self.pool, self.count = pool, count
+    Parameters
+    ----------
+    crew
+        Who does them; None for this process.
+    """
+
+    def __init__(self, crew: Crew | None = None) -> None:
+        self.crew = crew
+
+    @property
+    def count(self) -> int:
+        """Number of pieces that are worked on at the same time."""
+        return 1 if self.crew is None else self.crew.size
 
     def run(
         self,
@@ -41,8 +74,13 @@ class Workers:
         pieces: Sequence[Work],
         accept: Callable[[int, Result], None],
         is_needed: Callable[[int], bool] = lambda index: True,
+        *,
+        in_order: bool = True,
     ) -> None:
-        """Do the pieces that are needed, and hand each result to `accept` in the order of the pieces.
+        """Do the pieces that are needed, and hand each result to `accept`.
+
+        A piece whose process dies is done again. The pieces may become more while they are done: `accept` may append
+        some.
 
         Parameters
         ----------
@@ -51,98 +89,179 @@ class Workers:
         pieces
             The work.
         accept
-            Takes the index of a piece and its result; called in the order of the indices, in this process.
+            Takes the index of a piece and its result, in this process.
         is_needed
             Asked before a piece is begun: what has been accepted by then may have made it superfluous.
+        in_order
+            Whether results are accepted in the order of the pieces, so that nothing depends on the number of workers;
+            otherwise each is accepted when it comes.
 
         Raises
         ------
-        NumericalError
-            If one of the other processes dies.
+        WorkError
+            If a process dies each time that it does one of the pieces. All the others have been accepted by then; in
+            order, those before it. Or if the whole cluster has gone.
         """
-        if self.pool is None:
-            for index, piece in enumerate(pieces):
-                if is_needed(index):
-                    accept(index, function(piece))
+        if self.crew is not None:
+            _Run(self.crew, function, pieces, accept, is_needed, in_order).go()
             return
-        try:
-            self._run_in_pool(self.pool, function, pieces, accept, is_needed)
-        except BrokenProcessPool:
-            raise NumericalError(
-                "a worker process died: it was killed, or there was not enough memory; try fewer workers"
-            ) from None
+        index = 0
+        while index < len(pieces):
+            if is_needed(index):
+                accept(index, function(pieces[index]))
+            index += 1
 
-    def _run_in_pool(self, pool: ProcessPoolExecutor, function, pieces, accept, is_needed) -> None:
-        running: dict[Future[Any], int] = {}
-        done: dict[int, Any] = {}
-        begun, accepted = 0, 0
-        while accepted < len(pieces):
-            while begun < len(pieces) and len(running) < self.count:
-                if is_needed(begun):
-                    with _undisturbed():
-                        running[pool.submit(function, pieces[begun])] = begun
-                else:
-                    done[begun] = _SUPERFLUOUS
-                begun += 1
-            while accepted in done:
-                result = done.pop(accepted)
-                # needed when it was begun, but perhaps no longer: the same is left out however many work at a time
-                if result is not _SUPERFLUOUS and is_needed(accepted):
-                    accept(accepted, result)
-                accepted += 1
-            if running:
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    done[running.pop(future)] = future.result()
+
+class _Run:
+    """One call of `Workers.run` by other processes."""
+
+    def __init__(self, crew: Crew, function, pieces, accept, is_needed, in_order: bool) -> None:
+        self._crew, self._function, self._pieces = crew, function, pieces
+        self._accept, self._is_needed, self._in_order = accept, is_needed, in_order
+        self._begun = self._accepted = 0
+        self._again: deque[int] = deque()
+        self._alone: deque[int] = deque()  # lost so often that the next try is the last one
+        self._running: dict[Future[Any], int] = {}
+        self._waiting: dict[int, Future[Any] | None] = {}  # for their turn; None for a piece that was not needed
+        self._losses: Counter[int] = Counter()
+        self._given_up: list[int] = []
+        self._failed = False  # in order: nothing after a piece that failed will be accepted
+
+    def go(self) -> None:
+        try:
+            while self._begin():
+                done = wait(self._running, timeout=self._crew.patience, return_when=FIRST_COMPLETED).done
+                if not done:
+                    self._crew.check()
+                for future in sorted(done, key=self._running.__getitem__):
+                    self._end(self._running.pop(future), future)
+        finally:
+            for future in self._running:
+                future.cancel()
+        if self._given_up:
+            raise self._blame(self._given_up)
+
+    def _begin(self) -> bool:
+        """Begin as many pieces as can be under way; whether any are."""
+        while len(self._running) < self._crew.size and not self._has_last_try() and self._is_left():
+            if self._again:
+                self._begin_one(self._again.popleft())
+            else:
+                self._begun += 1
+                self._begin_one(self._begun - 1)
+        while self._alone and not self._running:
+            self._begin_one(self._alone.popleft())
+        return bool(self._running)
+
+    def _begin_one(self, index: int) -> None:
+        if self._is_needed(index):
+            self._running[self._crew.begin(self._function, self._pieces[index])] = index
+        elif self._in_order:
+            self._take_in_turn(index, None)
+
+    def _is_left(self) -> bool:
+        return bool(self._again) or (not self._failed and self._begun < len(self._pieces))
+
+    def _has_last_try(self) -> bool:
+        """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
+        return any(self._losses[index] == self._crew.tries - 1 for index in self._running.values())
+
+    def _end(self, index: int, future: Future[Any]) -> None:
+        try:
+            error = future.exception()
+        except CancelledError:
+            self._crew.check()
+            error = WorkError("a piece of work was cancelled by somebody else")
+        if error is not None and self._crew.is_loss(error):
+            self._losses[index] += 1
+            if self._losses[index] < self._crew.tries:
+                last = self._losses[index] == self._crew.tries - 1
+                (self._alone if last else self._again).append(index)
+                return
+            self._given_up.append(index)
+            future = Future()
+            future.set_exception(self._blame([index]))
+        if self._in_order:
+            self._failed = self._failed or error is not None
+            self._take_in_turn(index, future)
+        elif index not in self._given_up:
+            self._accept(index, future.result())
+
+    def _take_in_turn(self, index: int, future: Future[Any] | None) -> None:
+        self._waiting[index] = future
+        while self._accepted in self._waiting:
+            future, index = self._waiting.pop(self._accepted), self._accepted
+            # needed when it was begun, but perhaps no longer: the same is left out however many work at a time
+            if future is not None and self._is_needed(index):
+                self._accept(index, future.result())
+            self._accepted += 1
+
+    def _blame(self, lost: list[int]) -> WorkError:
+        lost = sorted(lost)
+        places = ", ".join(str(index + 1) for index in lost[:5]) + (", ..." if len(lost) > 5 else "")
+        return WorkError(
+            f"a worker process died over piece {places} of {len(self._pieces)} at each of {self._crew.tries} tries: it "
+            "was killed, or there was not enough memory; try fewer workers",
+            tuple(lost),
+        )
+
+
+_around: ContextVar[Workers | None] = ContextVar("workers", default=None)
 
 
 @contextmanager
 def workers(count: int | None = None) -> Iterator[Workers]:
-    """Workers for a while: as many as there are local cores, or `count`; 1 works in this process.
+    """Workers for a while: local processes, or inside of `on_cluster` those of the cluster.
 
-    Processes are started afresh (not forked), because the compiled flows of a forked process are not its own. They die
-    with this one, however it dies, and at once if it gives up.
+    What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
+
+    Parameters
+    ----------
+    count
+        As many local processes; by default one for each local core. 1 works in this process.
     """
+    around = _around.get()
+    if around is not None:
+        yield around
+        return
     count = local_cores() if count is None else max(1, count)
     if count == 1:
-        yield Workers(None, 1)
+        yield Workers()
         return
-    context = get_context("spawn")
-    held, leash = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(count, context, initializer=_live_on_a_leash, initargs=(held,))
-    try:
-        yield Workers(pool, count)
-    except BaseException:
-        leash.close()  # what is being worked on is not waited for
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        leash.close()
-        held.close()
-
-
-def _live_on_a_leash(held: Any) -> None:
-    """End this process when the other end of the leash is closed, which the death of its holder does too."""
-
-    def wait_for_the_end() -> None:
-        held.poll(None)
-        os._exit(1)
-
-    threading.Thread(target=wait_for_the_end, daemon=True).start()
+    with _hired(Processes(count)) as hands:
+        yield hands
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Processes that are started inside do not see Ctrl-C, which is for this one; nor do they run the user's script.
+def on_cluster(scheduler: str) -> Iterator[Workers]:
+    """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
 
-    Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
-    pieces of work need nothing of it.
+    Parameters
+    ----------
+    scheduler
+        Address of its scheduler, such as ``tcp://node7:8786``, or the name of its scheduler file, which ends with
+        ``.json``.
+
+    Raises
+    ------
+    ModelError
+        If Dask is not installed, no scheduler answers, or its workers cannot do the work of this version.
     """
-    main, blocks = sys.modules["__main__"], hasattr(signal, "pthread_sigmask")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blocks else set()
-    sys.modules["__main__"] = ModuleType("__main__")
+    from gapwalk.study.cluster import Cluster  # it needs Dask, which is an extra
+
+    with _hired(Cluster(scheduler)) as hands:
+        token = _around.set(hands)
+        try:
+            yield hands
+        finally:
+            _around.reset(token)
+
+
+@contextmanager
+def _hired(crew: Crew) -> Iterator[Workers]:
     try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-        if blocks:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield Workers(crew)
+    except BaseException:
+        crew.close(at_once=True)
+        raise
+    crew.close(at_once=False)

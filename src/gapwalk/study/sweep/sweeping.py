@@ -1,0 +1,81 @@
+"""Drives a sweep: up and down over a parameter with the state carried over, or afresh from many starts."""
+
+from __future__ import annotations
+
+import os
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+
+from gapwalk.model.system import System
+from gapwalk.study.pace import Pace
+from gapwalk.study.sweep.driver import Driver, Report
+from gapwalk.study.sweep.options import SweepOptions
+from gapwalk.study.sweep.record import Sweep
+from gapwalk.study.sweep.store import SweepStore
+from gapwalk.study.sweep.stretch import Stretch
+from gapwalk.study.workers import Workers, workers
+
+
+def sweep(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    options: SweepOptions | None = None,
+    hands: Workers | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Sweep:
+    """Drive a sweep over a range of one parameter.
+
+    At each value the transient is let settle, for as long as it takes, and section points are recorded. The state is
+    carried over exactly to the next value, up to a tiny kick. Ctrl-C ends the work and keeps what there is.
+
+    Parameters
+    ----------
+    system
+        The system; its own value of the parameter plays no role.
+    parameter, to
+        Name of the parameter, and the range.
+    options
+        How it is driven.
+    hands
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
+    report
+        Called with each stretch of values when it is done, and is in the file.
+    output
+        A file to write while it is driven; `gapwalk.load_sweep` reads it. If it holds a part of the same sweep, that
+        is gone on with, and comes to the same result.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or starts that are no states.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
+    WorkError
+        If other processes cannot do the work; what they have done is in the file.
+    """
+    driver = Driver(system, parameter, to, options or SweepOptions())
+    with ExitStack() as stack:
+        store = None if output is None else stack.enter_context(SweepStore(output, driver))
+        if store is not None:
+            driver.take(store.known())
+
+        def keep(stretch: Stretch, pace: Pace) -> None:
+            if store is not None:
+                store.add(stretch)
+            if report is not None:
+                report(stretch, pace)
+
+        try:
+            if not driver.is_complete:
+                with _crew(driver.options, hands) as found:
+                    driver.drive(found, keep)
+        except KeyboardInterrupt:
+            pass
+    return driver.sweep()
+
+
+def _crew(options: SweepOptions, hands: Workers | None) -> AbstractContextManager[Workers]:
+    return workers(options.workers) if hands is None else nullcontext(hands)
