@@ -36,6 +36,8 @@ ROOT_NAMES = ("__version__",)
 
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
+    ("attractor/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
+    ("attractor/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
     ("attractor/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",

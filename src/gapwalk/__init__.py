@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gapwalk import errors, paper
     from gapwalk.attractor.attractor import Attractor
+    from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
+    from gapwalk.attractor.judge import RegimeOptions
     from gapwalk.attractor.lyapunov import lyapunov
     from gapwalk.attractor.match import match
     from gapwalk.attractor.plane import Plane, impact_plane
     from gapwalk.attractor.rattle import rattle
+    from gapwalk.attractor.regime import Regime
+    from gapwalk.attractor.regimes import Regimes
     from gapwalk.attractor.section import section, strobe
     from gapwalk.attractor.settle import SettleOptions, settle
     from gapwalk.attractor.settled import Settled
@@ -34,10 +38,14 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
+    from gapwalk.study.basin_store import load_basins
+    from gapwalk.study.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
+    from gapwalk.study.regime_store import load_regimes
+    from gapwalk.study.regimes import RegimeMapOptions, regimes
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.stored import load
@@ -51,6 +59,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Attractor",
+    "BasinOptions",
+    "BasinShares",
+    "Basins",
     "Branch",
     "BranchPoint",
     "Cascade",
@@ -70,6 +81,10 @@ __all__ = [
     "MassOptions",
     "Orbit",
     "Plane",
+    "Regime",
+    "RegimeMapOptions",
+    "RegimeOptions",
+    "Regimes",
     "ResponseOptions",
     "Result",
     "SearchOptions",
@@ -88,6 +103,8 @@ __all__ = [
     "WalkOptions",
     "__version__",
     "backlash",
+    "basin_shares",
+    "basins",
     "bifurcation_map",
     "classify",
     "diagram",
@@ -98,6 +115,8 @@ __all__ = [
     "impact_plane",
     "integrate",
     "load",
+    "load_basins",
+    "load_regimes",
     "load_sweep",
     "lyapunov",
     "mass_flow_of",
@@ -107,6 +126,7 @@ __all__ = [
     "rattle",
     "read_studies",
     "read_study",
+    "regimes",
     "run",
     "search",
     "section",
@@ -122,6 +142,9 @@ __all__ = [
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
     "Attractor": "attractor.attractor",
+    "BasinOptions": "study.basins",
+    "BasinShares": "attractor.basins",
+    "Basins": "attractor.basins",
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
@@ -141,6 +164,10 @@ _HOMES = {
     "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "Regime": "attractor.regime",
+    "RegimeMapOptions": "study.regimes",
+    "RegimeOptions": "attractor.judge",
+    "Regimes": "attractor.regimes",
     "ResponseOptions": "study.options",
     "Result": "study.result",
     "SearchOptions": "bifurcation.search",
@@ -158,6 +185,8 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
+    "basin_shares": "study.basins",
+    "basins": "study.basins",
     "bifurcation_map": "study.map",
     "classify": "attractor.classify",
     "diagram": "study.diagram",
@@ -167,6 +196,8 @@ _HOMES = {
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.stored",
+    "load_basins": "study.basin_store",
+    "load_regimes": "study.regime_store",
     "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
@@ -175,6 +206,7 @@ _HOMES = {
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
+    "regimes": "study.regimes",
     "run": "study.run",
     "search": "bifurcation.search",
     "section": "attractor.section",

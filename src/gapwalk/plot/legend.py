@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -54,3 +56,15 @@ def _draw_above(ax: Axes, handles: list[Line2D]) -> None:
         columnspacing=1.6,
         handlelength=2.6,
     )
+
+
+def draw_fill_legend(ax: Axes, handles: Sequence[Artist], note: str, columns: int) -> None:
+    """Explain the fills of a map of cells, under a small note: below the picture, or inside where others are near."""
+    figure = ax.figure
+    size: dict[str, Any] = {"columnspacing": 1.5, "handlelength": 1.3, "handleheight": 1.1, "title_fontsize": 7.0}
+    if isinstance(figure, Figure) and figure.get_constrained_layout():
+        count = min(len(handles), columns)
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=count, title=note, **size)
+    else:
+        legend = ax.legend(handles=handles, loc="best", title=note, frameon=True, **size)
+    legend.get_title().set_color(GREY)

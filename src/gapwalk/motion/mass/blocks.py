@@ -55,6 +55,12 @@ class Fleet:
         """The step."""
         return scheme_of(self.linear, self.steps)
 
+    def some(self, lanes: NDArray[np.intp]) -> Fleet:
+        """The part of a fleet, of a system for each trajectory, with these; their steps are not made a second time."""
+        part = Fleet(self.linear.some(lanes), self.pattern, self.steps)
+        part.__dict__["scheme"] = self.scheme.some(lanes)
+        return part
+
 
 class Blocks:
     """Trajectories in blocks of lanes; the last one is filled up with copies.

@@ -9,7 +9,7 @@ the polynomial through the three earlier values as its predictor, and one evalua
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -108,6 +108,12 @@ class Linear:
         good = np.all(np.isfinite(columns)) and np.linalg.cond(columns).max() <= _LARGEST_CONDITION
         return columns if good else None
 
+    def some(self, lanes: NDArray[np.intp]) -> Linear:
+        """That of some of the systems, in the same basis."""
+        part = Linear(self.layout, self.coefficients[lanes])
+        part.__dict__["basis"] = None if self.basis is None else self.basis[lanes]
+        return part
+
 
 @dataclass(frozen=True)
 class Scheme:
@@ -135,6 +141,10 @@ class Scheme:
     rows: NDArray[np.float64]
     forecast: NDArray[np.float64]
     span: NDArray[np.float64]
+
+    def some(self, lanes: NDArray[np.intp]) -> Scheme:
+        """That of some of the lanes."""
+        return Scheme(*(getattr(self, field.name)[lanes] for field in fields(self)))
 
 
 def scheme_of(linear: Linear, steps: int) -> Scheme:

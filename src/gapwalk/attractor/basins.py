@@ -1,0 +1,258 @@
+"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from gapwalk.attractor.attractor import Attractor, AttractorKind
+from gapwalk.attractor.box import Box, Window
+from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.model.system import System
+
+_ORDER = tuple(AttractorKind)
+_LETTERS = "abcdefghijklmnopqrstuvwxyz"
+
+
+@dataclass(frozen=True)
+class Check:
+    """How far the labels hold: cells whose label was found again with the exact flow, and mended where it was wrong.
+
+    Attributes
+    ----------
+    cells, borders
+        Cells in the plane, and those of them whose label differs from that of a neighbour.
+    border_checked, border_wrong
+        Border cells that were checked, and those whose label had been wrong.
+    inner_checked, inner_wrong
+        The same of the other cells.
+    """
+
+    cells: int
+    borders: int = 0
+    border_checked: int = 0
+    border_wrong: int = 0
+    inner_checked: int = 0
+    inner_wrong: int = 0
+
+    @property
+    def share(self) -> float:
+        """Estimated share of the cells whose label is still wrong."""
+        return self._still_wrong(_ratio)
+
+    @property
+    def limit(self) -> float:
+        """Upper limit of that share: cells at borders and others at their limits (Clopper and Pearson) of 97.5 %."""
+        return self._still_wrong(_upper)
+
+    def _still_wrong(self, rate: Callable[[int, int], float]) -> float:
+        unchecked = self.borders - self.border_checked
+        border = unchecked * rate(self.border_wrong, self.border_checked) if unchecked else 0.0
+        unchecked = self.cells - self.borders - self.inner_checked
+        inner = unchecked * rate(self.inner_wrong, self.inner_checked) if unchecked else 0.0
+        return (border + inner) / self.cells
+
+
+@dataclass(frozen=True)
+class Basins:
+    """Basins of attraction in a plane of initial states at theta = 0.
+
+    Attributes
+    ----------
+    system
+        The system.
+    window
+        The part of the plane.
+    labels : shape (rows, columns)
+        For each cell, judged by the state at its centre: an index into `attractors`, or -1 (unresolved) or -2 (the
+        motion runs away). The first row is the lowest.
+    attractors
+        The attractors: periodic ones by period first, then the others; alike ones by the size of their basins.
+    check
+        How far the labels hold.
+    error
+        Of the fast flow over one forcing period, relative to the size of the motion, as seen beside the exact flow;
+        0 where that was used alone.
+    complete
+        False if the work was stopped before its end; cells that were not reached are unresolved.
+    notes
+        What could not be done, in sentences.
+    """
+
+    system: System
+    window: Window
+    labels: NDArray[np.int_]
+    attractors: tuple[Attractor, ...]
+    check: Check
+    error: float = 0.0
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Columns and rows."""
+        rows, columns = self.labels.shape
+        return columns, rows
+
+    @property
+    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres of the cells along the two axes."""
+        return self.window.centres(self.resolution)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the attractors are called; several of the same kind are told apart by letters."""
+        return attractor_names(self.attractors)
+
+    @property
+    def cells(self) -> dict[str, int]:
+        """How many cells lead to each attractor, by its name."""
+        counts = Counter(self.labels.ravel().tolist())
+        return {name: counts[index] for index, name in enumerate(self.names)}
+
+    @property
+    def unresolved(self) -> int:
+        """Number of cells that were found to lead to no known attractor."""
+        return int(np.sum(self.labels == UNRESOLVED))
+
+    @property
+    def runaway(self) -> int:
+        """Number of cells from which the motion runs away."""
+        return int(np.sum(self.labels == RUNAWAY))
+
+    def plot(self, **options: Any):
+        """Draw the plane with its basins; see `gapwalk.plot.plot_basins`. Returns the axes."""
+        from gapwalk.plot.basins import plot_basins
+
+        return plot_basins(self, **options)
+
+    def __repr__(self) -> str:
+        columns, rows = self.resolution
+        parts = [f"{name}: {count}" for name, count in self.cells.items()]
+        parts += [f"{text}: {n}" for text, n in (("runs away", self.runaway), ("unresolved", self.unresolved)) if n]
+        return f"Basins({self.window.across}, {self.window.up}; {columns} x {rows} cells; {', '.join(parts)})"
+
+
+@dataclass(frozen=True)
+class Share:
+    """The share of random starts that lead to one attractor.
+
+    Attributes
+    ----------
+    name
+        What the attractor is called.
+    starts
+        Number of starts that lead to it.
+    share
+        Their share.
+    low, high
+        Confidence limits of the share of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
+    """
+
+    name: str
+    starts: int
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class BasinShares:
+    """How much of a box of initial states leads to each attractor, from random starts.
+
+    Attributes
+    ----------
+    system
+        The system.
+    box
+        The box.
+    starts : shape (count, 2n)
+        The random states.
+    labels : shape (count,)
+        As in `Basins`.
+    attractors
+        As in `Basins`.
+    confidence
+        Probability with which limits hold, for each share by itself.
+    complete, notes
+        As in `Basins`.
+    """
+
+    system: System
+    box: Box
+    starts: NDArray[np.float64]
+    labels: NDArray[np.int_]
+    attractors: tuple[Attractor, ...]
+    confidence: float
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    @property
+    def shares(self) -> tuple[Share, ...]:
+        """The share of each attractor, then of motions that run away and of unresolved ones, if there are any."""
+        names = dict(enumerate(attractor_names(self.attractors)))
+        others = {RUNAWAY: "runs away", UNRESOLVED: "unresolved"}
+        names |= {label: name for label, name in others.items() if np.any(self.labels == label)}
+        return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
+
+    def _share(self, name: str, count: int) -> Share:
+        interval = binomtest(count, len(self.labels)).proportion_ci(self.confidence, method="exact")
+        return Share(name, count, count / len(self.labels), float(interval.low), float(interval.high))
+
+    def __repr__(self) -> str:
+        parts = [f"{each.name} {each.share:.4f} ({each.low:.4f} to {each.high:.4f})" for each in self.shares]
+        return f"BasinShares({len(self.labels)} starts; {', '.join(parts)}; confidence {self.confidence:g})"
+
+
+def attractor_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
+    """``period 3``, ``quasi-periodic``, ``chaotic``; where several have the same name, a letter follows."""
+    plain = [f"period {each.period}" if each.kind is AttractorKind.PERIODIC else each.kind.value for each in attractors]
+    counts, seen, names = Counter(plain), Counter(), []
+    for name in plain:
+        letter = _LETTERS[seen[name]] if seen[name] < len(_LETTERS) else str(seen[name] + 1)
+        names.append(name if counts[name] == 1 else f"{name}{'' if name[-1].isdigit() else ' '}{letter}")
+        seen[name] += 1
+    return tuple(names)
+
+
+def in_order(
+    attractors: Sequence[Attractor], labels: NDArray[np.int_]
+) -> tuple[tuple[Attractor, ...], NDArray[np.int_]]:
+    """Attractors in the order of a record, whichever was found first, and the labels that go with it."""
+    counts = Counter(labels.ravel().tolist())
+    order = sorted(
+        range(len(attractors)),
+        key=lambda k: (_ORDER.index(attractors[k].kind), attractors[k].period, -counts[k]),
+    )
+    places = np.empty(len(order) + 2, dtype=int)
+    places[order] = np.arange(len(order))
+    places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # the last two places, which is where these labels point
+    return tuple(attractors[k] for k in order), places[labels]
+
+
+def border_cells(labels: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """The cells whose label differs from that of a neighbour above, below, left or right; shape as `labels`."""
+    borders = np.zeros(labels.shape, dtype=bool)
+    across, up = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
+    borders[:, 1:] |= across
+    borders[:, :-1] |= across
+    borders[1:] |= up
+    borders[:-1] |= up
+    return borders
+
+
+def _ratio(wrong: int, checked: int) -> float:
+    return wrong / checked if checked else 0.0
+
+
+def _upper(wrong: int, checked: int) -> float:
+    """The limit of 97.5 per cent; 1 if nothing was checked."""
+    if not checked:
+        return 1.0
+    return float(binomtest(wrong, checked).proportion_ci(0.95, method="exact").high)

@@ -1,0 +1,163 @@
+"""Many motions side by side by the mass flow: what basins and regime maps are made with.
+
+A regime map calls the flow a thousand times for the same systems, so its steps, one scheme for each system, are made
+once, and the error is looked at in passing: the first period of each call, of a few motions, beside the exact flow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.swarm import ContactFigures, ExactSwarm, Swarm, finite_rows
+from gapwalk.errors import FlowError
+from gapwalk.model.system import System
+from gapwalk.motion.mass.blocks import LIMIT, Blocks, Fleet
+from gapwalk.motion.mass.crowd import Crowd, crowd_of
+from gapwalk.motion.mass.flow import mass_flow_of
+from gapwalk.motion.mass.options import MassOptions
+from gapwalk.motion.mass.trial import Trial, judge
+
+_PILOT = 256  # motions on which the steps are chosen
+_PILOT_PERIODS = 64
+_LOOKS = 2  # motions of a call that are compared with the exact flow
+_SEED = 1995
+
+
+class MassSwarm:
+    """The mass flow of many motions, in one thread.
+
+    Parameters
+    ----------
+    crowd
+        The systems: one for all motions, or one for each.
+    fleet
+        Their steps.
+    lanes
+        Which of the systems the motions have; None if there is one for all.
+    trials
+        What was compared with the exact flow, with the systems: shared by all parts of a swarm.
+    """
+
+    def __init__(
+        self, crowd: Crowd, fleet: Fleet, lanes: NDArray[np.intp] | None, trials: list[tuple[Trial, System]]
+    ) -> None:
+        self._crowd, self._fleet, self._lanes, self._trials = crowd, fleet, lanes, trials
+        self._random = np.random.default_rng(_SEED)
+
+    @property
+    def error(self) -> float:
+        """See `Swarm.error`."""
+        systems = [system for _, system in self._trials]
+        numbered = [trial._replace(lane=index) for index, (trial, _) in enumerate(self._trials)]
+        return judge(numbered, systems.__getitem__, LIMIT).error
+
+    def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        """See `Swarm.advance`."""
+        ends = np.full(states.shape, np.nan)
+        finite = finite_rows(states)
+        if finite.any():
+            ends[finite] = self._run(states, finite, periods).states
+        return ends
+
+    def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
+        """See `Swarm.strobes`; all in one run, for each run begins with a small error of its own."""
+        track = np.full((periods, *states.shape), np.nan)
+        finite = finite_rows(states)
+        if not finite.any():
+            return track
+        blocks = self._run(states, finite, after + 1)
+        for row in track[:-1]:
+            row[finite] = blocks.states
+            blocks.advance(1)
+        track[-1, finite] = blocks.states
+        return track
+
+    def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
+        """See `Swarm.contacts`."""
+        ends = np.full(states.shape, np.nan)
+        peaks = np.full((len(states), len(self._crowd.systems[0].structure.contacts)), np.nan)
+        impacts = peaks.copy()
+        finite = finite_rows(states)
+        if finite.any():
+            ends[finite], peaks[finite], impacts[finite] = self._run(states, finite, periods, True).figures(periods)
+        return ContactFigures(ends, peaks, impacts)
+
+    def part(self, which: NDArray[np.intp]) -> MassSwarm:
+        """See `Swarm.part`."""
+        lanes = None if self._lanes is None else self._lanes[which]
+        return MassSwarm(self._crowd, self._fleet, lanes, self._trials)
+
+    def _run(
+        self, states: NDArray[np.float64], finite: NDArray[np.bool_], periods: int, survey: bool = False
+    ) -> _Blocks:
+        """Carry the motions that have not run away, and look at some of them in the first period."""
+        which = np.flatnonzero(finite)
+        lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
+        blocks = _Blocks(self._fleet, lanes, states[which], survey)
+        blocks.advance(1)
+        after = blocks.states
+        for index in self._random.choice(len(which), min(_LOOKS, len(which)), replace=False):
+            trial = Trial(0, states[which[index]], after[index])
+            self._trials.append((trial, self._crowd.system(int(lanes[index]))))
+        if periods > 1:
+            blocks.advance(periods - 1)
+        return blocks
+
+
+class _Blocks:
+    """The run of some lanes of a fleet; a single one goes in company, for it would get a kernel of its own."""
+
+    def __init__(self, fleet: Fleet, lanes: NDArray[np.intp], states: NDArray[np.float64], survey: bool) -> None:
+        self.count = len(states)
+        if self.count == 1:
+            lanes, states = np.repeat(lanes, 2), np.repeat(states, 2, axis=0)
+        self._blocks = Blocks(fleet if fleet.shared else fleet.some(lanes), states, 0, 0, survey, 1)
+        if survey:
+            self._blocks.begin_survey()
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        return self._blocks.states[: self.count]
+
+    def advance(self, periods: int) -> None:
+        self._blocks.advance(periods)
+
+    def figures(self, periods: int) -> ContactFigures:
+        survey = self._blocks.survey(periods)
+        impacts = survey.impacts.sum(axis=2)
+        return ContactFigures(self.states, survey.peak_force[: self.count], impacts[: self.count])
+
+
+def swarm_of(
+    system: System,
+    states: NDArray[np.float64],
+    values: Mapping[str, NDArray[np.float64]] | None = None,
+    error: float = 1e-4,
+) -> Swarm:
+    """The mass flow of many motions, or the exact flow of them where the mass flow would be the slower one.
+
+    Parameters
+    ----------
+    system
+        The system.
+    states : shape (count, 2n)
+        Where the motions begin; the steps are chosen on some of them.
+    values
+        Parameter values by name, each of shape (count,), one for each motion; if there are none, there may be any
+        number of motions.
+    error
+        The error that is allowed, as in `MassOptions`.
+    """
+    crowd = crowd_of(system, states, values or {})
+    pilot = crowd.some(np.unique(np.linspace(0, crowd.count - 1, _PILOT).astype(int)))
+    parameters = {name: np.array([pilot.system(lane)[name] for lane in range(pilot.count)]) for name in values or {}}
+    try:
+        flow = mass_flow_of(system, MassOptions(error=error, threads=1))
+        steps = flow.run(pilot.states, _PILOT_PERIODS, parameters=parameters).steps
+    except FlowError:
+        return ExactSwarm(system, values)
+    fleet = Fleet(crowd.linear, crowd.pattern, steps)
+    return MassSwarm(crowd, fleet, None if fleet.shared else np.arange(crowd.count), [])

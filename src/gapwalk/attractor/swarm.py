@@ -1,0 +1,135 @@
+"""Many motions side by side, of one system or each of a system with parameter values of its own; here one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.strobe import Strobe
+from gapwalk.errors import FlowError
+from gapwalk.model.system import System
+from gapwalk.motion.motion import integrate, switch_names
+
+_SAMPLES = 512  # a forcing period, for peaks of forces
+
+
+class ContactFigures(NamedTuple):
+    """What the contacts of motions go through.
+
+    Attributes
+    ----------
+    states : shape (count, 2n)
+        At the end.
+    peaks : shape (count, contacts)
+        Largest contact force, without its sign.
+    impacts : shape (count, contacts)
+        How often a contact closes, a forcing period, on either side.
+    """
+
+    states: NDArray[np.float64]
+    peaks: NDArray[np.float64]
+    impacts: NDArray[np.float64]
+
+
+class Swarm(Protocol):
+    """The flow of many motions; one that cannot be followed becomes nan."""
+
+    @property
+    def error(self) -> float:
+        """The largest error over one forcing period that was seen, relative to the size of the motion."""
+        ...
+
+    def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        """The states, shape (count, 2n), so many forcing periods later."""
+        ...
+
+    def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
+        """The states 1, 2, ... forcing periods after the first `after` ones, shape (periods, count, 2n)."""
+        ...
+
+    def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
+        """What the contacts go through in so many forcing periods."""
+        ...
+
+    def part(self, which: NDArray[np.intp]) -> Swarm:
+        """The flow of some of the motions."""
+        ...
+
+
+def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the states, shape (count, 2n), are those of motions that have not run away."""
+    return np.asarray(np.isfinite(states).all(axis=1))
+
+
+class ExactSwarm:
+    """The exact flow, one motion after the other.
+
+    Parameters
+    ----------
+    system
+        The system.
+    values
+        Parameter values by name, each of shape (count,), one for each motion; if there are none, there may be any
+        number of motions.
+    """
+
+    error = 0.0
+
+    def __init__(self, system: System, values: Mapping[str, NDArray[np.float64]] | None = None) -> None:
+        self.system, self.values = system, dict(values or {})
+
+    def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
+        """See `Swarm.advance`."""
+        ends = np.full(states.shape, np.nan)
+        for index in np.flatnonzero(finite_rows(states)).tolist():
+            with suppress(FlowError):  # it stays nan
+                ends[index] = Strobe(self._system(index)).arc(states[index], periods).state
+        return ends
+
+    def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
+        """See `Swarm.strobes`."""
+        track = np.empty((periods, *states.shape))
+        states = self.advance(states, after) if after else states
+        for period in range(periods):
+            track[period] = states = self.advance(states, 1)
+        return track
+
+    def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
+        """See `Swarm.contacts`."""
+        ends = np.full(states.shape, np.nan)
+        peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
+        impacts = np.full(peaks.shape, np.nan)
+        for index in np.flatnonzero(finite_rows(states)).tolist():
+            try:
+                motion = integrate(self._system(index), states[index], periods, _SAMPLES)
+            except FlowError:
+                continue
+            ends[index] = np.concatenate((motion.q[-1], motion.v[-1]))
+            peaks[index] = np.abs(motion.forces).max(axis=0)
+            impacts[index] = _closings(self.system, motion.events) / periods
+        return ContactFigures(ends, peaks, impacts)
+
+    def part(self, which: NDArray[np.intp]) -> ExactSwarm:
+        """See `Swarm.part`."""
+        return ExactSwarm(self.system, {name: values[which] for name, values in self.values.items()})
+
+    def _system(self, index: int) -> System:
+        if not self.values:
+            return self.system
+        return self.system.at({name: float(values[index]) for name, values in self.values.items()})
+
+
+def _closings(system: System, events) -> NDArray[np.float64]:
+    """How often the innermost stages of each contact close."""
+    places = {contact.name: index for index, contact in enumerate(system.structure.contacts)}
+    innermost: dict[tuple[str, int], int] = {}
+    for switch, (name, _, side) in enumerate(switch_names(system)):
+        innermost.setdefault((name, side), switch)
+    counts = np.zeros(len(places))
+    for (name, _), switch in innermost.items():
+        counts[places[name]] += sum(event.enters and event.switch == switch for event in events)
+    return counts

@@ -1,0 +1,211 @@
+"""The job behind basins of attraction: where many states lead, in chunks, checked with the exact flow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.basins import Check, border_cells
+from gapwalk.attractor.catalogue import Catalogue, Effort, explore
+from gapwalk.attractor.haunt import Haunt
+from gapwalk.attractor.mass_swarm import swarm_of
+from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
+from gapwalk.attractor.swarm import ExactSwarm
+from gapwalk.model.system import System
+from gapwalk.study.cell_store import Arrays
+from gapwalk.study.pace import Pace
+from gapwalk.study.workers import Workers
+
+CHUNK = 4096
+"""States in a chunk: one piece of work, and what a killed run loses at most."""
+
+_CHECKED = 32  # states of a piece that is followed with the exact flow
+_PILOT = 64  # states that are looked at first: most attractors are found by them
+
+
+@dataclass(frozen=True)
+class BasinChunk:
+    """Where the states of one chunk lead, by the fast flow.
+
+    Attributes
+    ----------
+    number
+        Which chunk.
+    sorted
+        Labels in the order in which the attractors were found.
+    error
+        Of the fast flow, see `gapwalk.attractor.swarm.Swarm`.
+    """
+
+    number: int
+    sorted: Sorted
+    error: float
+
+    @property
+    def arrays(self) -> Arrays:
+        """All of it, for a store."""
+        return {**self.sorted._asdict(), "error": np.array(self.error)}
+
+    @classmethod
+    def of(cls, number: int, arrays: Arrays) -> BasinChunk:
+        """The chunk from its arrays; a LookupError if there is none in them."""
+        found = Sorted(arrays["labels"], arrays["states"], arrays["periods"])
+        return cls(number, found, float(arrays["error"]))
+
+
+Report = Callable[[BasinChunk, Pace], object]
+"""Called with each chunk when it is done, and how far the job has come."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Some of the states, and what is known of the attractors."""
+
+    number: int
+    system: System
+    states: NDArray[np.float64]
+    haunts: tuple[Haunt, ...]
+    longest: int
+
+
+class BasinJob:
+    """Finds where many states lead.
+
+    Parameters
+    ----------
+    system
+        The system.
+    states : shape (count, 2n)
+        The states.
+    effort
+        How much is done.
+    seed
+        Of the choice of the states that are looked at first, and of those that are checked.
+    """
+
+    def __init__(self, system: System, states: NDArray[np.float64], effort: Effort, seed: int) -> None:
+        self.states, self.effort, self.seed = states, effort, seed
+        self.catalogue = Catalogue(system)
+        self.labels = np.full(len(states), UNRESOLVED)
+        self.checked = Check(len(states))
+        self.complete = False
+        self._ends = states.copy()  # where the motions have come to
+        self._chunks: dict[int, BasinChunk] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of chunks."""
+        return -(-len(self.states) // CHUNK)
+
+    def take(self, done: Iterable[BasinChunk]) -> None:
+        """Take over chunks of the same job that have been done already."""
+        self._chunks.update({chunk.number: chunk for chunk in done})
+
+    @property
+    def error(self) -> float:
+        """The largest error of the fast flow."""
+        return max((chunk.error for chunk in self._chunks.values()), default=0.0)
+
+    def notes(self) -> Iterator[str]:
+        """What could not be done, in sentences."""
+        if not self.complete:
+            done = sum(len(chunk.sorted.labels) for chunk in self._chunks.values())
+            yield f"stopped when {done} of {len(self.states)} states were done"
+        left = int(np.sum(self.labels == UNRESOLVED))
+        if left and self.complete:
+            yield f"{left} states lead to no attractor that was found; raise longest or tries"
+
+    def sort(self, hands: Workers, report: Report | None = None) -> None:
+        """Find the attractors to which some of the states lead, sort all by them, and look at those left over."""
+        random = np.random.default_rng(self.seed)
+        self._explore(np.sort(random.permutation(len(self.states))[:_PILOT]))
+        for chunk in self._chunks.values():
+            self._note(chunk)
+        pieces = [piece for piece in self._pieces(self.states, CHUNK) if piece.number not in self._chunks]
+        begun, before = time.monotonic(), len(self._chunks)
+
+        def accept(_: int, chunk: BasinChunk) -> None:
+            self._chunks[chunk.number] = chunk
+            self._note(chunk)
+            if report is not None:
+                total = before + len(pieces)
+                report(chunk, Pace(len(self._chunks), total, before, time.monotonic() - begun))
+
+        hands.run(_sort_fast, pieces, accept, in_order=False)
+        self._explore(np.flatnonzero(self.labels == UNRESOLVED))
+
+    def check(self, hands: Workers, shape: tuple[int, int], at_borders: int, elsewhere: int) -> None:
+        """Find labels of cells at borders, and of some others, again with the exact flow, and mend what is wrong.
+
+        Parameters
+        ----------
+        hands
+            Who does it.
+        shape
+            Rows and columns of the cells.
+        at_borders, elsewhere
+            How many cells at most.
+        """
+        checked = np.zeros(len(self.states), dtype=bool)
+        count = wrong = 0
+        while True:  # mended labels make new borders
+            borders = border_cells(self.labels.reshape(shape)).ravel()
+            chosen = self._choose(borders & ~checked, at_borders - count)
+            if not len(chosen):
+                break
+            count, wrong = count + len(chosen), wrong + self._mend(hands, chosen)
+            checked[chosen] = True
+        chosen = self._choose(~borders & ~checked, elsewhere)
+        wrong_elsewhere = self._mend(hands, chosen)
+        near = int((borders | checked).sum())
+        self.checked = Check(len(self.states), near, count, wrong, len(chosen), wrong_elsewhere)
+
+    def _note(self, chunk: BasinChunk) -> None:
+        place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
+        self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
+
+    def _choose(self, group: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
+        """Random ones of a group of cells, in order."""
+        random = np.random.default_rng(self.seed)
+        return np.sort(random.permutation(np.flatnonzero(group))[:most])
+
+    def _mend(self, hands: Workers, which: NDArray[np.intp]) -> int:
+        """Find labels again with the exact flow; how many were wrong."""
+        exact = np.full(len(which), UNRESOLVED)
+
+        def accept(index: int, found: Sorted) -> None:
+            exact[index * _CHECKED : index * _CHECKED + len(found.labels)] = found.labels
+
+        hands.run(_sort_exactly, self._pieces(self.states[which], _CHECKED), accept, in_order=False)
+        wrong = int(np.sum(exact != self.labels[which]))
+        # one that has come to no attractor by then keeps its label, but counts as wrong
+        self.labels[which] = np.where(exact == UNRESOLVED, self.labels[which], exact)
+        return wrong
+
+    def _explore(self, which: NDArray[np.intp]) -> None:
+        if len(which):
+            swarm = swarm_of(self.catalogue.system, self.states[which])
+            self.catalogue, labels = explore(self.catalogue, swarm.advance, self._ends[which], self.effort)
+            self.labels[which] = labels
+
+    def _pieces(self, states: NDArray[np.float64], size: int) -> list[_Piece]:
+        system, haunts = self.catalogue.system, self.catalogue.haunts
+        return [
+            _Piece(number, system, states[first : first + size], haunts, self.effort.longest)
+            for number, first in enumerate(range(0, len(states), size))
+        ]
+
+
+def _sort_fast(piece: _Piece) -> BasinChunk:
+    """Sort states by the mass flow."""
+    swarm = swarm_of(piece.system, piece.states)
+    found = sort_states(swarm.advance, piece.states, piece.haunts, piece.longest)
+    return BasinChunk(piece.number, found, swarm.error)
+
+
+def _sort_exactly(piece: _Piece) -> Sorted:
+    return sort_states(ExactSwarm(piece.system).advance, piece.states, piece.haunts, piece.longest)
