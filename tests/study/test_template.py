@@ -12,7 +12,7 @@ from gapwalk.paper import case
 from gapwalk.study.diagram import DiagramOptions
 from gapwalk.study.file import check_study, read_studies, read_study
 from gapwalk.study.map import MapOptions
-from gapwalk.study.options import MapStudyOptions
+from gapwalk.study.options import BranchOptions, MapStudyOptions
 from gapwalk.study.template import template, write_template
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -98,6 +98,9 @@ def test_where_no_file_can_be_a_reason_is_given(tmp_path: Path) -> None:
 def test_an_example_can_be_started(name: str) -> None:
     for study in read_studies(EXAMPLES / name):
         assert study.title
+        if not isinstance(study.options, BranchOptions):
+            assert study.options.plan.startswith(study.options.kind)
+            continue
         orbit = find_orbit(study.system, study.options.period, study.options.start)
         assert orbit.measure(study.options.measure) > 0
 
@@ -112,4 +115,5 @@ def test_the_diagrams_are_those_of_the_paper() -> None:
 
 
 def test_there_are_examples() -> None:
-    assert {"clutch.toml", "diagram.toml", "gear.toml", "stop.toml"} <= set(FILES)
+    names = ("basins", "clutch", "diagram", "gear", "map", "regimes", "settle", "stop", "sweep")
+    assert set(FILES) >= {f"{name}.toml" for name in names}
