@@ -1,5 +1,7 @@
 """The model file to begin with, and the examples: complete, valid, and what they say they are."""
 
+import dataclasses
+import itertools
 from pathlib import Path
 
 import pytest
@@ -66,6 +68,23 @@ def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     assert isinstance(study.options, MapStudyOptions)
     assert study.options.limits == MapOptions()
     assert study.options.second.parameter == "mean.q1"
+
+
+@pytest.mark.parametrize("kind", ["settle", "sweep", "basins", "regimes"])
+def test_what_the_comments_of_the_template_offer_of_other_kinds_is_right(kind) -> None:
+    text = template()
+    system, _, _ = text.partition("[study]")
+    system = system.replace("# frequency = 2.0", "frequency = 2.0")
+    lines = [line.removeprefix("# ") for line in text[text.index(f'# kind = "{kind}"') :].splitlines()]
+    offered = [*itertools.takewhile(lambda line: " = " in line, lines)]
+    if kind == "regimes":  # it says where the others stand
+        offered += ['parameter = "frequency"', "from = 0.5", "to = 1.5", "resolution = 128"]
+        offered += [next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# second = "))]
+    found = check_study(parse_source("\n".join([system, "[study]", *offered])))
+    assert found.options.kind == kind
+    defaults = {field.name: field.default for field in dataclasses.fields(found.options)}
+    for name in ("start", "phase", "steps", "ways", "resolution", "carry"):  # the comments show the defaults
+        assert getattr(found.options, name, None) == defaults.get(name)
 
 
 def test_the_islands_of_the_example_are_those_of_figures_27_and_28() -> None:

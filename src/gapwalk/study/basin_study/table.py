@@ -15,6 +15,7 @@ from gapwalk.study.search_table import Whole, count_shape
 from gapwalk.study.tables import StudyPart, Surroundings
 
 _LIMITS = ("longest", "max_period", "tries", "exact_borders", "check", "seed", "workers")
+_PLANE = 'write two axes, each with its range, as in plane = { q1 = [-4.0, 4.0], "q1\'" = [-4.0, 4.0] }'
 _Pair = Annotated[list[Count], Field(min_length=2, max_length=2)]
 Resolution = Annotated[
     Annotated[Count, tagged("count")] | Annotated[_Pair, tagged("values")],
@@ -33,9 +34,7 @@ class BasinsPart(StudyPart):
     """The study ``kind = "basins"``: basins of attraction in a plane of initial states."""
 
     kind: Literal["basins"]
-    plane: dict[str, list[Number]] = Field(
-        description='write both axes with their ranges, as in plane = { q1 = [-4.0, 4.0], "q1\'" = [-4.0, 4.0] }'
-    )
+    plane: dict[str, list[Number]] = Field(description=_PLANE)
     fixed: dict[str, Number] = Field(default_factory=dict)
     resolution: Resolution = 128
     longest: Count | None = None
@@ -50,6 +49,8 @@ class BasinsPart(StudyPart):
     @classmethod
     def _is_a_plane(cls, plane: dict[str, list[float]], info: ValidationInfo[Surroundings]) -> Any:
         system = info.context.system
+        if len(plane) != 2:
+            raise ValueError(f"names {len(plane)} {'axis' if len(plane) == 1 else 'axes'}; {_PLANE}")
         if system is not None:
             Window.of(system, plane, {})
         return plane
