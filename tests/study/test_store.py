@@ -374,10 +374,10 @@ def test_versions_that_differ_are_all_told(path, monkeypatch) -> None:
     def report(point, special_points) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr("gapwalk.study.claim.__version__", "0.0.1")
+    monkeypatch.setattr("gapwalk.study.versions.__version__", "0.0.1")
     with pytest.raises(RuntimeError):
         gw.run(stop_study(), path, report=report)
-    monkeypatch.setattr("gapwalk.study.claim.__version__", "0.0.2")
+    monkeypatch.setattr("gapwalk.study.versions.__version__", "0.0.2")
     gw.run(stop_study(), path, resume=True)
     assert gw.load(path).versions["gapwalk"] == "0.0.1, 0.0.2"
 

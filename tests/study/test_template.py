@@ -1,5 +1,7 @@
 """The model file to begin with, and the examples: complete, valid, and what they say they are."""
 
+import dataclasses
+import itertools
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from gapwalk.paper import case
 from gapwalk.study.diagram import DiagramOptions
 from gapwalk.study.file import check_study, read_studies, read_study
 from gapwalk.study.map import MapOptions
-from gapwalk.study.options import MapStudyOptions
+from gapwalk.study.options import BranchOptions, MapStudyOptions
 from gapwalk.study.template import template, write_template
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -68,6 +70,23 @@ def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     assert study.options.second.parameter == "mean.q1"
 
 
+@pytest.mark.parametrize("kind", ["settle", "sweep", "basins", "regimes"])
+def test_what_the_comments_of_the_template_offer_of_other_kinds_is_right(kind) -> None:
+    text = template()
+    system, _, _ = text.partition("[study]")
+    system = system.replace("# frequency = 2.0", "frequency = 2.0")
+    lines = [line.removeprefix("# ") for line in text[text.index(f'# kind = "{kind}"') :].splitlines()]
+    offered = [*itertools.takewhile(lambda line: " = " in line, lines)]
+    if kind == "regimes":  # it says where the others stand
+        offered += ['parameter = "frequency"', "from = 0.5", "to = 1.5", "resolution = 128"]
+        offered += [next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# second = "))]
+    found = check_study(parse_source("\n".join([system, "[study]", *offered])))
+    assert found.options.kind == kind
+    defaults = {field.name: field.default for field in dataclasses.fields(found.options)}
+    for name in ("start", "phase", "steps", "ways", "resolution", "carry"):  # the comments show the defaults
+        assert getattr(found.options, name, None) == defaults.get(name)
+
+
 def test_the_islands_of_the_example_are_those_of_figures_27_and_28() -> None:
     load, islands = read_studies(EXAMPLES / "map.toml")
     for figure, value in zip(("27", "28"), islands.options.sections, strict=True):
@@ -98,6 +117,9 @@ def test_where_no_file_can_be_a_reason_is_given(tmp_path: Path) -> None:
 def test_an_example_can_be_started(name: str) -> None:
     for study in read_studies(EXAMPLES / name):
         assert study.title
+        if not isinstance(study.options, BranchOptions):
+            assert study.options.plan.startswith(study.options.kind)
+            continue
         orbit = find_orbit(study.system, study.options.period, study.options.start)
         assert orbit.measure(study.options.measure) > 0
 
@@ -112,4 +134,5 @@ def test_the_diagrams_are_those_of_the_paper() -> None:
 
 
 def test_there_are_examples() -> None:
-    assert {"clutch.toml", "diagram.toml", "gear.toml", "stop.toml"} <= set(FILES)
+    names = ("basins", "clutch", "diagram", "gear", "map", "regimes", "settle", "stop", "sweep")
+    assert set(FILES) >= {f"{name}.toml" for name in names}

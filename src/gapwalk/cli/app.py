@@ -95,6 +95,7 @@ def run(
     changes: Changes = None,
     resume: Flag = False,
     force: Flag = False,
+    scheduler: str | None = None,
     json: Flag = False,
     quiet: Flag = False,
     debug: Flag = False,
@@ -119,6 +120,9 @@ def run(
         Go on with the results of an interrupted run; what is complete is not computed again.
     force
         Write over an existing result.
+    scheduler
+        Address of the scheduler of a Dask cluster that does the work, such as tcp://node7:8786, or its scheduler file;
+        it takes pip install gapwalk[cluster].
     json
         Print one JSON document.
     quiet
@@ -130,14 +134,15 @@ def run(
     def job() -> int:
         from gapwalk.cli.run import run_file
 
-        return run_file(file, output, changes or [], study or [], resume=resume, force=force, json=json, quiet=quiet)
+        options = {"resume": resume, "force": force, "json": json, "quiet": quiet}
+        return run_file(file, output, changes or [], study or [], **options, scheduler=scheduler)
 
     return guard(job, json=json, debug=debug)
 
 
 @app.command(sort_key=4)
 def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
-    """Show what a result file holds: branches, why they end, and special points.
+    """Show what a result file holds: branches, why they end, and special points; or what else its study found.
 
     Parameters
     ----------
@@ -179,9 +184,9 @@ def export(
         What to write; by default what the ending of the output says, or else csv.
     output
         The file to write, over an earlier one; by default named after the result. For csv, the special points stand in
-        a second file beside it, and so do the sections of a map and what a search has covered.
+        a second file beside it, and so do further tables.
     measure
-        What the picture shows, as in max.q1; by default what the study says. A map has none.
+        What the picture shows, as in max.q1; by default what the study says. Only branches have one.
     debug
         Show the traceback of an error.
     """

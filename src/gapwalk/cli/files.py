@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gapwalk.cli.outcome import DONE, print_json, printable
 from gapwalk.errors import ModelError
-
-if TYPE_CHECKING:
-    from gapwalk.study.options import StudyOptions
 
 
 def new_file(file: Path) -> int:
@@ -26,7 +22,8 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
     from gapwalk.cli.run import read_changed
     from gapwalk.cli.screen import console
-    from gapwalk.study.plain import plain_options, plain_system
+    from gapwalk.study.plain import plain_system
+    from gapwalk.study.plain_options import plain_options
 
     studies = read_changed(file, changes)
     if json:
@@ -48,7 +45,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         f"  coordinates: {', '.join(structure.coordinates)}",
         f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
         f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",
-        *(f"  study{f' {study.name}' if study.name else ''}: {_plan(study.options)}" for study in studies),
+        *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         "nothing is wrong with it",
     ]
     screen.print("\n".join(lines), soft_wrap=True)
@@ -89,12 +86,16 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
     result = load(path)
+    if result.finding is not None and result.finding.record is None:
+        raise ModelError(
+            f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume goes on with it"
+        )
     if form == "csv":
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")
         tables = table_paths(result, path if output is None else output)
         if output is not None:
-            tables["points"] = output
+            tables[next(iter(tables))] = output
         export_csv(result, tables)
         written = list(tables.values())
     else:
@@ -105,25 +106,6 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
         written = [picture]
     print(f"written: {', '.join(map(str, written))}")
     return DONE
-
-
-def _plan(options: StudyOptions) -> str:
-    """What a study does, in a line."""
-    plan = (
-        f"{options.kind} over {options.parameter} from {options.begin:g} to {options.end:g}, "
-        f"period {options.period}, showing {options.measure}"
-    )
-    second, longest, values = (getattr(options, name, None) for name in ("second", "max_period", "search_values"))
-    if second is not None:
-        plan = (
-            f"{options.kind} over {options.parameter} from {options.begin:g} to {options.end:g} "
-            f"and {second.parameter} from {second.begin:g} to {second.end:g}, period {options.period}"
-        )
-    if longest is not None:
-        plan += f", to period {longest}"
-    if values:
-        plan += f", with a search at {values if isinstance(values, int) else len(values)} values"
-    return plan
 
 
 def _contact(form) -> str:

@@ -67,7 +67,7 @@ def _responses(figure: str) -> list[str]:
 def _run_figure(name: str, slope: str, damping: str, folder: Path | None, *, json: bool) -> tuple[int, dict[str, Any]]:
     study = figure_study(name, slope=slope, damping=damping)
     path = None if folder is None else folder / f"{file_name(name, slope, damping)}.gapwalk"
-    with WalkProgress(study.options, f"figure {name}") as progress:
+    with WalkProgress(study.walked, f"figure {name}") as progress:
         result = walk_figure(name, slope=slope, damping=damping, output=path, report=progress)
     code = exit_code(result)
     files = [] if path is None else [path]

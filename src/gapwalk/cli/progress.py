@@ -15,18 +15,21 @@ from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.map import Map, Section
-from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, StudyOptions
+from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
+from gapwalk.study.pace import Pace
 
 
 def progress_of(
     options: StudyOptions, title: str = "", *, show: bool = True
-) -> WalkProgress | DiagramProgress | MapProgress:
+) -> WalkProgress | DiagramProgress | MapProgress | JobProgress:
     """The progress of a study of these options; `title` is what to call it."""
     if isinstance(options, DiagramStudyOptions):
         return DiagramProgress(title, show=show)
     if isinstance(options, MapStudyOptions):
         return MapProgress(options, title, show=show)
-    return WalkProgress(options, title, show=show)
+    if isinstance(options, BranchOptions):
+        return WalkProgress(options, title, show=show)
+    return JobProgress(options, title, show=show)
 
 
 class _Line:
@@ -46,8 +49,10 @@ class _Line:
         )
         self._task = self._progress.add_task(description, total=total, reached="")
 
-    def update(self, description: str, reached: str, completed: float | None = None) -> None:
-        self._progress.update(self._task, description=description, completed=completed, reached=reached)
+    def update(
+        self, description: str, reached: str, completed: float | None = None, total: float | None = None
+    ) -> None:
+        self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
 
     def __enter__(self) -> None:
         self._progress.start()
@@ -69,7 +74,7 @@ class WalkProgress:
         Whether to show anything.
     """
 
-    def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
+    def __init__(self, options: BranchOptions, title: str = "", *, show: bool = True) -> None:
         self._options, self._points = options, 0
         self._found: Counter[Kind] = Counter()
         self._name = printable(title)
@@ -139,6 +144,28 @@ class MapProgress:
         self._line.update(self._name or "map", f"{sections}  loci {len(chart.loci)}  points {points}{last}")
 
     def __enter__(self) -> MapProgress:
+        self._line.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._line.__exit__()
+
+
+class JobProgress:
+    """How many parts of a job are done, and how long the others may take; parameters as `WalkProgress`."""
+
+    def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
+        self._name = printable(title) or options.kind
+        self._line = _Line(self._name, [BarColumn(bar_width=24)], None, show=show)
+
+    def __call__(self, part: object, pace: Pace) -> None:
+        """Show that a part is done."""
+        left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
+        self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
+
+    def __enter__(self) -> JobProgress:
         self._line.__enter__()
         return self
 

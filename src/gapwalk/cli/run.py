@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
+from gapwalk.study.workers import on_cluster
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
 
@@ -37,8 +39,27 @@ def run_file(
     force: bool,
     json: bool,
     quiet: bool,
+    scheduler: str | None = None,
 ) -> int:
-    """Run the studies of a model file, or those that are named, and return the exit code: that of the worst."""
+    """Run the studies of a model file, or those that are named, and return the exit code: that of the worst.
+
+    With the address of a scheduler, the work is done on its cluster.
+    """
+    with nullcontext() if scheduler is None else on_cluster(scheduler):
+        return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet)
+
+
+def _run_all(
+    file: Path,
+    output: Path | None,
+    changes: list[str],
+    names: list[str],
+    *,
+    resume: bool,
+    force: bool,
+    json: bool,
+    quiet: bool,
+) -> int:
     studies = chosen(read_changed(file, changes), names, file)
     outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
@@ -136,6 +157,8 @@ def table_paths(result: Result, output: Path) -> dict[str, Path]:
 
 def exit_code(result: Result) -> int:
     """0 if all was walked to a proper end, 130 after an interruption, 3 if the numerics gave up somewhere."""
+    if result.finding is not None and not result.complete:
+        return INTERRUPTED
     reasons = {end.reason for branch in result.branches for end in branch.ends}
     grows = result.diagram is not None or result.map is not None
     if EndReason.INTERRUPTED in reasons or (grows and not result.complete):
@@ -161,6 +184,9 @@ def print_files(screen, files: Sequence[Path | str]) -> None:
 
 
 def _say_what_is_stored(result: Result) -> None:
+    if result.finding is not None:
+        console(stderr=True).print(f"interrupted; {result.finding.stored}", soft_wrap=True)
+        return
     if result.map is not None:
         loci, sections = len(result.map.loci), len(result.map.sections)
         text = f"interrupted; all {loci} loci and {sections} sections are stored"

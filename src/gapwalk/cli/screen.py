@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gapwalk.cli.chart import print_map
+from gapwalk.cli.findings import print_finding
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -33,9 +34,15 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def print_result(screen: Console, result: Result, *, points: bool = True) -> None:
-    """Print the branches with their ends, and the table of special points; of a diagram or a map only if wanted."""
+    """Print the branches with their ends, and the table of special points; of a diagram or a map only if wanted.
+
+    What a study without branches has found is printed in the way of its kind.
+    """
+    if result.finding is not None:
+        print_finding(screen, result.finding)
+        return
     if result.map is not None:
-        print_map(screen, result.map, result.options.measure, points=points)
+        print_map(screen, result.map, result.walked.measure, points=points)
         return
     if result.diagram is not None:
         print_diagram(screen, result.diagram)
@@ -52,12 +59,12 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 def special_point_table(result: Result) -> Table:
     """The table of special points; those of a diagram by branches."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    coordinate = full_measure(result.options.measure, result.system.coordinates).partition(".")[2]
+    coordinate = full_measure(result.walked.measure, result.system.coordinates).partition(".")[2]
     coordinate = coordinate if coordinate in result.system.coordinates else result.system.coordinates[0]
     diagram = result.diagram
     for heading in ["branch"] * bool(diagram) + ["kind"]:
         table.add_column(heading)
-    table.add_column(parameter_symbol(result.options.parameter), justify="right")
+    table.add_column(parameter_symbol(result.walked.parameter), justify="right")
     table.add_column(f"half {coordinate}", justify="right")
     table.add_column("multiplier", justify="right")
     table.add_column("unstable" if diagram else "stability")  # the table of a diagram is wide enough as it is

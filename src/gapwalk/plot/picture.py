@@ -13,6 +13,7 @@ from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
+from gapwalk.plot.findings import draw_finding
 from gapwalk.plot.map import draw_map
 from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
 from gapwalk.study.export import write_whole
@@ -44,7 +45,7 @@ def save_picture(
     Raises
     ------
     ModelError
-        If there is no such measure, or a map is to show one.
+        If there is no such measure, or what is drawn is to show one and has none.
     StoreError
         If a file cannot be written.
     """
@@ -64,9 +65,13 @@ def draw_picture(
     """The picture as a matplotlib figure, without pyplot; parameters as `save_picture`."""
     if isinstance(found, Result):
         title = found.title if title is None else title
+        if found.finding is not None:
+            if measure is not None:
+                raise ModelError(f"the picture of the kind {found.options.kind} shows no measure; leave it out")
+            return draw_finding(found.finding, found.options, title)
         if found.map is not None and measure is not None:
             raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
-        measure = measure or found.options.measure
+        measure = measure or found.walked.measure
         found = found.diagram or found.map or found.branches[0]
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
     if isinstance(found, Map):

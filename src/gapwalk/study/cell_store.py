@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import StoreError
-from gapwalk.study.chunk_store import ChunkStore, read_chunks
+from gapwalk.study.chunk_store import open_chunks, read_chunks
 
 Arrays = Mapping[str, NDArray[Any]]
 """Arrays of numbers or text by name."""
@@ -43,9 +43,9 @@ class CellStore:
     """
 
     def __init__(self, path: str | os.PathLike[str], about: Mapping[str, Any], count: int) -> None:
-        self._store, self._count = ChunkStore(path, about), count
+        self._store, self._count = open_chunks(path, about), count
         try:
-            self.chunks, self.result = _parted(path, dict(self._store.known()), count)
+            self.chunks, self.result = parted(path, dict(self._store.known()), count)
         except BaseException:
             self._store.close()
             raise
@@ -82,7 +82,7 @@ def read_cells(path: str | os.PathLike[str], kind: str) -> tuple[dict[str, Any],
     count = about.get("chunks")
     if not isinstance(count, int):
         raise StoreError(f"{os.fspath(path)} is damaged: it has {count!r} chunks")
-    done, result = _parted(path, chunks, count)
+    done, result = parted(path, chunks, count)
     if result is None:
         raise StoreError(
             f"{os.fspath(path)} is not complete: {len(done)} of {count} chunks are done; go on with it by "
@@ -112,7 +112,7 @@ def undamaged(path: str | os.PathLike[str]) -> Iterator[None]:
         raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
 
 
-def _parted(
+def parted(
     path: str | os.PathLike[str], known: Mapping[int, bytes], count: int
 ) -> tuple[dict[int, Arrays], Arrays | None]:
     """The chunks by number, and the result if it is there."""

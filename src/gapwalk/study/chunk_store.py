@@ -12,12 +12,11 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing
 from types import TracebackType
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from gapwalk.errors import StoreError
-from gapwalk.study.claim import versions
-from gapwalk.study.database import check_readable, close_whole, explained, lock
-from gapwalk.study.rows import transaction
+from gapwalk.study.database import check_readable, close_whole, explained, lock, transaction
+from gapwalk.study.versions import versions
 
 APPLICATION = 0x67617063
 """What marks a SQLite file as a chunk store: the letters gapc."""
@@ -35,6 +34,32 @@ TABLES = (
 )
 
 _VERSIONS = "versions"
+
+
+@runtime_checkable
+class Chunks(Protocol):
+    """What keeps the results of a job: a file of its own, or a place in the result file of a study."""
+
+    def __fspath__(self) -> str:
+        """The name of the file."""
+        ...
+
+    def known(self) -> Iterator[tuple[int, bytes]]:
+        """The number of each result that is there, and its bytes."""
+        ...
+
+    def add(self, number: int, data: bytes) -> None:
+        """Write a result; once this returns it is safe."""
+        ...
+
+    def close(self) -> None:
+        """Part from it."""
+        ...
+
+
+def open_chunks(place: str | os.PathLike[str], job: Mapping[str, Any]) -> Chunks:
+    """Where to keep the results of a job: the place itself if it can, or else a file of that name."""
+    return place if isinstance(place, Chunks) else ChunkStore(place, job)
 
 
 class ChunkStore:
@@ -69,6 +94,9 @@ class ChunkStore:
             with transaction(path, self._connection):
                 self._begin(dict(job), is_new)
             self._stack = stack.pop_all()
+
+    def __fspath__(self) -> str:
+        return os.fspath(self.path)
 
     def known(self) -> Iterator[tuple[int, bytes]]:
         """The number of each result that is in the file, and its bytes.

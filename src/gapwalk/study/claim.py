@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import os
-import platform
 from dataclasses import fields
 
-import heyoka
-import numpy as np
-
-from gapwalk import __version__
 from gapwalk.errors import StoreError
 from gapwalk.study.database import APPLICATION, explained, tidy
 from gapwalk.study.file import Study
@@ -51,22 +46,6 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
     if not _looks_like_result(path):
         raise StoreError(f"{name} is no result file of gapwalk, so it is not written over; choose another name")
     return None
-
-
-def versions(before: dict[str, str] | None = None) -> dict[str, str]:
-    """Versions of what computes a result; those that differ from the versions `before` are listed after them."""
-    now = {
-        "gapwalk": __version__,
-        "heyoka": heyoka.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
-    for name, version in (before or {}).items():
-        if now.get(name, version) not in version.split(", "):
-            now[name] = f"{version}, {now[name]}"
-        else:
-            now[name] = version
-    return now
 
 
 def _looks_like_result(path: str | os.PathLike[str]) -> bool:

@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from gapwalk.errors import ModelError, WorkError
-from gapwalk.study.claim import versions
+from gapwalk.study.versions import versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next

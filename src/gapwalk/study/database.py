@@ -132,6 +132,20 @@ def explained(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 @contextmanager
+def transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
+    """All or nothing of what is written inside."""
+    with explained(path):
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            connection.execute("COMMIT")
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise
+
+
+@contextmanager
 def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
     try:
         yield connection

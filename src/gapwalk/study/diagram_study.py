@@ -11,7 +11,7 @@ from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.claim import earlier_result, versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.database import lock
 from gapwalk.study.diagram import grow
 from gapwalk.study.diagram_store import DiagramStore
@@ -20,6 +20,7 @@ from gapwalk.study.options import DiagramStudyOptions
 from gapwalk.study.result import Result
 from gapwalk.study.result_file import ResultFile
 from gapwalk.study.stored import Stored, StoredDiagram, read
+from gapwalk.study.versions import versions
 
 Report = Callable[[Diagram, Limb], object]
 """Called with the diagram so far and the branch that was added to it last."""
@@ -75,7 +76,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
 
 
 def _first_orbit(study: Study) -> Orbit:
-    options = study.options
+    options = study.walked
     return find_orbit(study.system, options.period, options.start, method=options.shooting)
 
 

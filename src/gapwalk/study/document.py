@@ -21,14 +21,24 @@ KINDS = ("half", "max", "min")
 
 
 def result_document(result: Result, points: bool = True) -> dict[str, Any]:
-    """A result: branches, their points (if wanted), ends, and the special points of all branches."""
-    document = {
+    """A result: branches, their points (if wanted), ends, and the special points of all branches.
+
+    What a study without branches has found comes in the words of its kind.
+    """
+    head: dict[str, Any] = {
         "title": result.title,
         "name": result.study.name or None,
         "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
         "parameters": dict(result.system.parameters),
+    }
+    if result.finding is not None:
+        finding = result.finding
+        told = {"notes": list(finding.notes), "failures": list(finding.failures)}
+        return head | finding.document(points) | told
+    document = {
+        **head,
         "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
         "special_points": special_documents(result),
     }

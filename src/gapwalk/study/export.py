@@ -37,15 +37,18 @@ def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> N
         If a file cannot be written.
     """
     for name, path in paths.items():
-        write_whole(path, _TABLES[name](result).encode())
+        write_whole(path, _table_of(result, name).encode())
 
 
 def table_names(result: Result) -> tuple[str, ...]:
     """The tables of a result.
 
     ``points`` and ``special-points`` are those of its branches; of a map those of its loci, and the points of its
-    branches are in ``sections``. What a search for a diagram has covered is in ``search``.
+    branches are in ``sections``. What a search for a diagram has covered is in ``search``. A study without branches
+    has tables of its own.
     """
+    if result.finding is not None:
+        return tuple(result.finding.tables())
     if result.map is not None:
         return "points", "special-points", "sections"
     searched = result.diagram is not None and result.diagram.search is not None
@@ -64,7 +67,7 @@ def points_csv(result: Result) -> str:
     second = [] if chart is None else [section.value for section in chart.sections for _ in section.branches]
     states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
     multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
-    names = parameter_headings([result.options.parameter, *([chart.second] if chart else [])], coordinates)
+    names = parameter_headings([result.walked.parameter, *([chart.second] if chart else [])], coordinates)
     header = ["branch", "name", "period", *names, "stable", "instability", "contacts"]
     return _table(
         [*header, *measure_names(coordinates), *states, *multipliers],
@@ -95,7 +98,7 @@ def special_points_csv(result: Result) -> str:
     the branches of a diagram that begin or end there.
     """
     coordinates = result.system.coordinates
-    (parameter,) = parameter_headings([result.options.parameter], coordinates)
+    (parameter,) = parameter_headings([result.walked.parameter], coordinates)
     header = ["branch", "name", "period", "kind", parameter, "uncertainty", "before", "after"]
     header += [
         "unstable.before",
@@ -134,6 +137,13 @@ def special_points_csv(result: Result) -> str:
             for index, special in enumerate(branch.special_points)
         ),
     )
+
+
+def _table_of(result: Result, name: str) -> str:
+    if result.finding is not None:
+        header, *rows = result.finding.tables()[name]()
+        return _table(header, rows)
+    return _TABLES[name](result)
 
 
 def _loci_csv(result: Result) -> str:

@@ -15,7 +15,7 @@ from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
 from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.study.kinds import KINDS, all_keys
-from gapwalk.study.options import StudyOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.tables import StudyPart, Surroundings
 
 
@@ -45,6 +45,12 @@ class Study:
     text: str = ""
     changes: tuple[tuple[str, object], ...] = ()
     name: str = ""
+
+    @property
+    def walked(self) -> BranchOptions:
+        """The options of a study of branches."""
+        assert isinstance(self.options, BranchOptions)
+        return self.options
 
 
 def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None, name: str = "") -> Study:
@@ -153,7 +159,11 @@ def _kind_problem(table: Mapping[str, object]) -> str:
 
 def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
     """A frequency may be left out only where the study gives one."""
-    walked = walked_parameters(study_tables(source)[at])
+    table = study_tables(source)[at]
+    walked = walked_parameters(table)
+    kind = table.get("kind")
+    if isinstance(kind, str) and kind in KINDS and "parameter" not in KINDS[kind].model_fields:
+        yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
     if walked and "frequency" not in walked:
         message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
         yield source.problem(message, ("frequency",))

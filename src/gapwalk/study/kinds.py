@@ -8,13 +8,17 @@ from pydantic import ValidationInfo, field_validator
 
 from gapwalk.model.fields import Count
 from gapwalk.model.system import System
+from gapwalk.study.basin_study.table import BasinsPart
 from gapwalk.study.map.table import MapPart
 from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
+from gapwalk.study.regime_study.table import RegimesPart
 from gapwalk.study.search_table import SearchPart
-from gapwalk.study.tables import StudyPart, Surroundings
+from gapwalk.study.settle_study.table import SettlePart
+from gapwalk.study.sweep_study.table import SweepPart
+from gapwalk.study.tables import BranchPart, StudyPart, Surroundings
 
 
-class ResponsePart(StudyPart):
+class ResponsePart(BranchPart):
     """The study ``kind = "response"``: one branch over one parameter."""
 
     kind: Literal["response"]
@@ -24,7 +28,7 @@ class ResponsePart(StudyPart):
         return ResponseOptions(**self.given(system))
 
 
-class DiagramPart(StudyPart):
+class DiagramPart(BranchPart):
     """The study ``kind = "diagram"``: all branches that are attached to the first one, and those of a search."""
 
     kind: Literal["diagram"]
@@ -49,7 +53,15 @@ class DiagramPart(StudyPart):
         return DiagramStudyOptions(**self.given(system), **found)
 
 
-KINDS: dict[str, type[StudyPart]] = {"response": ResponsePart, "diagram": DiagramPart, "map": MapPart}
+KINDS: dict[str, type[StudyPart]] = {
+    "response": ResponsePart,
+    "diagram": DiagramPart,
+    "map": MapPart,
+    "settle": SettlePart,
+    "sweep": SweepPart,
+    "basins": BasinsPart,
+    "regimes": RegimesPart,
+}
 """The schemas by the value of ``kind``."""
 
 

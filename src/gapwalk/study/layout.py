@@ -80,5 +80,17 @@ _MAP_TABLES = (
 )""",
 )
 
-EXTRA_TABLES: dict[str, tuple[str, ...]] = {"map": _MAP_TABLES}
+# What jobs over many values or cells have done, part by part; see `gapwalk.study.shelf`.
+_CHUNK_TABLES = (
+    """CREATE TABLE chunk (
+    number INTEGER PRIMARY KEY, -- of the part
+    data BLOB NOT NULL, -- see the job of the kind of study
+    checksum INTEGER NOT NULL -- CRC-32 of data
+)""",
+)
+
+EXTRA_TABLES: dict[str, tuple[str, ...]] = {
+    "map": _MAP_TABLES,
+    **dict.fromkeys(("settle", "sweep", "basins", "regimes"), _CHUNK_TABLES),
+}
 """The tables that only some kinds of study have, by kind."""

@@ -27,7 +27,20 @@ class Start(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StudyOptions:
-    """What all kinds of study have in common: a first orbit, and the range of one parameter.
+    """What is to be done, of any kind of study; each kind has a dataclass of its own."""
+
+    kind: ClassVar[str]
+    """What a model file calls this kind of study."""
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class BranchOptions(StudyOptions):
+    """What the studies of branches have in common: a first orbit, and the range of one parameter.
 
     Parameters
     ----------
@@ -47,9 +60,6 @@ class StudyOptions:
         Numerical options of the walk, and of the orbits on it.
     """
 
-    kind: ClassVar[str]
-    """What a model file calls this kind of study."""
-
     parameter: str
     begin: float
     end: float
@@ -59,22 +69,31 @@ class StudyOptions:
     walk: WalkOptions = field(default_factory=WalkOptions)
     shooting: Shooting = field(default_factory=Shooting)
 
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        return f"{self.kind} over {self._range}, period {self.period}, showing {self.measure}"
+
+    @property
+    def _range(self) -> str:
+        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
+
 
 @dataclass(frozen=True, slots=True)
-class ResponseOptions(StudyOptions):
-    """A response curve: the branch of periodic orbits over one parameter; parameters as `StudyOptions`."""
+class ResponseOptions(BranchOptions):
+    """A response curve: the branch of periodic orbits over one parameter; parameters as `BranchOptions`."""
 
     kind: ClassVar[str] = "response"
 
 
 @dataclass(frozen=True, slots=True)
-class DiagramStudyOptions(StudyOptions):
+class DiagramStudyOptions(BranchOptions):
     """A diagram: all branches that are attached to the first one, over one parameter, and those that a search finds.
 
     Parameters
     ----------
     parameter, begin, end, measure, period, start, walk, shooting
-        As `StudyOptions`, for the first branch; the range is that of all.
+        As `BranchOptions`, for the first branch; the range is that of all.
     max_period, max_branches, workers, search_values, search
         How far it goes, in how many processes, and the search for branches that are attached to no other; as
         `DiagramOptions`.
@@ -87,6 +106,14 @@ class DiagramStudyOptions(StudyOptions):
     workers: int | None = field(default=None, compare=False)  # it changes nothing of the result
     search_values: int | tuple[float, ...] = _LIMITS.search_values
     search: SearchOptions = _LIMITS.search
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        return (
+            f"{self.kind} over {self._range}, period {self.period}, showing {self.measure}, to period "
+            f"{self.max_period}{_search_words(self.search_values)}"
+        )
 
     @property
     def limits(self) -> DiagramOptions:
@@ -110,15 +137,20 @@ class SecondParameter:
     begin: float
     end: float
 
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MapStudyOptions(StudyOptions):
+class MapStudyOptions(BranchOptions):
     """A map: all loci that bound regimes in the plane of two parameters.
 
     Parameters
     ----------
     parameter, begin, end, period, start, walk, shooting
-        As `StudyOptions`, for the branches on which the loci are picked up; the range is that of the map too.
+        As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
     measure
         What tables and lists of motions show.
     second
@@ -138,6 +170,14 @@ class MapStudyOptions(StudyOptions):
     search: SearchOptions = _MAP.search
 
     @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        return (
+            f"{self.kind} over {self._range} and {self.second.words}, period {self.period}, to period "
+            f"{self.max_period}{_search_words(self.search_values)}"
+        )
+
+    @property
     def limits(self) -> MapOptions:
         """What the map shows, and in how many processes."""
         return MapOptions(self.sections, self.max_period, self.kinds, self.workers, self.search_values, self.search)
@@ -147,3 +187,9 @@ class MapStudyOptions(StudyOptions):
         """The range of each parameter, the smaller value first."""
         (a, b), (c, d) = sorted((self.begin, self.end)), sorted((self.second.begin, self.second.end))
         return (a, b), (c, d)
+
+
+def _search_words(values: int | tuple[float, ...]) -> str:
+    """Where a search is to be, for a line that says what is to be done."""
+    count = values if isinstance(values, int) else len(values)
+    return f", with a search at {count} values" if count else ""

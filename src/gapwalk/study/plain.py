@@ -6,27 +6,16 @@ Floats survive because Python writes the shortest text that reads back as the sa
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.diagram import Origin
-from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.continuation.branch import Kind
-from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.contact import DampingLaw, Side
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
 from gapwalk.model.system import System
-from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.options import (
-    DiagramStudyOptions,
-    MapStudyOptions,
-    ResponseOptions,
-    SecondParameter,
-    Start,
-    StudyOptions,
-)
 
 Plain = Any
 """What JSON can write."""
@@ -82,56 +71,6 @@ def system_of(plain: Plain) -> System:
         raise ValueError("the parameters are not those of the system")
     values = [float(parameters[name]) for name in structure.names]
     return System.from_values(structure, values).at()  # `at` refuses values that no system can have
-
-
-def plain_options(options: StudyOptions) -> Plain:
-    """The options of a study, with its kind."""
-    return {"kind": options.kind, **asdict(options)}
-
-
-def options_of(plain: Plain) -> StudyOptions:
-    """The options; errors as `system_of`."""
-    start = plain["start"]
-    given = {
-        "parameter": str(plain["parameter"]),
-        "begin": float(plain["begin"]),
-        "end": float(plain["end"]),
-        "measure": str(plain["measure"]),
-        "period": int(plain["period"]),
-        "start": Start(start) if isinstance(start, str) else tuple(float(value) for value in start),
-        "walk": WalkOptions(**plain["walk"]),
-        "shooting": Shooting(**plain["shooting"]),
-    }
-    match plain["kind"]:
-        case ResponseOptions.kind:
-            return ResponseOptions(**given)
-        case DiagramStudyOptions.kind:
-            given |= _limits_of(plain) | {"max_branches": int(plain["max_branches"])}
-            return DiagramStudyOptions(**given)
-        case MapStudyOptions.kind:
-            second = plain["second"]
-            given |= _limits_of(plain) | {
-                "second": SecondParameter(str(second["parameter"]), float(second["begin"]), float(second["end"])),
-                "sections": _count_or_numbers(plain["sections"]),
-                "kinds": tuple(Kind(kind) for kind in plain["kinds"]),
-            }
-            return MapStudyOptions(**given)
-    raise ValueError(f"there is no study of the kind {plain['kind']!r}")
-
-
-def _limits_of(plain: Plain) -> dict[str, Any]:
-    """The options that diagrams and maps have in common; a result without a search may not mention it."""
-    workers, search = plain["workers"], plain.get("search", {})
-    return {
-        "max_period": int(plain["max_period"]),
-        "workers": None if workers is None else int(workers),
-        "search_values": _count_or_numbers(plain.get("search_values", 0)),
-        "search": SearchOptions(**with_tuples(search)),
-    }
-
-
-def _count_or_numbers(plain: Plain) -> int | tuple[float, ...]:
-    return tuple(float(value) for value in plain) if isinstance(plain, list) else int(plain)
 
 
 def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:

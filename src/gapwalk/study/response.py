@@ -13,13 +13,14 @@ from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.claim import earlier_result, versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.codec import PointCodec
 from gapwalk.study.database import lock
 from gapwalk.study.file import Study
 from gapwalk.study.result import Result
 from gapwalk.study.store import Report, Store, WalkFile, create_result
 from gapwalk.study.stored import Stored, StoredWalk
+from gapwalk.study.versions import versions
 
 
 def run_response(
@@ -52,7 +53,7 @@ def _set_out(
         if walk.is_complete:
             return walk, None, earlier.versions
         return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)
-    options = study.options
+    options = study.walked
     start = find_orbit(study.system, options.period, options.start, method=options.shooting)
     trail = _trail(study, start)
     walk = StoredWalk(start, [trail.first], [], None, None)
@@ -70,13 +71,13 @@ def _store(
 ) -> AbstractContextManager[Store | None]:
     if output is None:
         return nullcontext()
-    options = study.options
+    options = study.walked
     codec = PointCodec(study.system, options.parameter, options.period, len(walk.points[0].x))
     return Store(output, WalkFile(codec, len(walk.points), len(walk.special_points)), written_by, report)
 
 
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
-    options = study.options
+    options = study.walked
     (direction,) = directions(options.begin, options.end)
     departure = depart(start, options.parameter, options.end, direction, options.shooting)
     return Trail(departure, options.walk, state)

@@ -9,8 +9,9 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
 from gapwalk.model.system import System
 from gapwalk.study.file import Study
+from gapwalk.study.finding import Finding
 from gapwalk.study.map.chart import Map
-from gapwalk.study.options import StudyOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,9 @@ class Result:
         The branches as a tree, if the study is of the kind diagram.
     map
         The loci, if the study is of the kind map; the branches are those of its sections.
+    finding
+        What was found, if the study is of a kind without branches: settle, sweep, basins, regimes; its `record` is what
+        the Python function of that name returns.
     """
 
     study: Study
@@ -39,6 +43,7 @@ class Result:
     versions: Mapping[str, str]
     diagram: Diagram | None = None
     map: Map | None = None
+    finding: Finding | None = None
 
     @property
     def title(self) -> str:
@@ -56,8 +61,15 @@ class Result:
         return self.study.options
 
     @property
+    def walked(self) -> BranchOptions:
+        """What was asked of a study of branches."""
+        return self.study.walked
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """What could not be walked, in sentences: whole branches and loci, and ends at which the numerics gave up."""
+        if self.finding is not None:
+            return self.finding.failures
         tree = self.diagram is not None or self.map is not None
         found = [
             f"{name}: {end}" if tree else str(end)
@@ -83,5 +95,5 @@ class Result:
 
     def __repr__(self) -> str:
         state = "complete" if self.complete else "incomplete"
-        parts = [part for part in (self.diagram, self.map) if part is not None] or self.branches
+        parts = [part for part in (self.diagram, self.map, self.finding) if part is not None] or self.branches
         return f"Result({self.title!r}, {state}, {', '.join(map(repr, parts))})"

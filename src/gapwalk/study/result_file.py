@@ -7,11 +7,11 @@ import sqlite3
 from collections.abc import Callable
 from types import TracebackType
 
-from gapwalk.study.database import close_whole, open_to_write
+from gapwalk.study.database import close_whole, open_to_write, transaction
 from gapwalk.study.file import Study
-from gapwalk.study.rows import begin_file, transaction, write_about
+from gapwalk.study.rows import begin_file, write_about
 
-Fill = Callable[[sqlite3.Connection], None]
+Fill = Callable[[sqlite3.Connection], object]
 """Writes one part."""
 
 
@@ -36,6 +36,11 @@ class ResultFile:
         if exists:
             self._connection = open_to_write(path)
             self.write(lambda connection: write_about(connection, "versions", versions))
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether there is a file."""
+        return self._connection is not None
 
     def write(self, fill: Fill) -> None:
         """Write one part: all of it, or nothing.

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gapwalk.bifurcation.diagram import Origin
@@ -17,7 +16,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.codec import PointCodec
 from gapwalk.study.database import checksum, create, explained, remove
 from gapwalk.study.file import Study
-from gapwalk.study.plain import plain_end, plain_options, plain_origin, plain_system
+from gapwalk.study.plain import plain_end, plain_origin, plain_system
+from gapwalk.study.plain_options import plain_options
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def begin_file(
     path: str | os.PathLike[str],
     study: Study,
     versions: dict[str, str],
-    fill: Callable[[sqlite3.Connection], None],
+    fill: Callable[[sqlite3.Connection], object],
 ) -> None:
     """Make a result file with what `fill` writes into it; what was there before is lost.
 
@@ -86,20 +86,6 @@ def begin_file(
             connection.close()
         remove(path)  # its log too, which must not be taken for that of the new file
         os.replace(new, path)
-
-
-@contextmanager
-def transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
-    """All or nothing of what is written inside."""
-    with explained(path):
-        connection.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-            connection.execute("COMMIT")
-        except BaseException:
-            if connection.in_transaction:
-                connection.execute("ROLLBACK")
-            raise
 
 
 def write_about(connection: sqlite3.Connection, key: str, value: object) -> None:

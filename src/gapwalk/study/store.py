@@ -21,14 +21,13 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.codec import PointCodec
-from gapwalk.study.database import close_whole, open_to_write
+from gapwalk.study.database import close_whole, open_to_write, transaction
 from gapwalk.study.file import Study
 from gapwalk.study.plain import Progress, plain_progress
 from gapwalk.study.rows import (
     BranchRow,
     begin_file,
     ends_text,
-    transaction,
     write_about,
     write_branch,
     write_points,
@@ -158,7 +157,7 @@ def create_result(
     path: str | os.PathLike[str], study: Study, start: Orbit, first: BranchPoint, versions: dict[str, str]
 ) -> None:
     """Make a result file with the first point of its walk; what was there before is lost. Errors as `begin_file`."""
-    options = study.options
+    options = study.walked
     codec = PointCodec(study.system, options.parameter, options.period, len(first.x))
     row = BranchRow(_BRANCH, f"P{options.period}-1", codec, start)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
@@ -16,12 +17,16 @@ from gapwalk.errors import StoreError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.database import reading
 from gapwalk.study.file import Study
+from gapwalk.study.finding import Finding
+from gapwalk.study.jobs import JOBS
 from gapwalk.study.map.read import StoredMap, read_map
-from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions
-from gapwalk.study.plain import Progress, options_of, system_of
+from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions
+from gapwalk.study.plain import Progress, system_of
+from gapwalk.study.plain_options import options_of
 from gapwalk.study.read_rows import Row, branch_rows
 from gapwalk.study.result import Result
 from gapwalk.study.search_result import search_of
+from gapwalk.study.shelf import read_shelf
 
 
 class StoredWalk(NamedTuple):
@@ -70,7 +75,14 @@ class StoredDiagram(NamedTuple):
     finished: bool
 
 
-Found = StoredWalk | StoredDiagram | StoredMap
+class StoredParts(NamedTuple):
+    """All that a result file holds of a study without branches: what was found, and the parts it comes from."""
+
+    finding: Finding | None
+    parts: Mapping[int, bytes]
+
+
+Found = StoredWalk | StoredDiagram | StoredMap | StoredParts
 """What a result file holds beside the study."""
 
 
@@ -89,7 +101,13 @@ class Stored(NamedTuple):
         if isinstance(self.found, StoredDiagram):
             diagram, finished = self.found
             return Result(self.study, diagram.branches, finished, self.versions, diagram)
-        branch = self.found.branch(self.study.options.parameter, self.study.options.period)
+        if isinstance(self.found, StoredParts):
+            finding = self.found.finding
+            assert finding is not None  # as it is read from a file
+            return Result(self.study, (), finding.complete, self.versions, finding=finding)
+        options = self.study.options
+        assert isinstance(options, BranchOptions)
+        branch = self.found.branch(options.parameter, options.period)
         return Result(self.study, (branch,), self.found.is_complete, self.versions)
 
 
@@ -135,20 +153,24 @@ def _read(connection: sqlite3.Connection) -> Stored:
 def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) -> Found:
     """What there is beside the study, by its kind."""
     options = study.options
+    if options.kind in JOBS:
+        parts = read_shelf(connection)
+        return StoredParts(JOBS[options.kind].read(study, parts), parts)
     if isinstance(options, MapStudyOptions):
         return read_map(connection, study.system, options, about["map"])
+    assert isinstance(options, BranchOptions)
     rows = list(branch_rows(connection, options.parameter, lambda place: study.system))
     if not rows:
         raise ValueError("it holds no branch")
     if isinstance(options, DiagramStudyOptions):
         search = search_of(about["search"], study.system) if "search" in about else None
         return _diagram(options, rows, about["diagram"], search)
-    return _walk(study, rows)
+    return _walk(options, rows)
 
 
-def _walk(study: Study, rows: list[Row]) -> StoredWalk:
+def _walk(options: BranchOptions, rows: list[Row]) -> StoredWalk:
     (row,) = rows
-    if row.codec.period != study.options.period or (row.ends is not None and len(row.ends) != 2):
+    if row.codec.period != options.period or (row.ends is not None and len(row.ends) != 2):
         raise ValueError("a branch does not belong to the study")
     return StoredWalk(row.codec.unpack_orbit(row.start), row.points, row.special_points, row.progress, row.ends)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
@@ -95,7 +97,35 @@ def _start_shape(value: object) -> str:
 
 
 _StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
+
+
+class Rest(StrEnum):
+    """The one start that has a name where no orbit is looked for."""
+
+    REST = "rest"
+
+
+_RestName = Annotated[Rest, BeforeValidator(one_of(Rest, "the state at t = 0, a list of numbers"))]
 _State = Annotated[list[Number], AfterValidator(_state_length)]
+State = _State
+"""A state at t = 0: positions, then velocities."""
+
+RestOrState = Annotated[
+    Annotated[_RestName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
+]
+"""Where a motion begins: from rest, or from a state."""
+
+
+def plain_start(start: str | list[float]) -> str | tuple[float, ...]:
+    """A start as options have it."""
+    return str(start) if isinstance(start, str) else tuple(start)
+
+
+def check_signal(signal: str, known: Sequence[str]) -> str:
+    """Refuse a signal that is none of those that are known; nothing is said if none is known."""
+    if known and signal not in known:
+        raise ValueError(f"is {given(signal)}; {did_you_mean(signal, list(known))}")
+    return signal
 
 
 def check_parameter(parameter: str, surroundings: Surroundings) -> str:
@@ -122,7 +152,7 @@ def check_value(value: float, parameter: str | None, surroundings: Surroundings)
 
 
 class StudyPart(Part):
-    """What the schemas of all kinds of study have in common: a first orbit, and the range of one parameter.
+    """What the schemas of all kinds of study have in common.
 
     A new kind is a subclass with a literal `kind` of its own, its place in `gapwalk.study.kinds`, and a dataclass of
     options.
@@ -131,16 +161,6 @@ class StudyPart(Part):
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""
     set: Any = None  # other values of the system; read by `gapwalk.study.changes`
-    parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
-    begin: Number | None = Field(default=None, alias="from", validate_default=True)
-    end: Number = Field(alias="to", description="write the value at which the walk ends")
-    period: Count = 1
-    start: Annotated[
-        Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-    ] = Start.SETTLE
-    measure: Text = ""
-    walk: WalkPart = Field(default_factory=WalkPart)
-    shooting: ShootingPart = Field(default_factory=ShootingPart)
 
     @field_validator("name")
     @classmethod
@@ -158,6 +178,22 @@ class StudyPart(Part):
         ):  # on some disks they would be one file
             raise ValueError(f"is {given(name)}, which is taken already; choose another name")
         return name
+
+    def system(self, system: System) -> System:
+        """The system at the beginning of the study."""
+        return system
+
+    def options(self, system: System) -> StudyOptions:
+        """The options of the study of this system."""
+        raise NotImplementedError
+
+
+class RangePart(StudyPart):
+    """What the schemas of the studies over one parameter have in common: its name, and its range."""
+
+    parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
+    begin: Number | None = Field(default=None, alias="from", validate_default=True)
+    end: Number = Field(alias="to", description="write the value at which the walk ends")
 
     @field_validator("parameter")
     @classmethod
@@ -184,6 +220,22 @@ class StudyPart(Part):
             raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
         return end
 
+    def system(self, system: System) -> System:
+        """The system at the first value of the parameter."""
+        return system if self.begin is None else system.at({self.parameter: self.begin})
+
+
+class BranchPart(RangePart):
+    """What the schemas of the studies of branches have in common: a first orbit, and how it is walked."""
+
+    period: Count = 1
+    start: Annotated[
+        Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
+    ] = Start.SETTLE
+    measure: Text = ""
+    walk: WalkPart = Field(default_factory=WalkPart)
+    shooting: ShootingPart = Field(default_factory=ShootingPart)
+
     @field_validator("measure")
     @classmethod
     def _can_be_measured(cls, measure: str, info: ValidationInfo[Surroundings]) -> str:
@@ -197,14 +249,6 @@ class StudyPart(Part):
             hint = did_you_mean(coordinate, system.coordinates)
             raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
         return measure
-
-    def system(self, system: System) -> System:
-        """The system at the first value of the parameter."""
-        return system if self.begin is None else system.at({self.parameter: self.begin})
-
-    def options(self, system: System) -> StudyOptions:
-        """The options of the study of this system."""
-        raise NotImplementedError
 
     def given(self, system: System) -> dict[str, Any]:
         """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""

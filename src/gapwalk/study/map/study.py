@@ -7,7 +7,7 @@ from contextlib import nullcontext
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.errors import NumericalError
-from gapwalk.study.claim import earlier_result, versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.database import lock
 from gapwalk.study.file import Study
 from gapwalk.study.map.chart import Map, Section
@@ -18,6 +18,7 @@ from gapwalk.study.options import MapStudyOptions
 from gapwalk.study.result import Result
 from gapwalk.study.result_file import ResultFile
 from gapwalk.study.stored import Stored, read
+from gapwalk.study.versions import versions
 
 
 def run_map(

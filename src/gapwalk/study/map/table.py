@@ -16,7 +16,7 @@ from gapwalk.study.map.options import KINDS
 from gapwalk.study.options import MapStudyOptions, SecondParameter
 from gapwalk.study.plain import with_tuples
 from gapwalk.study.search_table import CountOrValues, SearchPart, check_inside
-from gapwalk.study.tables import ShootingPart, StudyPart, Surroundings, check_parameter, check_value
+from gapwalk.study.tables import BranchPart, ShootingPart, Surroundings, check_parameter, check_value
 
 
 def _has_a_locus(value: object) -> Kind:
@@ -56,7 +56,7 @@ class SecondPart(Part):
         return end
 
 
-class MapPart(StudyPart):
+class MapPart(BranchPart):
     """The study ``kind = "map"``: all loci that bound regimes in the plane of two parameters."""
 
     kind: Literal["map"]

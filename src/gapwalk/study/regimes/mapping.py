@@ -16,7 +16,7 @@ from gapwalk.orbit.find import initial_state
 from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_parameters, check_resolution
 from gapwalk.study.pace import Pace
-from gapwalk.study.regimes.job import Plan, RegimeChunk, RegimeJob, Report
+from gapwalk.study.regimes.job import Places, Plan, RegimeChunk, RegimeJob, Report
 from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
 from gapwalk.study.workers import Workers, workers
 
@@ -118,7 +118,7 @@ def regimes(
     names, within = check_parameters(system, plane)
     state = initial_state(system, start)
     plan = Plan(system, names, within, check_resolution(resolution), state, options.judging)
-    places = plan.cells() if options.carry is Carry.NO else plan.lines(rising=options.carry is Carry.UP)
+    places = places_of(plan, options.carry)
     job = RegimeJob(plan, places)
     with ExitStack() as stack:
         store = None
@@ -148,3 +148,8 @@ def regimes(
         if store is not None and found.complete:
             store.finish(regime_arrays(found))
     return found
+
+
+def places_of(plan: Plan, carry: Carry) -> list[Places]:
+    """The cells of a map in chunks."""
+    return plan.cells() if carry is Carry.NO else plan.lines(rising=carry is Carry.UP)

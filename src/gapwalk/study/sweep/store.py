@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.study.chunk_store import ChunkStore, read_chunks
+from gapwalk.study.chunk_store import open_chunks, read_chunks
 from gapwalk.study.plain import plain_system, system_of
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.options import SweepOptions
@@ -42,11 +42,11 @@ class SweepStore:
 
     def __init__(self, path: str | os.PathLike[str], driver: Driver) -> None:
         self._count = stretches_of(driver.options.steps)
-        self._store = ChunkStore(path, plain_sweep(driver))
+        self._store = open_chunks(path, plain_sweep(driver))
 
     def known(self) -> list[Stretch]:
         """The stretches that are in the file; a StoreError if it is damaged."""
-        return list(_unpacked(self._store.path, dict(self._store.known()), self._count))
+        return list(unpacked(self._store, dict(self._store.known()), self._count))
 
     def add(self, stretch: Stretch) -> None:
         """Write a stretch; a StoreError if that cannot be done."""
@@ -81,7 +81,7 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         )
     try:
         driver = driver_of(about)
-        driver.take(_unpacked(path, chunks, stretches_of(driver.options.steps)))
+        driver.take(unpacked(path, chunks, stretches_of(driver.options.steps)))
         return driver.sweep()
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, StoreError):
@@ -147,7 +147,8 @@ def unpack(data: bytes) -> Stretch:
         raise ValueError(f"the parts of a stretch are missing ({error})") from error
 
 
-def _unpacked(path: str | os.PathLike[str], chunks: dict[int, bytes], count: int) -> Iterator[Stretch]:
+def unpacked(path: str | os.PathLike[str], chunks: Mapping[int, bytes], count: int) -> Iterator[Stretch]:
+    """The stretches of a file from their bytes, by their places; a StoreError if they are damaged."""
     for place, data in chunks.items():
         try:
             stretch = unpack(data)

@@ -1,0 +1,128 @@
+"""What studies without branches have found, on the screen, by the kind of finding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from gapwalk.cli.outcome import printable
+from gapwalk.plot.basins import check_words
+from gapwalk.plot.words import parameter_symbol
+from gapwalk.study.basin_study.finding import BasinFinding
+from gapwalk.study.finding import Finding
+from gapwalk.study.regime_study.finding import RegimeFinding
+from gapwalk.study.settle_study.finding import SettleFinding
+from gapwalk.study.sweep_study.finding import SweepFinding
+
+_LINES = 8  # of a spectrum
+_PERIODS = 12  # that are told one by one
+_BANDS = 40  # of a lane
+
+
+def print_finding(screen: Console, finding: Finding) -> None:
+    """Print what was found, and what there is to say of it."""
+    if not finding.complete:
+        screen.print(finding.stored, soft_wrap=True)
+    if finding.record is not None:
+        _PRINTERS[type(finding)](screen, finding)
+    for text in finding.notes:
+        screen.print(f"note: {printable(text)}", soft_wrap=True)
+
+
+def _print_settled(screen: Console, finding: SettleFinding) -> None:
+    attractor, settled = finding.attractor, finding.settled
+    where = f"{parameter_symbol('frequency')} = {attractor.system.frequency:.10g}"
+    screen.print(f"{attractor.label}: a motion that is {attractor.kind.value}, at {where}", soft_wrap=True)
+    screen.print(f"  followed for {settled.periods} forcing periods", soft_wrap=True)
+    for sentence in attractor.evidence:
+        screen.print(f"  {printable(sentence)}", soft_wrap=True)
+    symbol = parameter_symbol("frequency")
+    screen.print(f"\nlines of {printable(finding.options.signal)}", soft_wrap=True)
+    table = _table("line", right=(f"multiple of {symbol}", "amplitude"))
+    for line in finding.lines[:_LINES]:
+        table.add_row(line.name.replace("W", symbol), f"{line.order:.6g}", f"{line.amplitude:.6g}")
+    screen.print(table)
+    screen.print(f"\nrattle: index {finding.rattle.index:.4g} (kurtosis of the acceleration)\n", soft_wrap=True)
+    screen.print(repr(finding.rattle), soft_wrap=True)
+
+
+def _print_sweep(screen: Console, finding: SweepFinding) -> None:
+    sweep = finding.sweep
+    low, high = sweep.values[0], sweep.values[-1]
+    symbol = parameter_symbol(sweep.parameter)
+    screen.print(f"{symbol} from {low:.10g} to {high:.10g}: {len(sweep.values)} values", soft_wrap=True)
+    for number, lane in enumerate(sweep.lanes):
+        bands = sweep.bands(number)
+        unsettled = int((~sweep.settled[number] & (sweep.regimes[number] != "")).sum())
+        text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
+        if unsettled:
+            text += f"; at {unsettled} values the transient had not settled when patience ended"
+        screen.print(text, soft_wrap=True)
+        for band in bands[:_BANDS]:
+            screen.print(f"  {band.low:.8g} to {band.high:.8g}: {band.regime}, {band.count} values", soft_wrap=True)
+        if len(bands) > _BANDS:
+            screen.print(f"  and {len(bands) - _BANDS} more: see the table of regimes", soft_wrap=True)
+
+
+def _print_basins(screen: Console, finding: BasinFinding) -> None:
+    found = finding.basins
+    assert found is not None
+    (columns, rows), total = found.resolution, found.labels.size
+    screen.print(f"{found.window.across}, {found.window.up}: {columns} x {rows} cells", soft_wrap=True)
+    table = _table("leads to", right=("cells", "share", "largest exponent"))
+    for name, attractor in zip(found.names, found.attractors, strict=True):
+        exponents = attractor.lyapunov
+        largest = "" if exponents is None else f"{exponents.exponents[0]:.4g}"
+        table.add_row(name, str(found.cells[name]), f"{found.cells[name] / total:.2%}", largest)
+    for name, count in (("runs away", found.runaway), ("unresolved", found.unresolved)):
+        if count:
+            table.add_row(name, str(count), f"{count / total:.2%}", "")
+    screen.print(table)
+    screen.print(check_words(found.check), soft_wrap=True)
+
+
+def _print_regimes(screen: Console, finding: RegimeFinding) -> None:
+    found = finding.regimes
+    assert found is not None
+    (columns, rows), total = found.resolution, found.regimes.size
+    first, second = parameter_symbol(found.first), parameter_symbol(found.second)
+    screen.print(f"{first}, {second}: {columns} x {rows} cells", soft_wrap=True)
+    table = _table("motion", right=("cells", "share"))
+    for word, count in _in_few_words(found.cells).items():
+        table.add_row(word, str(count), f"{count / total:.2%}")
+    screen.print(table)
+    check = found.check
+    screen.print(f"{check.checked} cells classified again, {len(check.different)} of them otherwise", soft_wrap=True)
+    for text in check.different:
+        screen.print(f"  {printable(text)}", soft_wrap=True)
+
+
+def _in_few_words(cells: dict[str, int]) -> dict[str, int]:
+    """Counts by the words of regimes, with all long periods in one."""
+    few: dict[str, int] = {}
+    for word, count in cells.items():
+        kind, _, period = word.partition(" ")
+        is_long = kind == "period" and int(period) > _PERIODS
+        key = f"longer periods than {_PERIODS}" if is_long else word
+        few[key] = few.get(key, 0) + count
+    return few
+
+
+def _table(first: str, right: tuple[str, ...]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column(first)
+    for heading in right:
+        table.add_column(heading, justify="right")
+    return table
+
+
+_PRINTERS: dict[type[Finding], Callable[[Console, Any], None]] = {
+    SettleFinding: _print_settled,
+    SweepFinding: _print_sweep,
+    BasinFinding: _print_basins,
+    RegimeFinding: _print_regimes,
+}

@@ -1,0 +1,1 @@
+"""The study of basins of attraction in a plane of initial states."""

@@ -1,0 +1,1 @@
+"""The study of a sweep: settled motions over one parameter."""

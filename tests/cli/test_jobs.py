@@ -1,0 +1,146 @@
+"""``gapwalk`` with studies without branches: run, show, export, JSON, stopped and resumed, and on a cluster."""
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import main
+from gapwalk.cli.progress import JobProgress
+from tests.study.jobs import MODELS
+
+ENDINGS = {
+    "settle": ("section", "lines", "sides", "contacts", "signals"),
+    "sweep": ("points", "regimes"),
+    "basins": ("cells", "attractors"),
+    "regimes": ("cells",),
+}
+TOLD = {
+    "settle": ("P3: a motion that is periodic", "from a stable orbit of period 3", "lines of stage2", "stage2 -1"),
+    "sweep": ("Ω from 0.5 to 0.6: 45 values", "up, start 1: 1 bands", "0.5 to 0.6: period 1, 45 values"),
+    "basins": ("q1, q1': 100 x 90 cells", "period 1", "period 3"),
+    "regimes": ("Ω, harmonic1.amplitude: 4 x 9 cells", "period 1", "2 cells classified again"),
+}
+PLANS = {
+    "settle": "study: settle from rest, showing stage2",
+    "sweep": "study: sweep over frequency from 0.5 to 0.6 at 45 values, up and down, showing q3'",
+    "basins": "study: basins over q1 from -4 to 4 and q1' from -3 to 3, 100 x 90 cells",
+    "regimes": "study: regimes over frequency from 0.7 to 0.5 and harmonic1.amplitude from 0.4 to 0.5, 4 x 9 cells",
+}
+
+
+@pytest.fixture(params=MODELS)
+def kind(request, tmp_path, monkeypatch) -> str:
+    """The kind of the study in the file x.toml, in the folder in which the test then runs."""
+    monkeypatch.chdir(tmp_path)
+    Path("x.toml").write_text(MODELS[request.param])
+    return request.param
+
+
+def test_a_study_is_checked_run_shown_and_exported(kind, capsys) -> None:
+    assert main(["check", "x.toml"]) == 0
+    assert PLANS[kind] in capsys.readouterr().out
+    assert main(["run", "x.toml", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["kind"], document["complete"], document["failures"]) == (kind, True, [])
+    tables = [f"x-{name}.csv" for name in ENDINGS[kind]]
+    assert document["files"] == ["x.gapwalk", "x.png", "x.svg", *tables]
+    assert set(os.listdir()) == {"x.toml", *document["files"]}
+    assert main(["show", "x.gapwalk"]) == 0
+    text = capsys.readouterr().out
+    for told in ("x.gapwalk: complete", *TOLD[kind]):
+        assert told in text
+    assert main(["show", "x.gapwalk", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert len(json.dumps(shown)) < len(json.dumps(document))  # without what there is point by point
+    assert set(shown) <= set(document)
+    before = {name: Path(name).read_bytes() for name in tables}
+    assert main(["export", "x.gapwalk"]) == 0
+    assert before == {name: Path(name).read_bytes() for name in tables}
+    assert main(["export", "x.gapwalk", "--output", "mine.csv"]) == 0
+    assert Path("mine.csv").read_bytes() == before[tables[0]]
+    assert main(["export", "x.gapwalk", "--output", "mine.svg"]) == 0
+    assert "Clutch" in Path("mine.svg").read_text(encoding="utf-8")
+    capsys.readouterr()
+    assert main(["export", "x.gapwalk", "--output", "mine.svg", "--measure", "half.q1"]) == 2
+    assert "shows no measure; leave it out" in capsys.readouterr().err
+    rows = list(csv.DictReader(Path(tables[0]).read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == {"settle": 3, "sweep": 2 * 45 * 13, "basins": 9000, "regimes": 36}[kind]
+    record = gw.load("x.gapwalk").finding.record
+    if kind == "basins":
+        last = rows[-1]
+        assert (float(last["q1"]), float(last["q1'"])) == (record.axes[0][-1], record.axes[1][-1])
+        assert last["leads.to"] == record.names[record.labels[-1, -1]]
+    if kind == "regimes":
+        values = [(row["regime"], float(row["peak.force.stage2"])) for row in rows]
+        assert values[5] == (record.at(*(axis[1] for axis in record.axes)), record.peak_force[1, 1, 0])
+    if kind == "sweep":
+        assert float(rows[13]["q3'"]) == record.sections[0, 1, 0, 3]
+
+
+def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) -> None:
+    if kind == "settle":
+        pytest.skip("has one part")
+    with monkeypatch.context() as patch:
+        if kind == "regimes":
+            patch.setattr("gapwalk.study.regimes.job.ROWS", 3)
+
+        def stop(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        patch.setattr(JobProgress, "__call__", stop)
+        assert main(["run", "x.toml"]) == 130
+        captured = capsys.readouterr()
+        assert "interrupted; all " in captured.err
+        assert "gapwalk run x.toml --output x.gapwalk --resume" in captured.err
+        assert set(os.listdir()) == {"x.toml", "x.gapwalk"}
+        assert main(["show", "x.gapwalk"]) == 0
+        assert "not complete: `gapwalk run` with --resume goes on with it" in capsys.readouterr().out
+        assert main(["show", "x.gapwalk", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["complete"] is False
+        if kind != "sweep":  # of which there is a picture at any time
+            assert main(["export", "x.gapwalk"]) == 2
+            assert "x.gapwalk is not complete" in capsys.readouterr().err
+        patch.undo()
+        if kind == "regimes":
+            patch.setattr("gapwalk.study.regimes.job.ROWS", 3)
+        assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
+    assert Path("x.png").exists()
+
+
+def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "x.toml"
+    path.write_text(MODELS["sweep"])
+    study, shown = gw.read_study(path), []
+    progress = JobProgress(study.options, "mine", show=False)
+    monkeypatch.setattr(progress._line, "update", lambda *words: shown.append(words))
+    gw.run(study, report=progress)
+    assert [words[2:] for words in shown] == [(done, 6) for done in range(1, 7)]
+    assert shown[-1][0] == "mine"
+    assert shown[-1][1].startswith("6 of 6")
+
+
+def test_a_cluster_does_the_work(tmp_path, monkeypatch, capsys) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
+    monkeypatch.chdir(tmp_path)
+    Path("x.toml").write_text(MODELS["sweep"])
+    assert main(["run", "x.toml", "--quiet"]) == 0
+    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": None, "silence_logs": 50}
+    with distributed.LocalCluster(n_workers=1, **options) as cluster:
+        words = ["run", "x.toml", "--output", "y.gapwalk", "--quiet", "--scheduler", cluster.scheduler_address]
+        assert main(words) == 0
+        pids = set()
+        with distributed.Client(cluster) as client:
+            pids = {*client.run(os.getpid).values()}
+            done = client.run(lambda dask_worker: dask_worker.state.executed_count)
+        assert pids
+        assert os.getpid() not in pids
+        assert sum(done.values()) >= 6  # the stretches
+    one, other = (gw.load(f"{name}.gapwalk").finding.record for name in "xy")
+    assert one.sections.tobytes() == other.sections.tobytes()
+    assert main(["run", "x.toml", "--output", "z.gapwalk", "--scheduler", "none.json"]) == 2
+    assert "none.json" in capsys.readouterr().err
+    assert not Path("z.gapwalk").exists()

@@ -1,0 +1,40 @@
+"""Studies without branches that are done in a moment: their model files, with one process each."""
+
+HEAD = """\
+title = "Clutch"
+coordinates = ["q1", "q3"]
+stiffness = [[0.1, -0.6], [-0.06, 1.1]]
+damping = [[0.04, -0.04], [-0.04, 0.06]]
+mean = { q1 = 0.25, q3 = 0.25 }
+frequency = 0.45
+
+[[contact]]
+name = "stage2"
+deflection = { q1 = 1.0 }
+force = { q1 = 0.9, q3 = -0.54 }
+clearance = 1.0
+stiffness = 1.0
+impact_damping = 0.05
+
+[[harmonic]]
+amplitude = 0.5
+acts_on = { q1 = 1.0 }
+
+[study]
+"""
+
+SETTLE = HEAD + 'kind = "settle"\nsignal = "stage2"\nphase = "90 deg"\n'
+SWEEP = HEAD + (
+    'kind = "sweep"\nparameter = "frequency"\nfrom = 0.5\nto = 0.6\nsteps = 45\npoints = 13\nworkers = 1\n'
+    'signal = "q3\'"\n'
+)
+BASINS = HEAD + (
+    'kind = "basins"\nplane = { q1 = [-4.0, 4.0], "q1\'" = [-3.0, 3.0] }\nfixed = { q3 = 0.5 }\n'
+    "resolution = [100, 90]\nexact_borders = false\ncheck = 8\nworkers = 1\n"
+)
+REGIMES = HEAD + (
+    'kind = "regimes"\nparameter = "frequency"\nfrom = 0.7\nto = 0.5\n'
+    'second = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.5 }\nresolution = [4, 9]\ncarry = "up"\n'
+    "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
+)
+MODELS = {"settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
