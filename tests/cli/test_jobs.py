@@ -3,11 +3,15 @@
 import csv
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import gapwalk as gw
+from gapwalk.attractor.attractor import AttractorKind
+from gapwalk.attractor.classify import identify
 from gapwalk.cli import main
 from gapwalk.cli.progress import JobProgress
 from tests.study.jobs import MODELS
@@ -94,7 +98,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         patch.setattr(JobProgress, "__call__", stop)
         assert main(["run", "x.toml"]) == 130
         captured = capsys.readouterr()
-        assert "interrupted; all " in captured.err
+        assert re.search(r"interrupted; \d+ of \d+ (values|chunks of cells) are stored", captured.err)
         assert "gapwalk run x.toml --output x.gapwalk --resume" in captured.err
         assert set(os.listdir()) == {"x.toml", "x.gapwalk"}
         assert main(["show", "x.gapwalk"]) == 0
@@ -109,6 +113,41 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
             patch.setattr("gapwalk.study.regimes.job.ROWS", 3)
         assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert Path("x.png").exists()
+
+
+def test_motions_that_run_away_are_told_and_are_3(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["--set", "damping.q1.q1=-0.4", "--set", "damping.q3.q3=-0.4"]
+    for kind in ("sweep", "settle"):
+        Path(f"{kind}.toml").write_text(MODELS[kind])
+    assert main(["run", "sweep.toml", *words]) == 3
+    captured = capsys.readouterr()
+    assert captured.err.count("the motion could not be followed and was not carried on") == 2
+    assert "up, start 1: 1 bands" in captured.out
+    assert not Path("sweep.png").exists()  # there is no point to draw
+    assert main(["run", "sweep.toml", *words, "--resume", "--quiet"]) == 3
+    assert main(["export", "sweep.gapwalk", "--format", "png"]) == 2
+    assert "there is nothing to draw: start 1, up: the motion could not be followed" in capsys.readouterr().err
+    assert main(["show", "sweep.gapwalk"]) == 0
+    assert capsys.readouterr().out.count("failed: start 1, ") == 2
+    assert main(["run", "settle.toml", *words]) == 3
+    assert "runs away" in capsys.readouterr().err
+    assert not Path("settle.gapwalk").exists()
+
+
+def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.toml").write_text(MODELS["settle"])
+
+    def doubt(settled, options) -> gw.Attractor:
+        return replace(identify(settled, options), kind=AttractorKind.UNDECIDED, evidence=("nobody knows",))
+
+    monkeypatch.setattr("gapwalk.study.settle_study.job.identify", doubt)
+    assert main(["run", "x.toml"]) == 3
+    captured = capsys.readouterr()
+    assert "gapwalk: nobody knows" in captured.err
+    assert "?: a motion that is undecided" in captured.out
+    assert gw.load("x.gapwalk").failures == ("nobody knows",)
 
 
 def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.box import Box, Window
@@ -202,6 +201,8 @@ class BasinShares:
         return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
 
     def _share(self, name: str, count: int) -> Share:
+        from scipy.stats import binomtest  # imported late: it takes long
+
         interval = binomtest(count, len(self.labels)).proportion_ci(self.confidence, method="exact")
         return Share(name, count, count / len(self.labels), float(interval.low), float(interval.high))
 
@@ -255,4 +256,6 @@ def _upper(wrong: int, checked: int) -> float:
     """The limit of 97.5 per cent; 1 if nothing was checked."""
     if not checked:
         return 1.0
+    from scipy.stats import binomtest  # imported late: it takes long
+
     return float(binomtest(wrong, checked).proportion_ci(0.95, method="exact").high)

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
-from scipy.signal.windows import hann
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
@@ -97,8 +95,10 @@ def _chosen(count: int) -> NDArray[np.intp]:
 
 def _candidates(states: NDArray[np.float64]) -> list[float]:
     """Frequencies of strong lines of any coordinate, refined, and the sums and differences of two of them."""
+    from scipy.signal import find_peaks, windows  # imported late: it takes long
+
     count = len(states)
-    power = (np.abs(np.fft.rfft(states * hann(count, sym=False)[:, None], axis=0)) ** 2).sum(axis=1)
+    power = (np.abs(np.fft.rfft(states * windows.hann(count, sym=False)[:, None], axis=0)) ** 2).sum(axis=1)
     places = find_peaks(np.concatenate(([0.0], power, [0.0])))[0] - 1
     strongest = places[np.argsort(-power[places])][:_LINES]
     lines = [_refine(states, place / count)[0] for place in strongest if place > 0]

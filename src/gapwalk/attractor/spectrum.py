@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks, get_window
 
 from gapwalk.attractor.line import line_name
 from gapwalk.attractor.settled import Settled
@@ -43,6 +42,8 @@ class SpectrumOptions:
     tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
+        from scipy.signal import get_window  # imported late: it takes long
+
         check_count("periods", self.periods, 8)
         if not 1e-12 <= self.tolerance <= 0.1:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
@@ -114,6 +115,8 @@ class Spectrum:
         least
             Smallest height, relative to the highest.
         """
+        from scipy.signal import find_peaks  # imported late: it takes long
+
         heights = self.amplitudes.copy()
         heights[0] = 0.0
         if self.period:
@@ -155,6 +158,8 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     FlowError
         If the motion runs away.
     """
+    from scipy.signal import get_window  # imported late: it takes long
+
     options = options or SpectrumOptions()
     system, state, period = motion.system, motion.state, motion.period or 0
     length = period or options.periods

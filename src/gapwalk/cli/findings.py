@@ -31,6 +31,8 @@ def print_finding(screen: Console, finding: Finding) -> None:
         _PRINTERS[type(finding)](screen, finding)
     for text in finding.notes:
         screen.print(f"note: {printable(text)}", soft_wrap=True)
+    for text in finding.failures:
+        screen.print(f"failed: {printable(text)}", soft_wrap=True)
 
 
 def _print_settled(screen: Console, finding: SettleFinding) -> None:

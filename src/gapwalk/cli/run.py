@@ -140,14 +140,21 @@ def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool 
 
 def write_products(result: Result, output: Path) -> list[Path]:
     """Write picture and tables beside a result file, and return their names."""
-    save_picture(result, output.with_suffix(".png"), output.with_suffix(".svg"))
+    if pictures := _picture_paths(result, output):
+        save_picture(result, *pictures)
     export_csv(result, table_paths(result, output))
     return product_paths(result, output)
 
 
 def product_paths(result: Result, output: Path) -> list[Path]:
     """The names of picture and tables that belong to a result file."""
-    return [output.with_suffix(".png"), output.with_suffix(".svg"), *table_paths(result, output).values()]
+    return [*_picture_paths(result, output), *table_paths(result, output).values()]
+
+
+def _picture_paths(result: Result, output: Path) -> list[Path]:
+    """The names of its pictures; none if there is nothing to draw."""
+    is_empty = result.finding is not None and not result.finding.can_be_drawn
+    return [] if is_empty else [output.with_suffix(ending) for ending in (".png", ".svg")]
 
 
 def table_paths(result: Result, output: Path) -> dict[str, Path]:

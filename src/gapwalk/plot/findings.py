@@ -26,8 +26,8 @@ from gapwalk.study.sweep_study.options import SweepStudyOptions
 
 def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:
     """The picture of what a study has found; a ModelError if there is nothing yet."""
-    if finding.record is None:
-        raise ModelError(f"there is nothing to draw yet: {finding.stored}")
+    if not finding.can_be_drawn:
+        raise ModelError(f"there is nothing to draw: {'; '.join(finding.failures) or finding.stored}")
     return _DRAWERS[type(finding)](finding, options, title)
 
 

@@ -34,6 +34,11 @@ class Finding(ABC):
         """What has been done, in words, as far as it is not complete."""
 
     @property
+    def can_be_drawn(self) -> bool:
+        """Whether there is something to draw."""
+        return self.record is not None
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What else there is to say, in sentences."""
         return ()

@@ -95,5 +95,8 @@ class Result:
 
     def __repr__(self) -> str:
         state = "complete" if self.complete else "incomplete"
-        parts = [part for part in (self.diagram, self.map, self.finding) if part is not None] or self.branches
+        if self.finding is not None:
+            found = self.finding.stored if self.finding.record is None else repr(self.finding.record)
+            return f"Result({self.title!r}, {state}, {found})"
+        parts = [part for part in (self.diagram, self.map) if part is not None] or self.branches
         return f"Result({self.title!r}, {state}, {', '.join(map(repr, parts))})"

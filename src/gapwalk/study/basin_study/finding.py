@@ -35,7 +35,7 @@ class BasinFinding(Finding):
     @property
     def stored(self) -> str:
         """How many chunks have been done."""
-        return f"all {self.done} of {self.total} chunks of cells are stored"
+        return f"{self.done} of {self.total} chunks of cells are stored"
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -37,7 +37,7 @@ class RegimeFinding(Finding):
     @property
     def stored(self) -> str:
         """How many chunks have been done."""
-        return f"all {self.done} of {self.total} chunks of cells are stored"
+        return f"{self.done} of {self.total} chunks of cells are stored"
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -106,8 +106,9 @@ class SettleFinding(Finding):
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:
-    """The motion on an attractor that is known better than when it had settled."""
-    return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes)
+    """The motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
+    converged = settled.converged or attractor.orbit is not None
+    return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
 
 
 def _rows(kind: type[Any], records: tuple[Any, ...]) -> Iterator[tuple[object, ...]]:

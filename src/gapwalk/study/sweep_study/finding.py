@@ -34,7 +34,12 @@ class SweepFinding(Finding):
     def stored(self) -> str:
         """How many values have been done."""
         done = int(np.count_nonzero(self.sweep.regimes != ""))
-        return f"all {done} of {self.sweep.regimes.size} values are stored"
+        return f"{done} of {self.sweep.regimes.size} values are stored"
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """Whether there is any section point: all motions may have run away."""
+        return not np.isnan(self.sweep.sections).all()
 
     @property
     def failures(self) -> tuple[str, ...]:
