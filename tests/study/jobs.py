@@ -1,5 +1,13 @@
 """Studies without branches that are done in a moment: their model files, with one process each."""
 
+from pathlib import Path
+
+import gapwalk as gw
+from gapwalk.model.source import parse_source
+from gapwalk.study.basins import job as basin_job
+from gapwalk.study.file import Study, check_study
+from gapwalk.study.regimes import job as regime_job
+
 HEAD = """\
 title = "Clutch"
 coordinates = ["q1", "q3"]
@@ -38,3 +46,18 @@ REGIMES = HEAD + (
     "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
 )
 MODELS = {"settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
+
+SMALL = ((regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
+"""What makes chunks of so few cells that each job has some."""
+
+
+def study_of(kind: str) -> Study:
+    return check_study(parse_source(MODELS[kind]))
+
+
+def main(kind: str, path: str) -> None:
+    """Run a study in small parts, or go on with it; write a line for each part that is safe."""
+    for module, name, value in SMALL:
+        setattr(module, name, value)
+    result = gw.run(study_of(kind), path, resume=Path(path).exists(), report=lambda *_: print("part", flush=True))
+    print("complete" if result.complete else "stopped", flush=True)

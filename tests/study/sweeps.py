@@ -1,7 +1,5 @@
 """A sweep that is driven in a moment, and a program that drives it into a file so that it can be killed."""
 
-import sys
-
 from gapwalk import SweepOptions, sweep
 from tests.systems import clutch
 
@@ -20,7 +18,3 @@ def main(path: str) -> None:
         *FOLDS, options=options(), output=path, report=lambda each, _: print(each.lane, each.number, flush=True)
     )
     print("complete" if found.complete else "stopped", flush=True)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

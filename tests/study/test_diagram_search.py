@@ -1,12 +1,8 @@
 """Diagrams whose branches have to be searched for: the same however often they are interrupted, with their coverage."""
 
 import json
-import os
 import random
 import signal
-import subprocess
-import sys
-import time
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -22,9 +18,8 @@ from gapwalk.study.document import result_document
 from gapwalk.study.search_result import COVERAGE, coverage_rows
 from gapwalk.study.search_table import SearchPart
 from tests.study.diagrams import islands
+from tests.study.killing import killed_after
 from tests.study.same import assert_same_result
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -104,24 +99,7 @@ def test_a_run_that_is_killed_at_any_moment_comes_to_the_same_result(path, undis
     random.seed(15)
     code = f"from tests.study.diagrams import islands, main; main({str(path)!r}, '1', islands)"
     for aim in (1, 1, 2, 100):
-        program = subprocess.Popen(
-            [sys.executable, "-c", code],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
-        )
-        assert program.stdout is not None
-        lines = []
-        for line in program.stdout:
-            lines.append(line.strip())
-            if len(lines) == aim:
-                time.sleep(random.uniform(0.0, 0.6))
-                program.kill()
-                break
-        program.stdout.close()
-        program.wait()
+        lines = killed_after(aim, code, longest_wait=0.6)
         assert gw.load(path).names == undisturbed.names[: len(gw.load(path).names)]
     assert lines[-1] == "complete"
     assert_same_result(replace(gw.load(path), study=undisturbed.study), undisturbed)

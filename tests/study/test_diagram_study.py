@@ -3,9 +3,6 @@
 import os
 import random
 import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,10 +14,9 @@ from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study import diagram as growing
 from tests.study.diagrams import clutch_diagram, many_branches
+from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import stop_study
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -129,25 +125,8 @@ def whole() -> gw.Result:
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, whole) -> None:
     random.seed(29 + workers)
     for aim in [*aims, 100]:
-        program = subprocess.Popen(
-            [sys.executable, "-c", f"from tests.study.diagrams import main; main({str(path)!r}, '{workers}')"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # what multiprocessing leaves behind is told there
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
-        )
-        assert program.stdout is not None
-        lines = []
-        for line in program.stdout:
-            lines.append(line.strip())
-            if len(lines) == aim:
-                time.sleep(random.uniform(0.0, 0.3))
-                program.kill()
-                break
-        lines += [line.strip() for line in program.stdout]
-        program.stdout.close()
-        program.wait()
+        code = f"from tests.study.diagrams import main; main({str(path)!r}, '{workers}')"
+        lines = killed_after(aim, code, longest_wait=0.3)
         stored = gw.load(path)
         assert list(stored.names)[: len(lines)] == lines[: len(stored.names)]
         assert stored.names == whole.names[: len(stored.names)]

@@ -11,12 +11,11 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.source import parse_source
-from gapwalk.study.basins import job as basin_job
 from gapwalk.study.claim import check_claim
-from gapwalk.study.file import Study, check_study
+from gapwalk.study.file import check_study
 from gapwalk.study.plain_options import options_of, plain_options
-from gapwalk.study.regimes import job as regime_job
-from tests.study.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SWEEP
+from tests.study.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SMALL, SWEEP, study_of
+from tests.study.killing import killed_after
 
 ARRAYS = {
     "settle": ("strobes",),
@@ -26,15 +25,11 @@ ARRAYS = {
 }
 
 
-def study_of(kind: str) -> Study:
-    return check_study(parse_source(MODELS[kind]))
-
-
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch) -> None:
     """Chunks of so few cells that each job has some."""
-    monkeypatch.setattr(regime_job, "ROWS", 3)
-    monkeypatch.setattr(basin_job, "CHUNK", 4096)
+    for module, name, value in SMALL:
+        monkeypatch.setattr(module, name, value)
 
 
 def assert_same_record(kind: str, one, other) -> None:
@@ -96,6 +91,17 @@ def test_a_study_finds_what_the_function_finds_and_a_stopped_one_goes_on(kind, t
     content = whole.read_bytes()
     assert gw.run(study, whole, resume=True).complete
     assert whole.read_bytes() == content
+
+
+@pytest.mark.parametrize("kind", ["basins", "regimes"])
+def test_a_run_that_is_killed_comes_to_the_same_result(kind, tmp_path) -> None:
+    path, whole = tmp_path / "killed.gapwalk", gw.run(study_of(kind))
+    code = f"from tests.study.jobs import main; main({kind!r}, {str(path)!r})"
+    assert "complete" not in killed_after(1, code)
+    assert not gw.load(path).complete
+    assert killed_after(100, code)[-1] == "complete"
+    assert_same_record(kind, gw.load(path).finding.record, whole.finding.record)
+    assert json.dumps(gw.load(path).finding.document(True)) == json.dumps(whole.finding.document(True))
 
 
 def test_a_settled_motion_has_its_rattle_spectrum_and_section() -> None:

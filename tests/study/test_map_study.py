@@ -4,9 +4,6 @@ import os
 import random
 import signal
 import sqlite3
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +15,9 @@ from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.map import charting
+from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -154,25 +150,8 @@ def test_ctrl_c_before_the_first_section_leaves_nothing(path, monkeypatch) -> No
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, undisturbed) -> None:
     random.seed(27 + workers)
     for aim in [*aims, 100]:
-        program = subprocess.Popen(
-            [sys.executable, "-c", f"from tests.study.maps import main; main({str(path)!r}, '{workers}')"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # what multiprocessing leaves behind is told there
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
-        )
-        assert program.stdout is not None
-        lines = []
-        for line in program.stdout:
-            lines.append(line.strip())
-            if len(lines) == aim:
-                time.sleep(random.uniform(0.0, 0.2))
-                program.kill()
-                break
-        lines += [line.strip() for line in program.stdout]
-        program.stdout.close()
-        program.wait()
+        code = f"from tests.study.maps import main; main({str(path)!r}, '{workers}')"
+        lines = killed_after(aim, code, longest_wait=0.2)
         stored = gw.load(path).map
         reported = [tuple(map(int, line.split())) for line in lines if line != "complete"]
         assert (len(stored.sections), len(stored.loci)) >= reported[-1]

@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from gapwalk.study.sweep.record import BLOCK
 from gapwalk.study.sweep.store import pack, unpack
 from gapwalk.study.sweep.transient import Patience
 from gapwalk.study.workers import workers
+from tests.study.killing import killed_after
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
 from tests.systems import clutch, linear
@@ -153,22 +152,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, hysteresis) -> None:
     path = tmp_path / "killed.sweep"
     for aim in (1, 2, 100):
-        program = subprocess.Popen(
-            [sys.executable, "-m", "tests.study.sweeps", str(path)],
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
-        )
-        assert program.stdout is not None
-        lines = []
-        for line in program.stdout:
-            lines.append(line.strip())
-            if len(lines) == aim:
-                program.kill()
-                break
-        program.stdout.close()
-        program.wait()
+        lines = killed_after(aim, f"from tests.study.sweeps import main; main({str(path)!r})")
         stored = gw.load_sweep(path)
         for name in lines if aim < 100 else ():
             lane, number = map(int, name.split())
