@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from types import TracebackType
+from typing import Self
 
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -61,7 +62,22 @@ class _Line:
         self._progress.stop()
 
 
-class WalkProgress:
+class StudyProgress:
+    """How far a study has come; subclasses have the line, and are called with what is new."""
+
+    _line: _Line
+
+    def __enter__(self) -> Self:
+        self._line.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._line.__exit__()
+
+
+class WalkProgress(StudyProgress):
     """How far a walk has come.
 
     Parameters
@@ -93,17 +109,8 @@ class WalkProgress:
             abs(point.value - self._options.begin),
         )
 
-    def __enter__(self) -> WalkProgress:
-        self._line.__enter__()
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._line.__exit__()
-
-
-class DiagramProgress:
+class DiagramProgress(StudyProgress):
     """How many branches a diagram has; parameters as `WalkProgress`."""
 
     def __init__(self, title: str = "", *, show: bool = True) -> None:
@@ -118,17 +125,8 @@ class DiagramProgress:
         counts = f"branches {len(diagram.limbs)}  points {self._points}  special {self._special}"
         self._line.update(self._name or "diagram", f"{counts}  last {limb.name}")
 
-    def __enter__(self) -> DiagramProgress:
-        self._line.__enter__()
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._line.__exit__()
-
-
-class MapProgress:
+class MapProgress(StudyProgress):
     """How many sections and loci a map has; parameters as `WalkProgress`."""
 
     def __init__(self, options: MapStudyOptions, title: str = "", *, show: bool = True) -> None:
@@ -143,17 +141,8 @@ class MapProgress:
         sections = f"sections {len(chart.sections)} of {self._sections}"
         self._line.update(self._name or "map", f"{sections}  loci {len(chart.loci)}  points {points}{last}")
 
-    def __enter__(self) -> MapProgress:
-        self._line.__enter__()
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._line.__exit__()
-
-
-class JobProgress:
+class JobProgress(StudyProgress):
     """How many parts of a job are done, and how long the others may take; parameters as `WalkProgress`."""
 
     def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
@@ -164,12 +153,3 @@ class JobProgress:
         """Show that a part is done."""
         left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
         self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
-
-    def __enter__(self) -> JobProgress:
-        self._line.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._line.__exit__()
