@@ -50,6 +50,16 @@ class Check:
         """Upper limit of that share: cells at borders and others at their limits (Clopper and Pearson) of 97.5 %."""
         return self._still_wrong(_upper)
 
+    @property
+    def text(self) -> str:
+        """How far the labels hold, in one line."""
+        if not self.border_checked + self.inner_checked:
+            return "not checked with the exact flow"
+        inner = f"{self.inner_wrong} of {self.inner_checked} cells differed from the exact flow"
+        if self.borders == self.border_checked:
+            return f"exact at all borders; elsewhere {inner}"
+        return f"{self.border_wrong} of {self.border_checked} cells at borders and elsewhere {inner}"
+
     def _still_wrong(self, rate: Callable[[int, int], float]) -> float:
         unchecked = self.borders - self.border_checked
         border = unchecked * rate(self.border_wrong, self.border_checked) if unchecked else 0.0

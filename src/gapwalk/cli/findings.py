@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.table import Table
 
 from gapwalk.cli.outcome import printable
-from gapwalk.plot.basins import check_words
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.basin_study.finding import BasinFinding
 from gapwalk.study.finding import Finding
@@ -84,7 +83,7 @@ def _print_basins(screen: Console, finding: BasinFinding) -> None:
         if count:
             table.add_row(name, str(count), f"{count / total:.2%}", "")
     screen.print(table)
-    screen.print(check_words(found.check), soft_wrap=True)
+    screen.print(found.check.text, soft_wrap=True)
 
 
 def _print_regimes(screen: Console, finding: RegimeFinding) -> None:

@@ -15,7 +15,6 @@ from gapwalk.cli.screen import console, print_result
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.problem import did_you_mean
-from gapwalk.plot.picture import save_picture
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_change
 from gapwalk.study.claim import check_claim
@@ -140,6 +139,8 @@ def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool 
 
 def write_products(result: Result, output: Path) -> list[Path]:
     """Write picture and tables beside a result file, and return their names."""
+    from gapwalk.plot.picture import save_picture  # only now: nothing else needs matplotlib
+
     if pictures := _picture_paths(result, output):
         save_picture(result, *pictures)
     export_csv(result, table_paths(result, output))

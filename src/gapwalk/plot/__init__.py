@@ -5,14 +5,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gapwalk.plot.branch import plot_branch
-from gapwalk.plot.diagram import plot_diagram
-from gapwalk.plot.map import plot_map
-from gapwalk.plot.picture import save_picture
-
 if TYPE_CHECKING:
     from gapwalk.plot.basins import draw_basins, plot_basins
+    from gapwalk.plot.branch import plot_branch
+    from gapwalk.plot.diagram import plot_diagram
     from gapwalk.plot.history import plot_history, plot_loop
+    from gapwalk.plot.map import plot_map
+    from gapwalk.plot.picture import save_picture
     from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
     from gapwalk.plot.section import plot_section
     from gapwalk.plot.settled import plot_settled
@@ -39,20 +38,24 @@ __all__ = [
     "save_picture",
 ]
 
-# Imported when first asked for: they need scipy.signal or numba, which the picture of a branch should not wait for.
+# Imported when first asked for: what draws nothing must not wait for matplotlib, nor a branch for scipy.signal.
 _HOMES = {
     "draw_basins": "basins",
     "draw_regimes": "regimes",
     "plot_basins": "basins",
+    "plot_branch": "branch",
     "plot_contact_figures": "regimes",
+    "plot_diagram": "diagram",
     "plot_history": "history",
     "plot_loop": "history",
+    "plot_map": "map",
     "plot_regimes": "regimes",
     "plot_section": "section",
     "plot_settled": "settled",
     "plot_spectrum": "spectrum",
     "plot_sweep": "sweep",
     "plot_waterfall": "waterfall",
+    "save_picture": "picture",
 }
 
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from gapwalk.attractor.attractor import AttractorKind
-from gapwalk.attractor.basins import Basins, Check
+from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
@@ -92,16 +92,6 @@ def fill_of(index: int) -> str:
     return _FILLS[index % len(_FILLS)]
 
 
-def check_words(check: Check) -> str:
-    """How far the labels hold, in one line."""
-    if not check.border_checked + check.inner_checked:
-        return "not checked with the exact flow"
-    inner = f"{check.inner_wrong} of {check.inner_checked} cells differed from the exact flow"
-    if check.borders == check.border_checked:
-        return f"exact at all borders; elsewhere {inner}"
-    return f"{check.border_wrong} of {check.border_checked} cells at borders and elsewhere {inner}"
-
-
 def _draw_strobes(ax: Axes, found: Basins, which: str) -> Iterator[int]:
     """Mark strobes of orbits; the attractors of which some are marked."""
     first, second = (found.window.box.names.index(name) for name in (found.window.across, found.window.up))
@@ -144,4 +134,4 @@ def _draw_legend(ax: Axes, found: Basins, marked: list[int]) -> None:
             text = f"{text} ({100 * count / total:.2g} %)"
             handles.append(Patch(facecolor=color, edgecolor=GREY, linewidth=0.5, label=text))
     handles += [Line2D([], [], label=f"orbit of {found.names[index]}", **_marker(index)) for index in marked]
-    draw_fill_legend(ax, handles, check_words(found.check), columns=3)
+    draw_fill_legend(ax, handles, found.check.text, columns=3)
