@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
+    from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.finding import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
     from gapwalk.study.diagram import DiagramOptions, diagram
@@ -85,6 +86,7 @@ __all__ = [
     "MassOptions",
     "Orbit",
     "Plane",
+    "Reduction",
     "Regime",
     "RegimeMapOptions",
     "RegimeOptions",
@@ -131,6 +133,7 @@ __all__ = [
     "rattle",
     "read_studies",
     "read_study",
+    "reduce",
     "regimes",
     "run",
     "search",
@@ -171,6 +174,7 @@ _HOMES = {
     "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "Reduction": "reduction",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",
     "RegimeOptions": "attractor.judge",
@@ -214,6 +218,7 @@ _HOMES = {
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
+    "reduce": "reduction",
     "regimes": "study.regimes.mapping",
     "run": "study.run",
     "search": "bifurcation.search",
