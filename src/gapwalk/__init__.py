@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
     from gapwalk.motion.mass import MassOptions, mass_flow_of
@@ -84,8 +85,10 @@ __all__ = [
     "MapOptions",
     "MapStudyOptions",
     "MassOptions",
+    "ModalDamping",
     "Orbit",
     "Plane",
+    "ProportionalDamping",
     "Reduction",
     "Regime",
     "RegimeMapOptions",
@@ -172,8 +175,10 @@ _HOMES = {
     "MapOptions": "study.map",
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
+    "ModalDamping": "model.damping",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "ProportionalDamping": "model.damping",
     "Reduction": "reduction",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",

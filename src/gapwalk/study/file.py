@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from gapwalk.errors import ModelError
 from gapwalk.model.fields import Names
 from gapwalk.model.file import SystemPart, check_system, in_order
+from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
@@ -184,6 +185,7 @@ def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
 
 def _sketch(source: Source) -> System | None:
     """A system with the parameters of the file, where only their values are wrong: the study can be checked."""
+    source, _ = expand(source)
     names = {key: source.data[key] for key in ("coordinates", "contact", "harmonic") if key in source.data}
     coordinates = Names.of(source.data).coordinates or []
     names["stiffness"] = [0.0] * len(coordinates)
