@@ -103,7 +103,8 @@ class ModalDamping:
         given = np.atleast_1d(np.asarray(self.ratios, dtype=float))[: len(squares)]
         ratios = np.append(given, np.full(len(squares) - len(given), given[-1]))
         acting = mass @ modes
-        return (acting * (2.0 * ratios * np.sqrt(np.maximum(squares, 0.0)))) @ acting.T
+        squares[squares < _ROUNDING * np.abs(squares).max()] = 0.0
+        return (acting * (2.0 * ratios * np.sqrt(squares))) @ acting.T
 
 
 Damping = ProportionalDamping | ModalDamping

@@ -27,14 +27,8 @@ class DampingPart(Part):
 
     @model_validator(mode="after")
     def _says_one_thing(self) -> DampingPart:
-        proportional = self.mass is not None or self.stiffness is not None
-        if proportional and self.ratios is not None:
+        if self.ratios is not None and (self.mass is not None or self.stiffness is not None):
             raise ValueError("has ratios beside mass or stiffness; leave one of the two out")
-        if not proportional and self.ratios is None:
-            raise ValueError(
-                "is empty; write { mass = 0.02, stiffness = 0.002 } for what is multiplied by the two matrices, or "
-                "{ ratios = 0.02 } for the damping ratios of the modes"
-            )
         return self
 
     def damping(self) -> Damping:
