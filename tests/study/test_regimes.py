@@ -10,7 +10,7 @@ from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.study.regimes.mapping import Carry, RegimeMapOptions, regimes
 from gapwalk.study.regimes.store import load_regimes
-from gapwalk.study.workers import workers
+from gapwalk.study.work.workers import workers
 from tests.systems import linear
 
 SET_15 = case("15")

@@ -12,15 +12,15 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.motion import Flow
-from gapwalk.study.chunk_store import ChunkStore, read_chunks
-from gapwalk.study.pace import Pace
+from gapwalk.study.store.chunk_store import ChunkStore, read_chunks
 from gapwalk.study.sweep import stretch as stretches
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import BLOCK
 from gapwalk.study.sweep.store import pack, unpack
 from gapwalk.study.sweep.transient import Patience
-from gapwalk.study.workers import workers
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import workers
 from tests.study.killing import killed_after
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
