@@ -172,7 +172,7 @@ def _tables(study: object) -> object:
 
 
 class SystemPart(Part):
-    """A model file. The table ``[study]``, or tables ``[[study]]``, are not read here but by `gapwalk.study.file`."""
+    """A model file. Its tables ``[study]`` (or ``[[study]]``) and ``[reduction]`` are read by `gapwalk.study`."""
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
@@ -188,6 +188,7 @@ class SystemPart(Part):
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
     study: Annotated[Any, AfterValidator(_tables)] = None
+    reduction: Any = None  # read by `gapwalk.study.reduced`
 
     def system(self, frequency: float | None = None) -> System:
         """The system that the file describes, at `frequency` if the file gives none."""

@@ -1,0 +1,80 @@
+"""How far a branch of a reduced system is from that of the full one, as a result keeps it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class FullCheck:
+    """How far a branch is from that of the full system.
+
+    Attributes
+    ----------
+    branch
+        Its name.
+    errors
+        Estimated error of the parameter value of each special point, in their order; inf where none was found near by
+        in the full system.
+    motion
+        Largest estimated error of a motion, relative to its size.
+    harmonics
+        Harmonics with which it was checked; 0 if that failed.
+    detail
+        Why it failed.
+    """
+
+    branch: str
+    errors: tuple[float, ...]
+    motion: float
+    harmonics: int
+    detail: str = ""
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        if self.detail:
+            return f"{self.branch} could not be set against the full system: {self.detail}"
+        known = [error for error in self.errors if math.isfinite(error)]
+        text = f"{len(known)} of {len(self.errors)} special points found, each within {max(known, default=0.0):.1e}"
+        text = text if self.errors else "no special points"
+        motion = f"motions within {self.motion:.1e}" if math.isfinite(self.motion) else "not all motions found"
+        return f"{self.branch} beside the full system: {text}; {motion} of their size (by {self.harmonics} harmonics)"
+
+
+def plain_checks(checks: tuple[FullCheck, ...]) -> Any:
+    """The same as plain JSON values; what is infinite becomes null."""
+    return [
+        {
+            "branch": check.branch,
+            "errors": [_finite(error) for error in check.errors],
+            "motion": _finite(check.motion),
+            "harmonics": check.harmonics,
+            "detail": check.detail,
+        }
+        for check in checks
+    ]
+
+
+def checks_of(plain: Any) -> tuple[FullCheck, ...]:
+    """The same back; any of KeyError, TypeError, ValueError if they are damaged."""
+    return tuple(
+        FullCheck(
+            str(each["branch"]),
+            tuple(_number(error) for error in each["errors"]),
+            _number(each["motion"]),
+            int(each["harmonics"]),
+            str(each["detail"]),
+        )
+        for each in plain
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _number(value: Any) -> float:
+    return math.inf if value is None else float(value)
