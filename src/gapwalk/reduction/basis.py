@@ -75,13 +75,10 @@ class Bases:
         The full system.
     kept
         What is kept of it.
-    inertia
-        Whether the response to the inertia of the shapes Psi is to be there too, a vector for each kept coordinate.
     """
 
     matrices: Matrices
     kept: Kept
-    inertia: bool = False
 
     @cached_property
     def interior(self) -> Interior:
@@ -91,10 +88,10 @@ class Bases:
             interior = Interior(self.matrices, np.sort(np.append(interior.kept, loose)))
         return interior
 
-    def with_modes(self, count: int) -> Basis:
-        """The basis with the lowest modes."""
+    def with_modes(self, count: int, *, inertia: bool = False) -> Basis:
+        """The basis with the lowest modes; with the response to the inertia of the shapes Psi, if that is wanted."""
         interior = self.interior
-        forces = np.hstack((self.kept.spread, interior.inertial_forces)) if self.inertia else self.kept.spread
+        forces = np.hstack((self.kept.spread, interior.inertial_forces)) if inertia else self.kept.spread
         squares, shapes = interior.enriched(count, forces)
         b = len(interior.kept)
         vectors = np.zeros((self.matrices.size, b + len(squares)))

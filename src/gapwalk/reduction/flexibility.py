@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -14,10 +13,11 @@ from scipy.sparse.linalg import splu
 
 from gapwalk.reduction.matrices import Matrices
 
-_SPARSE = 0.1  # share of entries that are not zero, below which a matrix is factored as a sparse one
-_SMALL = 60  # degrees of freedom up to which it never is
+_SMALL = 60  # degrees of freedom up to which no matrix is factored as a sparse one
+_AT_ONCE = 1_000_000  # entries of matrices that are factored together
 _ASIDE = 0.005  # share of the frequency by which an undamped system is looked at beside its resonances
 _FINE, _COARSE = 48, 16  # frequencies up to the highest excitation, and above it
+Complex = NDArray[np.complex128]
 HARMONICS = 10
 """Harmonics of the highest frequency of the excitation that are looked at; the k-th counts 1/k^2."""
 
@@ -52,22 +52,31 @@ class Flexibility:
 
 def flexibility_of(matrices: Matrices, frequencies: NDArray[np.float64]) -> Flexibility:
     """The flexibility of a system with open contacts."""
-    aside = 0.0 if matrices.damping.nnz else _ASIDE
+    s = frequencies * (1j + (0.0 if matrices.damping.nnz else _ASIDE))
     forces = np.hstack((matrices.forces, matrices.loads)).astype(complex)
-    found = np.empty((len(frequencies), len(matrices.deflections), forces.shape[1]), dtype=complex)
-    for index, frequency in enumerate(frequencies.tolist()):
-        s = frequency * (1j + aside)
-        dynamic = matrices.stiffness + s * matrices.damping + s**2 * matrices.mass
-        found[index] = matrices.deflections @ _solved(sp.csc_array(dynamic), forces)
+    solve = _by_dense_matrices if matrices.size <= _SMALL or not matrices.is_sparse else _by_sparse_matrices
+    found = solve(matrices, np.asarray(s, dtype=np.complex128), forces)
     contacts = len(matrices.deflections)
     return Flexibility(found[:, :, :contacts], found[:, :, contacts:])
 
 
-def _solved(dynamic: Any, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    n = dynamic.shape[0]
-    if n > _SMALL and dynamic.nnz < _SPARSE * n * n:
-        return splu(dynamic).solve(forces)
-    return np.asarray(np.linalg.solve(dynamic.toarray(), forces), dtype=np.complex128)
+def _by_sparse_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Complex:
+    """Deflections under the forces, one frequency after the other."""
+    found = np.empty((len(s), len(matrices.deflections), forces.shape[1]), dtype=np.complex128)
+    for index, at in enumerate(s.tolist()):
+        dynamic = matrices.stiffness + at * matrices.damping + at**2 * matrices.mass
+        found[index] = matrices.deflections @ splu(sp.csc_array(dynamic)).solve(forces)
+    return found
+
+
+def _by_dense_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Complex:
+    """The same, many frequencies at a time."""
+    stiffness, damping, mass = (each.toarray() for each in (matrices.stiffness, matrices.damping, matrices.mass))
+    parts = []
+    for some in np.array_split(s, -(-len(s) * matrices.size**2 // _AT_ONCE)):
+        dynamic = stiffness + some[:, None, None] * damping + some[:, None, None] ** 2 * mass
+        parts.append(matrices.deflections @ np.linalg.solve(dynamic, forces))
+    return np.asarray(np.concatenate(parts), dtype=np.complex128)
 
 
 @dataclass(frozen=True)

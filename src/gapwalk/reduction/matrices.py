@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
+_SPARSE = 0.1  # share of entries that are not zero, below which a matrix counts as sparse
 _ROUNDING = 1e-10  # relative size of what counts as a rounding error in a symmetric matrix
 
 
@@ -56,6 +57,11 @@ class Matrices:
     def scale(self) -> float:
         """Largest ratio of stiffness to inertia of a coordinate: about the square of the highest frequency."""
         return float(np.abs(self.stiffness.diagonal() / self.mass.diagonal()).max())
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """Whether it pays to factor the matrices as sparse ones."""
+        return max(self.mass.nnz, self.damping.nnz, self.stiffness.nnz) < _SPARSE * self.size**2
 
     def projected(self, basis: NDArray[np.float64]) -> Matrices:
         """The same for motions ``q = basis z``."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -92,27 +91,27 @@ def _accuracy(matrices: Matrices, bases: Bases, highest: float) -> Accuracy:
     return Accuracy(matrices, highest, resonances_of(reference.reduce(matrices)))
 
 
-def _of(bases: Bases, modes: int) -> tuple[Basis, Matrices]:
-    basis = bases.with_modes(modes)
+def _of(bases: Bases, modes: int, *, inertia: bool = False) -> tuple[Basis, Matrices]:
+    basis = bases.with_modes(modes, inertia=inertia)
     return basis, basis.reduce(bases.matrices)
 
 
 def _best(bases: Bases, accuracy: Accuracy, error: float) -> tuple[Basis, Matrices]:
     """The smallest basis whose error is small enough: of modes alone, or with the response to inertia."""
-    plain = _fewest(bases, accuracy, error)
-    other = _fewest(replace(bases, inertia=True), accuracy, error)
-    return min((plain, other), key=lambda found: found[0].size)
+    found = [_fewest(bases, accuracy, error, inertia=inertia) for inertia in (False, True)]
+    return min(found, key=lambda each: each[0].size)
 
 
-def _fewest(bases: Bases, accuracy: Accuracy, error: float) -> tuple[Basis, Matrices]:
+def _fewest(bases: Bases, accuracy: Accuracy, error: float, *, inertia: bool) -> tuple[Basis, Matrices]:
     """The fewest modes, found by bisection, whose error is small enough."""
+
+    def is_enough(modes: int) -> bool:
+        return accuracy.error(_of(bases, modes, inertia=inertia)[1]) <= error
+
     few, many = -1, max(1, bases.modes_up_to(accuracy.highest))
-    while many < bases.interior.size and accuracy.error(_of(bases, many)[1]) > error:
+    while many < bases.interior.size and not is_enough(many):
         few, many = many, min(2 * many, bases.interior.size)
     while many - few > 1:
         middle = (few + many) // 2
-        if accuracy.error(_of(bases, middle)[1]) > error:
-            few = middle
-        else:
-            many = middle
-    return _of(bases, many)
+        few, many = (few, middle) if is_enough(middle) else (middle, many)
+    return _of(bases, many, inertia=inertia)

@@ -38,10 +38,16 @@ class FullCheck:
         if self.detail:
             return f"{self.branch} could not be set against the full system: {self.detail}"
         known = [error for error in self.errors if math.isfinite(error)]
-        text = f"{len(known)} of {len(self.errors)} special points found, each within {max(known, default=0.0):.1e}"
-        text = text if self.errors else "no special points"
-        motion = f"motions within {self.motion:.1e}" if math.isfinite(self.motion) else "not all motions found"
-        return f"{self.branch} beside the full system: {text}; {motion} of their size (by {self.harmonics} harmonics)"
+        texts = ["it has no special points"]
+        if self.errors:
+            within = f", and differ by {max(known):.1e} at most" if known else ""
+            texts = [f"{len(known)} of its {len(self.errors)} special points are there{within}"]
+        texts.append(
+            f"motions differ by {self.motion:.1e} of their size at most"
+            if math.isfinite(self.motion)
+            else "some of its motions are not there: the reduced system has too few modes for them"
+        )
+        return f"{self.branch} set against the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
 
 
 def plain_checks(checks: tuple[FullCheck, ...]) -> Any:
