@@ -96,14 +96,14 @@ def test_each_study_keeps_what_it_names(tmp_path: Path) -> None:
         ("[study]", '[[study]]\nname = "one"'),
         (
             '"half.q9"',
-            '"half.q4"\n[[study]]\nname = "two"\nkind = "settle"\nsignal = "q11\'"\nset = { frequency = 0.25 }',
+            '"half.q4"\n' + SECOND,
         ),
     )
     one, two = read_studies(path)
     assert one.system.coordinates[:3] == ("q2", "q4", "q6")
     assert two.system.coordinates[:3] == ("q2", "q6", "q11")
     assert two.reduced is not None
-    assert two.reduced.up_to == 0.25
+    assert two.reduced.up_to == 0.28
 
 
 @pytest.mark.parametrize(
