@@ -206,6 +206,17 @@ def test_named_coordinates_are_kept_and_names_do_not_clash() -> None:
     assert reduction.system.coordinates == ("mode1", "d", "mode_1", "mode_2")
 
 
+def test_nothing_to_leave_out_and_no_contact_are_no_trouble() -> None:
+    full = chain(4, 1)
+    everything = reduce(full, up_to=1.0, keep=full.coordinates)
+    assert everything.system.coordinates == full.coordinates
+    assert everything.error < 1e-12
+    assert natural(everything.system) == pytest.approx(natural(full))
+    linear = reduce(chain(9, 1, contacts=()), modes=4, up_to=0.3)
+    assert linear.error == 0.0
+    assert natural(linear.system)[0] == pytest.approx(2.0 * np.sin(np.pi / 20.0), rel=1e-3)
+
+
 def test_lanczos_finds_the_same_modes(monkeypatch) -> None:
     full = rod(80, 2)
     dense = reduce(full, modes=9, up_to=0.5)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance import Balance
 from gapwalk.orbit.newton import solve
@@ -45,6 +47,6 @@ def check_orbit(reduction: Reduction, orbit: Orbit, method: Balance | None = Non
     unknowns, _ = solve(pair.reduced, pair.reduced.unknowns(orbit), 0.0)
     try:
         error = pair.correct(unknowns).change
-    except NumericalError:
+    except (NumericalError, np.linalg.LinAlgError):
         error = float("inf")
     return OrbitCheck(orbit, error, full.harmonics)
