@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +13,27 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+
+
+class _Parameters(Mapping[str, float]):
+    """The parameters of a system by name."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self._system.structure.names:
+            raise KeyError(name)
+        return self._system[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._system.structure.names)
+
+    def __len__(self) -> int:
+        return len(self._system.structure.names)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 class System:
@@ -46,7 +66,7 @@ class System:
         With everything that is wrong, one reason a line.
     """
 
-    __slots__ = ("_beside", "_coefficients", "structure", "values")  # the second is kept for `coefficients_of`
+    __slots__ = ("_beside", "_coefficients", "_equations", "structure", "values")  # the second is for `coefficients_of`
     structure: Structure
     values: NDArray[np.float64]
 
@@ -93,7 +113,7 @@ class System:
             tuple(HarmonicForm(harmonic.name, harmonic.order) for harmonic in harmonics),
         )
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
-        self._set(structure, _checked(structure, values))
+        self._set(structure, checked(structure, values))
 
     def at(self, changes: Mapping[str, float] | None = None, **more: float) -> System:
         """The same system with other parameter values.
@@ -119,7 +139,7 @@ class System:
                 values[place] = value
             except OverflowError:
                 raise ModelError(f"{name} is an integer too large for a number of the machine") from None
-        return System.from_values(self.structure, _checked(self.structure, values))
+        return System.from_values(self.structure, checked(self.structure, values))
 
     @classmethod
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
@@ -143,7 +163,7 @@ class System:
         return system
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
-        if name != "values":
+        if name != "values" or not hasattr(self, "_beside"):
             raise AttributeError(f"a System has no attribute {name!r}")
         shared, place, value = self._beside
         values = shared.copy()
@@ -177,7 +197,19 @@ class System:
     @property
     def parameters(self) -> Mapping[str, float]:
         """Every parameter with its value."""
-        return MappingProxyType(dict(zip(self.structure.names, self.values.tolist(), strict=True)))
+        return _Parameters(self)
+
+    @property
+    def equations(self) -> System:
+        """The equations of motion as a system of their own; itself, unless an assembly makes them (a drive train)."""
+        if self.structure.assembly is None:
+            return self
+        try:
+            return self._equations
+        except AttributeError:
+            values = self.structure.expand(self.values)
+            object.__setattr__(self, "_equations", System.from_values(self.structure.equations, values))
+            return self._equations
 
     def __getitem__(self, name: str) -> float:
         """The value of one parameter."""
@@ -185,7 +217,13 @@ class System:
 
     def matrix(self, which: str) -> NDArray[np.float64]:
         """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
-        return self.values[self.structure.block(which, self.size, self.size)]
+        system = self.equations
+        return system.values[system.structure.block(which, self.size, self.size)]
+
+    def vector(self, which: str) -> NDArray[np.float64]:
+        """The vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,)."""
+        system = self.equations
+        return system.values[system.structure.block(which, self.size)]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -260,7 +298,7 @@ def _name_problems(coordinates, contacts, harmonics):
             taken.update(names)
 
 
-def _checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values, if a system can have them."""
     problems = [
         f"{structure.names[place]} is {values[place]}; it must be a finite number"
@@ -273,9 +311,12 @@ def _checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.fl
     return values
 
 
-def _value_problems(structure: Structure, values: NDArray[np.float64]):
+def _value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
     if not values[0] > 0:
         yield f"frequency is {values[0]}; it must be > 0"
+    if structure.assembly:
+        yield from structure.assembly.problems(values)
+        return
     n = structure.size
     mass = values[structure.block("mass", n, n)]
     if not _is_regular(mass):
@@ -292,7 +333,7 @@ def _value_problems(structure: Structure, values: NDArray[np.float64]):
                 if sign not in stage.side.signs:
                     continue
                 name = f"{contact.stage_prefix(stage)}.clearance"
-                clearance = float(values[structure.places[name]])
+                clearance = float(values[structure.place(name)])
                 if clearance < 0:
                     yield f"{name} is {clearance}; it must be >= 0"
                 elif clearance <= inner:
@@ -304,6 +345,8 @@ def _is_regular(mass: NDArray[np.float64]) -> bool:
     sizes = np.abs(mass).max(axis=1)
     if not sizes.all():
         return False
+    if np.count_nonzero(mass) == np.count_nonzero(np.diagonal(mass)):
+        return True
     # scaled first, so that a small inertia beside a large one is not taken for none
     scaled = mass / np.sqrt(np.outer(sizes, sizes))
     singular = np.linalg.svd(scaled, compute_uv=False)
