@@ -81,12 +81,10 @@ class ParameterNames(Sequence[str]):
             raise ModelError(self._unknown(str(name)))
         return place
 
-    def is_indexed(self, place: int) -> bool:
-        """Whether the parameter at a place is an entry of a vector or a matrix."""
-        return any(
-            block.rank and start <= place < end
-            for block, start, end in zip(self.blocks, self._starts, self._starts[1:], strict=False)
-        )
+    @property
+    def single(self) -> list[int]:
+        """The places of those that are no entries of a vector or a matrix."""
+        return [start for block, start in zip(self.blocks, self._starts, strict=False) if block.rank == 0]
 
     @cached_property
     def _starts(self) -> list[int]:

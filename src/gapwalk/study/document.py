@@ -13,6 +13,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.map.document import map_document
+from gapwalk.study.plain import plain_parameters
 from gapwalk.study.result import Result
 from gapwalk.study.search_result import COVERAGE, coverage_rows
 
@@ -31,7 +32,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
-        "parameters": dict(result.system.parameters),
+        "parameters": plain_parameters(result.system),
     }
     if result.finding is not None:
         finding = result.finding

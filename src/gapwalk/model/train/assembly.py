@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from gapwalk.model.names import ParameterNames
+from gapwalk.model.structure import Structure
 from gapwalk.model.train import geometry
 from gapwalk.model.train.form import TrainForm
 
@@ -130,3 +131,10 @@ class TrainAssembly:
                 )
             elif not link.rigid and body[first] == body[second]:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
+
+
+def structure_of(assembly: TrainAssembly) -> Structure:
+    """The structure of the system that a train makes up."""
+    form = assembly.form
+    contacts = tuple(contact for _, contact in form.contacts)
+    return Structure(form.coordinates, contacts, tuple(torque.harmonic for torque in form.torques), assembly)

@@ -16,9 +16,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.problem import did_you_mean
-from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm
 from gapwalk.model.system import System, checked
-from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.model.train.assembly import TrainAssembly, structure_of
 from gapwalk.model.train.form import LinkForm, TorqueForm, TrainForm
 from gapwalk.model.train.parts import GROUND, Gear, Inertia, Link, Shaft
 from gapwalk.model.train.tree import Edge, tree_of
@@ -80,13 +80,7 @@ class Train:
     def system(self) -> System:
         """The train as a system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
-        form = assembly.form
-        structure = Structure(
-            form.coordinates,
-            tuple(contact for _, contact in form.contacts),
-            tuple(torque.harmonic for torque in form.torques),
-            assembly,
-        )
+        structure = structure_of(assembly)
         return System.from_values(structure, checked(structure, values))
 
     def replaced(self, part: str, **changes: Any) -> Train:

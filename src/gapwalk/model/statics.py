@@ -1,0 +1,148 @@
+"""Positions in which all static forces balance: that of least energy, or one for each combination of closed stages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ConvergenceError
+from gapwalk.model.spring import Slope, Spring, springs_of
+from gapwalk.model.system import System
+
+_TINY = 1e-9  # share of a clearance, or of a force, that counts as none
+
+
+def tangent(
+    system: System, closed: Sequence[tuple[Slope, ...]], x: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Stiffness and damping matrices for small motions while these stages are closed, each shape (n, n).
+
+    About a position `x`, or, without one, just past the clearances of the stages, where no force has built up.
+    """
+    stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
+    for spring, slopes in zip(springs_of(system), closed, strict=True):
+        force, slope = 0.0, sum(each.stiffness for each in slopes)
+        if x is not None:
+            force, slope = spring.pull(float(spring.deflection @ x), slopes)
+        along = np.outer(spring.force, spring.deflection)
+        stiffness += slope * along
+        damping += spring.drag(force, slopes) * along
+    return stiffness, damping
+
+
+def has_least_energy(stiffness: NDArray[np.float64], springs: Sequence[Spring]) -> bool:
+    """Whether forces follow from an energy that curves upwards everywhere."""
+    if any(not spring.form.reciprocal for spring in springs):
+        return False
+    for spring in springs:
+        for sign in (1, -1):
+            side = [each for each in spring.slopes if each.sign == sign]
+            if any(each.cubic < 0 for each in side) or any(np.cumsum([each.stiffness for each in side]) < 0):
+                return False
+    size = np.abs(stiffness).max()
+    if np.abs(stiffness - stiffness.T).max() > 1e-12 * size:
+        return False
+    return size == 0 or bool(np.linalg.eigvalsh(stiffness)[0] > -1e-12 * len(stiffness) * size)
+
+
+def least_energy(
+    system: System, stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring]
+) -> NDArray[np.float64] | None:
+    """The position of least energy; of many, that nearest to zero; None if the energy falls for ever."""
+    mass = system.matrix("mass")
+    size = np.abs(stiffness).max() + sum(abs(s.stiffness) + abs(s.cubic) for each in springs for s in each.slopes)
+    holding = 1e-10 * (size or 1.0) / np.abs(mass).max() * mass  # of all positions of equal energy it takes the nearest
+
+    def energy(x: NDArray[np.float64]) -> float:
+        stored = sum(spring.energy(float(spring.deflection @ x)) for spring in springs)
+        return float(0.5 * x @ (stiffness + holding) @ x - load @ x + stored)
+
+    def pulls(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        force, slopes = stiffness @ x - load, stiffness.copy()
+        for spring in springs:
+            depth = float(spring.deflection @ x)
+            pull, slope = spring.pull(depth, spring.closed(depth))
+            force += pull * spring.deflection
+            slopes += slope * np.outer(spring.deflection, spring.deflection)
+        return force, slopes
+
+    x = np.zeros(len(load))
+    weight = np.abs(load).max()
+    for _ in range(500):
+        force, slopes = pulls(x)
+        step = -np.linalg.solve(slopes + holding, force + holding @ x)
+        share, here = 1.0, energy(x)
+        while energy(x + share * step) > here and share > 1e-12:
+            share *= 0.5
+        if np.abs(step).max() <= 1e-14 * np.abs(x).max() or share <= 1e-12:
+            settled = x - np.linalg.lstsq(slopes, force, rcond=1e-13)[0]
+            left = min((np.abs(pulls(each)[0]).max(), tuple(each)) for each in (x, settled))
+            return np.array(left[1]) if left[0] <= 1e-6 * weight or weight == 0 else None
+        x = x + share * step
+    raise ConvergenceError(
+        "the position of least energy under the mean load was not found; its numbers may be too unequal"
+    )
+
+
+def within(
+    stiffness: NDArray[np.float64],
+    load: NDArray[np.float64],
+    springs: Sequence[Spring],
+    ranges: Sequence[tuple[tuple[Slope, ...], float, float]],
+) -> NDArray[np.float64] | None:
+    """An equilibrium with just these stages closed; None if there is none."""
+    x = np.zeros(len(load))
+    free = np.zeros((len(load), 0))
+    for _ in range(100):
+        force, slopes = stiffness @ x - load, stiffness.copy()
+        for spring, (closed, low, high) in zip(springs, ranges, strict=True):
+            depth = float(spring.deflection @ x)
+            at = depth if any(each.cubic for each in closed) else float(np.clip(depth, low, high))
+            pull, slope = spring.pull(at, closed)
+            force += (pull + slope * (depth - at)) * spring.force
+            slopes += slope * np.outer(spring.force, spring.deflection)
+        left, sizes, right = np.linalg.svd(slopes)
+        lost = sizes <= 1e-12 * max(sizes[0], np.finfo(float).tiny)
+        parts = left.T @ force
+        if np.abs(parts[lost]).max(initial=0.0) > _TINY * max(np.abs(load).max(), np.abs(force).max()):
+            return None
+        step = -right[~lost].T @ (parts[~lost] / sizes[~lost])
+        x, free = x + step, right[lost].T
+        if np.abs(step).max() <= 1e-13 * np.abs(x).max():
+            break
+    else:
+        return None
+    return _placed(x, free, springs, ranges)
+
+
+def _placed(
+    x: NDArray[np.float64],
+    free: NDArray[np.float64],
+    springs: Sequence[Spring],
+    ranges: Sequence[tuple[tuple[Slope, ...], float, float]],
+) -> NDArray[np.float64] | None:
+    """The position, moved as it is free to, so that all deflections are in their ranges; None if they cannot be."""
+    rows, bounds = [], []
+    for spring, (closed, low, high) in zip(springs, ranges, strict=True):
+        for sign, end in ((1.0, high), (-1.0, -low)):
+            if math.isfinite(end):
+                inner = (bool(closed) and end < 0) or end == 0  # a breakpoint belongs to the range inside of it
+                rows.append(sign * spring.deflection)
+                bounds.append(end - _TINY * abs(end) if inner else end + _TINY * abs(end))
+    if not rows:
+        return x
+    room = np.array(bounds) - np.array(rows) @ x
+    if (room >= 0).all():
+        return x
+    if not free.shape[1]:
+        return None
+    from scipy.optimize import linprog  # slow to import, and seldom needed
+
+    table = np.hstack((np.array(rows) @ free, np.ones((len(rows), 1))))
+    found = linprog(
+        [0.0] * free.shape[1] + [-1.0], table, room, bounds=[(None, None)] * free.shape[1] + [(0, np.abs(room).max())]
+    )
+    return x + free @ found.x[:-1] if found.success else None
