@@ -48,7 +48,8 @@ class Names:
     def of_train(cls, data: Any) -> Names:
         """The names of the inertias of a train, which stand in place of coordinates."""
         tables = data.get("inertia") if isinstance(data, Mapping) else None
-        names = [table.get("name") for table in tables or () if isinstance(table, Mapping)]
+        tables = tables if isinstance(tables, list) else []
+        names = [table.get("name") for table in tables if isinstance(table, Mapping)]
         return cls([*dict.fromkeys(name for name in names if isinstance(name, str))] or None, "inertia")
 
 

@@ -123,7 +123,8 @@ def rest_of(system: System) -> Rest:
     complete = math.prod(map(len, ranges)) <= _MANY and not any(s.cubic for spring in springs for s in spring.slopes)
     tried = product(*ranges) if math.prod(map(len, ranges)) <= _MANY else [tuple(each[-1] for each in ranges)]
     positions = [x for each in tried if (x := within(stiffness, load, springs, each)) is not None]
-    different = {tuple(np.round(x / (np.abs(x).max() or 1.0), 9)): x for x in positions}
+    unit = max((np.abs(x).max() for x in positions), default=0.0) or 1.0
+    different = {tuple(np.round(x / unit, 9)): x for x in positions}
     found = [_equilibrium(system, position, springs) for position in different.values()]
     return Rest(tuple(sorted(found, key=lambda each: not each.stable)), complete)
 

@@ -13,6 +13,8 @@ from gapwalk.model.spring import Slope, Spring, springs_of
 from gapwalk.model.system import System
 
 _TINY = 1e-9  # share of a clearance, or of a force, that counts as none
+_WEAKEST = 10  # decades by which the spring is weaker than the others that holds what is free to move
+_LEFT = 1e-6  # share of the load that may be left over
 
 
 def tangent(
@@ -51,40 +53,63 @@ def has_least_energy(stiffness: NDArray[np.float64], springs: Sequence[Spring]) 
 def least_energy(
     system: System, stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring]
 ) -> NDArray[np.float64] | None:
-    """The position of least energy; of many, that nearest to zero; None if the energy falls for ever."""
-    mass = system.matrix("mass")
-    size = np.abs(stiffness).max() + sum(abs(s.stiffness) + abs(s.cubic) for each in springs for s in each.slopes)
-    holding = 1e-10 * (size or 1.0) / np.abs(mass).max() * mass  # of all positions of equal energy it takes the nearest
+    """The position of least energy; of many, that nearest to zero; None if the energy falls for ever.
+
+    A weak spring on all coordinates makes it unique. It is weakened step by step: with the weakest from the beginning,
+    the first step of Newton's method would leave a gap by many orders of magnitude.
+    """
+    mass, weight = system.matrix("mass"), float(np.abs(load).max())
+    slopes = [slope for spring in springs for slope in spring.slopes]
+    size = np.abs(stiffness).max() + sum(abs(s.stiffness) + np.cbrt(abs(s.cubic) * weight**2) for s in slopes)
+    x = np.zeros(len(load))
+    for power in range(_WEAKEST + 1):
+        x = _held(stiffness, 10.0**-power * (size or 1.0) / np.abs(mass).max() * mass, load, springs, x)
+    force, slope = _pulls(stiffness, load, springs, x)
+    settled = x - np.linalg.lstsq(slope, force, rcond=1e-13)[0]
+    left, best = min(
+        ((float(np.abs(_pulls(stiffness, load, springs, each)[0]).max()), each) for each in (settled, x)),
+        key=lambda pair: pair[0],
+    )
+    return best if left <= _LEFT * weight else None
+
+
+def _held(
+    stiffness: NDArray[np.float64],
+    holding: NDArray[np.float64],
+    load: NDArray[np.float64],
+    springs: Sequence[Spring],
+    x: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The position of least energy with a further linear spring, from a start."""
+    held = stiffness + holding
 
     def energy(x: NDArray[np.float64]) -> float:
         stored = sum(spring.energy(float(spring.deflection @ x)) for spring in springs)
-        return float(0.5 * x @ (stiffness + holding) @ x - load @ x + stored)
+        return float(0.5 * x @ held @ x - load @ x + stored)
 
-    def pulls(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        force, slopes = stiffness @ x - load, stiffness.copy()
-        for spring in springs:
-            depth = float(spring.deflection @ x)
-            pull, slope = spring.pull(depth, spring.closed(depth))
-            force += pull * spring.deflection
-            slopes += slope * np.outer(spring.deflection, spring.deflection)
-        return force, slopes
-
-    x = np.zeros(len(load))
-    weight = np.abs(load).max()
-    for _ in range(500):
-        force, slopes = pulls(x)
-        step = -np.linalg.solve(slopes + holding, force + holding @ x)
+    for _ in range(100):
+        force, slope = _pulls(held, load, springs, x)
+        step = -np.linalg.solve(slope, force)
         share, here = 1.0, energy(x)
-        while energy(x + share * step) > here and share > 1e-12:
+        while share > 1e-6 and energy(x + share * step) > here + 1e-14 * abs(here):
             share *= 0.5
-        if np.abs(step).max() <= 1e-14 * np.abs(x).max() or share <= 1e-12:
-            settled = x - np.linalg.lstsq(slopes, force, rcond=1e-13)[0]
-            left = min((np.abs(pulls(each)[0]).max(), tuple(each)) for each in (x, settled))
-            return np.array(left[1]) if left[0] <= 1e-6 * weight or weight == 0 else None
         x = x + share * step
-    raise ConvergenceError(
-        "the position of least energy under the mean load was not found; its numbers may be too unequal"
-    )
+        if np.abs(step).max() <= 1e-12 * np.abs(x).max() or share <= 1e-6:
+            return x
+    raise ConvergenceError("the position of least energy under the mean load was not found in 100 steps")
+
+
+def _pulls(
+    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], x: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The force that is left over at a position, and the stiffness there; all contacts are reciprocal."""
+    force, slopes = stiffness @ x - load, stiffness.copy()
+    for spring in springs:
+        depth = float(spring.deflection @ x)
+        pull, slope = spring.pull(depth, spring.closed(depth))
+        force += pull * spring.deflection
+        slopes += slope * np.outer(spring.deflection, spring.deflection)
+    return force, slopes
 
 
 def within(

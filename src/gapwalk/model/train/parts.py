@@ -134,7 +134,7 @@ class Shaft(Link):
 
     def problems(self) -> Iterator[str]:
         """What is wrong with its numbers, one sentence each, without its name."""
-        if not self.has_springs:
+        if not self.has_springs and self.clearance is None:
             yield "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each"
         yield from self.spring_problems()
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ class Train:
     reaction: str | None = None
 
     def __post_init__(self) -> None:
-        problems = [*_name_problems(self), *_part_problems(self)]
+        problems = [*_name_problems(self), *_number_problems(self)] or [*_part_problems(self)]
         if not problems:
             problems = [*_joint_problems(self)]
         if problems:
@@ -181,13 +182,25 @@ def _name_problems(train: Train) -> Iterator[str]:
             elif part.name in _RESERVED:
                 yield f"{part.name} is taken as a name already; choose another one for the {kind}"
             elif counts[part.name] > 1:
-                yield f"{part.name} is the name of {counts[part.name]} parts; give each a name of its own"
+                yield f"{part.name} has the name of another part; give each a name of its own"
+
+
+def _number_problems(train: Train) -> Iterator[str]:
+    """What is no number, but should be one."""
+    for part in (*train.inertias, *train.links):
+        for each in fields(part):
+            value = getattr(part, each.name)
+            if each.name in ("name", "between", "stages") or (value is None and each.default is None):
+                continue
+            if isinstance(value, bool) or not isinstance(value, Real):
+                yield f"{part.name}.{each.name} is {value!r}; it must be a number"
 
 
 def _part_problems(train: Train) -> Iterator[str]:
     inertias = [inertia.name for inertia in train.inertias]
     if not inertias:
         yield "inertias is empty; name at least one"
+        return
     if not train.links:
         yield "there are neither shafts nor gears; join the inertias by some"
     for link in train.links:
@@ -233,8 +246,8 @@ def _joint_problems(train: Train) -> Iterator[str]:
     reached = {tree.root, *(step.child for step in tree.steps)}
     apart = [inertia.name for number, inertia in enumerate(train.inertias) if number not in reached]
     if apart:
-        names = ", ".join(apart[:5]) + (", ..." if len(apart) > 5 else "")
+        more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
         to = "the ground" if tree.root == len(train.inertias) else train.inertias[0].name
-        yield f"{apart[0]} hangs together with {to} by no way ({names}); join it by a shaft or a gear"
+        yield f"{apart[0]} is joined to {to} by nothing{more}; write a shaft or a gear between them"
     elif all(edge.rigid for edge in edges):
         yield f"{train.links[0].name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
