@@ -141,7 +141,10 @@ def _equilibrium(
         names, side = tuple(each.stage for each in slopes), slopes[0].sign if slopes else 0
         contacts.append(ContactRest(spring.form.name, depth, spring.pull(depth, slopes)[0], side, names))
     stiffness, damping = tangent(system, closed, x)
-    sizes = np.linalg.svd(stiffness, compute_uv=False)
+    if np.array_equal(stiffness, stiffness.T):
+        sizes = np.sort(np.abs(np.linalg.eigvalsh(stiffness)))[::-1]
+    else:
+        sizes = np.linalg.svd(stiffness, compute_uv=False)
     stiffest = np.abs(tangent(system, [spring.innermost() for spring in springs])[0]).max()
     loose = int(np.sum(sizes <= 1e-10 * max(sizes[0], stiffest)))
     stable = stable or _is_stable(system, stiffness, damping)

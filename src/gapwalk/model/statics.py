@@ -61,11 +61,11 @@ def least_energy(
     mass, weight = system.matrix("mass"), float(np.abs(load).max())
     slopes = [slope for spring in springs for slope in spring.slopes]
     size = np.abs(stiffness).max() + sum(abs(s.stiffness) + np.cbrt(abs(s.cubic) * weight**2) for s in slopes)
-    x = np.zeros(len(load))
-    for power in range(_WEAKEST + 1):
-        x = _held(stiffness, 10.0**-power * (size or 1.0) / np.abs(mass).max() * mass, load, springs, x)
+    x, holding = np.zeros(len(load)), (size or 1.0) / np.abs(mass).max() * mass
+    for power in range(0, _WEAKEST + 1, 2):
+        x = _held(stiffness, 10.0**-power * holding, load, springs, x)
     force, slope = _pulls(stiffness, load, springs, x)
-    settled = x - np.linalg.lstsq(slope, force, rcond=1e-13)[0]
+    settled = x - np.linalg.solve(slope + 10.0**-_WEAKEST * holding, force)
     left, best = min(
         ((float(np.abs(_pulls(stiffness, load, springs, each)[0]).max()), each) for each in (settled, x)),
         key=lambda pair: pair[0],
