@@ -12,10 +12,10 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
+from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
-from gapwalk.study.plain import plain_parameters
 from gapwalk.study.result import Result
-from gapwalk.study.search_result import COVERAGE, coverage_rows
+from gapwalk.study.store.plain import plain_parameters
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""

@@ -14,7 +14,7 @@ from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.motion.forces import accelerations
-from gapwalk.study.plain import plain_system, system_of
+from gapwalk.study.store.plain import plain_system, system_of
 
 
 def branched(**changes) -> gw.Train:
