@@ -1,4 +1,4 @@
-"""The names of the parameters of a system: made when they are asked for, since matrices have very many of them."""
+"""The names of the parameters of a system: computed where they are very many, as those of large matrices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import overload
 
 from gapwalk.errors import ModelError
 
-_OFFERED = 20_000  # parameters among which a similar name is looked for one by one
+_FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class NameBlock:
 
 @dataclass(frozen=True)
 class ParameterNames(Sequence[str]):
-    """All names in the order of the value vector; a matrix of 1,000 coordinates has a million, so none is kept.
+    """All names in the order of the value vector; a matrix of 1,000 coordinates has a million, so then none is kept.
 
     Parameters
     ----------
@@ -101,7 +101,14 @@ class ParameterNames(Sequence[str]):
     def _indices(self) -> dict[str, int]:
         return {name: index for index, name in enumerate(self.coordinates)}
 
+    @cached_property
+    def _listed(self) -> dict[str, int] | None:
+        return {name: place for place, name in enumerate(self)} if len(self) <= _FEW else None
+
     def _find(self, name: str) -> int | None:
+        return self._listed.get(name) if self._listed is not None else self._compute(name)
+
+    def _compute(self, name: str) -> int | None:
         words = name.split(".")
         for rank in (0, 1, 2):
             number = self._blocks.get(".".join(words[: len(words) - rank]))
@@ -117,7 +124,7 @@ class ParameterNames(Sequence[str]):
         return None
 
     def _unknown(self, name: str) -> str:
-        known = list(self) if len(self) <= _OFFERED else [block.prefix for block in self.blocks if block.rank == 0]
+        known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
         if not near:
             last = name.rsplit(".", 1)[-1]
