@@ -53,15 +53,16 @@ def test_modes_are_drawn(name: str, form: str, tmp_path, capsys) -> None:
 
 
 def test_many_inertias_are_told_by_the_largest(tmp_path, capsys) -> None:
-    parts = [f'[[inertia]]\nname = "d{i}"\ninertia = 1.0' for i in range(12)]
-    parts += [f'[[shaft]]\nname = "s{i}"\nbetween = ["d{i}", "d{i + 1}"]\nstiffness = 1.0' for i in range(11)]
+    parts = [f'[[inertia]]\nname = "d{i}"\ninertia = 1.0' for i in range(42)]
+    parts += [f'[[shaft]]\nname = "s{i}"\nbetween = ["d{i}", "d{i + 1}"]\nstiffness = 1.0' for i in range(41)]
     path = tmp_path / "chain.toml"
-    path.write_text("mean = { d0 = 12.0 }\n" + "\n".join(parts), encoding="utf-8")
+    path.write_text("mean = { d0 = 42.0 }\n" + "\n".join(parts), encoding="utf-8")
     assert main(["modes", str(path)]) == 0
     text = capsys.readouterr().out
     assert "d0 at 1; reaction" in text
     assert "moves most" in text
     assert "d0 +1.000" in text
+    assert "... and 11 more, up to W = 1.9986" in text
 
 
 def test_bad_input_is_told(tmp_path, capsys) -> None:

@@ -24,6 +24,7 @@ from gapwalk.study.changes import change_source, change_system, parse_change
 
 _COLUMNS = 8  # entries of a mode that have a column each; of more, the largest are named
 _LARGEST = 3
+_ROWS = 30  # modes that are printed; --json has all of them
 
 
 def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
@@ -47,6 +48,10 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     for heading, modes in found.items():
         screen.print(f"\nNatural vibrations {heading}:", soft_wrap=True)
         screen.print(_table(modes))
+        if len(modes) > _ROWS:
+            screen.print(
+                f"... and {len(modes) - _ROWS} more, up to W = {_number(modes.frequencies[-1])} (--json has all)"
+            )
     if picture is not None:
         screen.print(f"written: {picture}", soft_wrap=True)
     return DONE
@@ -109,7 +114,7 @@ def _table(modes: Modes) -> Table:
     else:
         for name in names:
             table.add_column(name, justify="right")
-    for number, (frequency, ratio) in enumerate(zip(modes.frequencies, modes.damping_ratios, strict=True)):
+    for number, (frequency, ratio) in enumerate(zip(modes.frequencies[:_ROWS], modes.damping_ratios, strict=False)):
         shape = shapes[:, number]
         entries = [_largest(names, shape)] if wide else [f"{entry:+.3f}" for entry in shape]
         table.add_row(str(number + 1), _number(frequency), _number(frequency / (2 * math.pi)), _number(ratio), *entries)

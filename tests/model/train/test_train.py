@@ -84,9 +84,15 @@ def consistent(train: gw.Train, seed: int):
     """Random angles or speeds of all inertias that respect the rigid gears, and the deflections of all links."""
     random = np.random.default_rng(seed)
     turned = dict(zip([each.name for each in train.inertias], random.normal(0, 0.2, len(train.inertias)), strict=True))
-    for gear in train.gears:
+    body = {name: name for name in turned}
+    for gear in train.gears:  # in a tree each rigid gear joins two bodies that had nothing to do with each other
         if gear.is_rigid:
-            turned[gear.between[1]] = turned[gear.between[0]] / gear.ratio
+            first, second = gear.between
+            factor = turned[first] / (gear.ratio * turned[second])
+            moved = body[second]
+            for name in [each for each in body if body[each] == moved]:
+                turned[name] *= factor
+                body[name] = body[first]
     turned["ground"] = 0.0
     deflections = {
         link.name: turned[link.between[0]] - getattr(link, "ratio", 1.0) * turned[link.between[1]]
@@ -113,6 +119,44 @@ def test_the_equations_are_those_written_body_by_body(seed: int, held: bool) -> 
     coefficients = coefficients_of(system)
     found = accelerations(layout_of(system.structure), coefficients, 0.9 * 1.3, np.array(q), np.array(rate))
     assert found == pytest.approx([expected[name] for name in system.coordinates], rel=1e-11)
+
+
+def random_tree(seed: int) -> gw.Train:
+    """A tree of up to eight bodies in random order, with rigid and elastic links, free or held at one or two places."""
+    random = np.random.default_rng(seed)
+    names = [f"b{number}" for number in range(int(random.integers(2, 9)))]
+    shafts, gears = [gw.Shaft("first", (names[0], names[1]), stiffness=4.0, damping=0.3)], []
+    for number, name in enumerate(names[2:], start=2):
+        ends = [name, names[int(random.integers(number))]]
+        random.shuffle(ends)
+        pair, ratio = (ends[0], ends[1]), float(random.choice([-1, 1]) * random.uniform(0.3, 3))
+        springs = {"stiffness": float(random.uniform(1, 9)), "clearance": random.choice([None, 0.05])}
+        match int(random.integers(3)):
+            case 0:
+                gears.append(gw.Gear(f"rigid{number}", pair, ratio))
+            case 1:
+                gears.append(gw.Gear(f"gear{number}", pair, ratio, **springs, damping=0.1))
+            case _:
+                shafts.append(gw.Shaft(f"shaft{number}", pair, **springs))
+    for number in range(int(random.integers(3))):
+        shafts.append(gw.Shaft(f"wall{number}", (str(random.choice(names)), "ground"), stiffness=2.0 + number))
+    inertias = [gw.Inertia(name, float(random.uniform(0.1, 5))) for name in names]
+    return gw.Train(inertias, shafts, gears, {names[-1]: 0.7}, [gw.Harmonic(0.4, {names[0]: 1.0})], frequency=1.3)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_so_are_those_of_any_tree(seed: int) -> None:
+    train = random_tree(seed)
+    system = train.system()
+    angle, x = consistent(train, seed)
+    speed, v = consistent(train, seed + 1000)
+    q, rate = ([each[name] for name in system.coordinates] for each in (x, v))
+    expected = rates_by_hand(train, angle, speed, 0.9)
+    coefficients = coefficients_of(system)
+    found = accelerations(layout_of(system.structure), coefficients, 0.9 * 1.3, np.array(q), np.array(rate))
+    assert found == pytest.approx([expected[name] for name in system.coordinates], rel=1e-10, abs=1e-10)
+    equations = System.from_values(system.structure.equations, system.equations.values)
+    assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
 
 
 def test_the_symmetric_form_says_the_same() -> None:
