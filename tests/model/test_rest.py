@@ -115,3 +115,21 @@ def test_units_do_not_matter() -> None:
         assert positions(gw.rest_of(system)) == [pytest.approx([1.1 * scale])]
         stiff = gw.read_study(GEAR).system.at({"mesh.stiffness": scale, "mean.x": 0.1 * scale})
         assert positions(gw.rest_of(stiff)) == [pytest.approx([1.1])]
+
+
+def test_of_very_many_combinations_a_way_through_them_is_gone() -> None:
+    n = 9
+    names = [f"x{number}" for number in range(n)]
+    stiffness = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    gaps = [gw.backlash(f"gap{name}", {name: 1.0}, 0.1, 3.0, force={name: 1.1}) for name in names]  # no energy
+    system = gw.System(names, stiffness, contacts=gaps, mean={"x2": 4.0, "x6": -3.0})
+    rest = gw.rest_of(system)
+    assert not rest.complete
+    assert [unbalanced(system, each.position) < 1e-13 for each in rest.equilibria] == [True]
+
+
+def test_negative_damping_is_not_stable() -> None:
+    mesh = gw.Contact("mesh", {"x": 1.0}, (gw.Stage(0.1, 9.0),), None, gw.DampingLaw.HUNT_CROSSLEY_AS_PRINTED, 0.3)
+    system = gw.System(["x"], [[1.0]], contacts=[mesh], mean={"x": 1.0})
+    assert gw.rest_of(system).equilibria[0].stable
+    assert not gw.rest_of(system.at({"mean.x": -1.0})).equilibria[0].stable  # as printed, it feeds energy in there

@@ -92,7 +92,8 @@ def train_lines(system: System) -> list[str]:
 
 def _rest_lines(rest: Rest) -> list[str]:
     if not rest:
-        return ["  rests nowhere: the mean load drives it away"]
+        lost = "rests nowhere: the mean load drives it away" if rest.complete else "no position of rest was found"
+        return [f"  {lost}"]
     lines = []
     for each in rest.equilibria:
         forces = ", ".join(

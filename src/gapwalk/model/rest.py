@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.spring import Spring, springs_of
-from gapwalk.model.statics import has_least_energy, least_energy, tangent, within
+from gapwalk.model.statics import by_turns, curves_upwards, has_least_energy, least_energy, tangent, within
 from gapwalk.model.system import System
 
 _MANY = 5_000  # combinations of stages that are tried one by one
@@ -106,8 +106,8 @@ def rest_of(system: System) -> Rest:
     """Find where a system rests under its mean load, without its excitation.
 
     Where no spring ever softens and forces follow from an energy, the equilibrium is that of least energy, found by
-    Newton's method. Otherwise there may be several: each combination of closed stages is tried, as long as they are not
-    too many. With cubic terms that soften, further ones may lie within one combination.
+    Newton's method. Otherwise there may be several: each combination of closed stages is tried; of too many, those to
+    which one leads after another. With cubic terms that soften, further ones may lie within one combination.
 
     Raises
     ------
@@ -117,11 +117,12 @@ def rest_of(system: System) -> Rest:
     stiffness, load, springs = system.matrix("stiffness"), system.vector("mean"), springs_of(system)
     if has_least_energy(stiffness, springs):
         position = least_energy(system, stiffness, load, springs)
-        found = [] if position is None else [_equilibrium(system, position, springs, stable=True)]
+        found = [] if position is None else [_equilibrium(system, position, springs)]
         return Rest(tuple(found), complete=True)
     ranges = [tuple(spring.ranges()) for spring in springs]
-    complete = math.prod(map(len, ranges)) <= _MANY and not any(s.cubic for spring in springs for s in spring.slopes)
-    tried = product(*ranges) if math.prod(map(len, ranges)) <= _MANY else [tuple(each[-1] for each in ranges)]
+    few = math.prod(map(len, ranges)) <= _MANY
+    complete = few and not any(slope.cubic for spring in springs for slope in spring.slopes)
+    tried = product(*ranges) if few else by_turns(stiffness, load, springs, ranges)
     positions = [x for each in tried if (x := within(stiffness, load, springs, each)) is not None]
     unit = max((np.abs(x).max() for x in positions), default=0.0) or 1.0
     different = {tuple(np.round(x / unit, 9)): x for x in positions}
@@ -129,9 +130,7 @@ def rest_of(system: System) -> Rest:
     return Rest(tuple(sorted(found, key=lambda each: not each.stable)), complete)
 
 
-def _equilibrium(
-    system: System, x: NDArray[np.float64], springs: Sequence[Spring], *, stable: bool = False
-) -> Equilibrium:
+def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Spring]) -> Equilibrium:
     contacts, closed = [], []
     for spring in springs:
         depth = float(spring.deflection @ x)
@@ -147,11 +146,12 @@ def _equilibrium(
         sizes = np.linalg.svd(stiffness, compute_uv=False)
     stiffest = np.abs(tangent(system, [spring.innermost() for spring in springs])[0]).max()
     loose = int(np.sum(sizes <= 1e-10 * max(sizes[0], stiffest)))
-    stable = stable or _is_stable(system, stiffness, damping)
-    return Equilibrium(x, tuple(contacts), stiffness, damping, loose, stable)
+    return Equilibrium(x, tuple(contacts), stiffness, damping, loose, _is_stable(system, stiffness, damping))
 
 
 def _is_stable(system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> bool:
+    if curves_upwards(stiffness) and curves_upwards(damping):
+        return True  # as Kelvin and Tait have it; of a large system the eigenvalues below would take long
     n = system.size
     rates = np.linalg.solve(system.matrix("mass"), np.hstack((stiffness, damping)))
     matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-rates[:, :n], -rates[:, n:]]])

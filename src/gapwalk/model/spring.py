@@ -29,6 +29,10 @@ class Slope:
         return self.sign * x - self.clearance
 
 
+Range = tuple[tuple[Slope, ...], float, float]
+"""A stretch of a deflection: the stages that are closed on it, from where, to where."""
+
+
 @dataclass(frozen=True)
 class Spring:
     """The spring of a contact.
@@ -84,7 +88,7 @@ class Spring:
         sides = [[each for each in self.slopes if each.sign == sign] for sign in (1, -1)]
         return tuple(next(side for side in sides if side)[:1])
 
-    def ranges(self) -> Iterator[tuple[tuple[Slope, ...], float, float]]:
+    def ranges(self) -> Iterator[Range]:
         """The stretches of the deflection on which nothing closes or opens: what is closed, from where, to where."""
         up, down = ([each for each in self.slopes if each.sign == sign] for sign in (1, -1))
         for sign, side in ((1, up), (-1, down)):

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError
-from gapwalk.model.spring import Slope, Spring, springs_of
+from gapwalk.model.spring import Range, Slope, Spring, springs_of
 from gapwalk.model.system import System
 
 _TINY = 1e-9  # share of a clearance, or of a force, that counts as none
 _WEAKEST = 10  # decades by which the spring is weaker than the others that holds what is free to move
+_TURNS = 200  # combinations that are tried where there are too many
 _LEFT = 1e-6  # share of the load that may be left over
 
 
@@ -44,10 +45,15 @@ def has_least_energy(stiffness: NDArray[np.float64], springs: Sequence[Spring]) 
             side = [each for each in spring.slopes if each.sign == sign]
             if any(each.cubic < 0 for each in side) or any(np.cumsum([each.stiffness for each in side]) < 0):
                 return False
-    size = np.abs(stiffness).max()
-    if np.abs(stiffness - stiffness.T).max() > 1e-12 * size:
+    return curves_upwards(stiffness)
+
+
+def curves_upwards(matrix: NDArray[np.float64]) -> bool:
+    """Whether a matrix is symmetric and has no negative eigenvalue."""
+    size = np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > 1e-12 * size:
         return False
-    return size == 0 or bool(np.linalg.eigvalsh(stiffness)[0] > -1e-12 * len(stiffness) * size)
+    return size == 0 or bool(np.linalg.eigvalsh(matrix)[0] > -1e-12 * len(matrix) * size)
 
 
 def least_energy(
@@ -113,15 +119,41 @@ def _pulls(
 
 
 def within(
+    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], ranges: Sequence[Range]
+) -> NDArray[np.float64] | None:
+    """An equilibrium with just these stages closed; None if there is none."""
+    found = _balanced(stiffness, load, springs, ranges)
+    return None if found is None else _placed(*found, springs, ranges)
+
+
+def by_turns(
     stiffness: NDArray[np.float64],
     load: NDArray[np.float64],
     springs: Sequence[Spring],
-    ranges: Sequence[tuple[tuple[Slope, ...], float, float]],
-) -> NDArray[np.float64] | None:
-    """An equilibrium with just these stages closed; None if there is none."""
+    ranges: Sequence[Sequence[Range]],
+) -> Iterator[Sequence[Range]]:
+    """Combinations of stages, from that at zero on: each is closed where the one before it balances."""
     x = np.zeros(len(load))
-    free = np.zeros((len(load), 0))
-    for _ in range(100):
+    for _ in range(_TURNS):
+        depths = [float(spring.deflection @ x) for spring in springs]
+        chosen = [
+            next(each for each in of_contact if each[1] <= depth <= each[2])
+            for depth, of_contact in zip(depths, ranges, strict=True)
+        ]
+        yield chosen
+        found = _balanced(stiffness, load, springs, chosen)
+        if found is None:
+            return
+        x = found[0]
+
+
+def _balanced(
+    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], ranges: Sequence[Range]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Where forces balance if these stages act wherever it is, and the directions in which it is free to move."""
+    x, free = np.zeros(len(load)), np.zeros((len(load), 0))
+    bent = any(each.cubic for closed, _, _ in ranges for each in closed)
+    for _ in range(100 if bent else 2):
         force, slopes = stiffness @ x - load, stiffness.copy()
         for spring, (closed, low, high) in zip(springs, ranges, strict=True):
             depth = float(spring.deflection @ x)
@@ -139,15 +171,15 @@ def within(
         if np.abs(step).max() <= 1e-13 * np.abs(x).max():
             break
     else:
-        return None
-    return _placed(x, free, springs, ranges)
+        return None if bent else (x, free)
+    return x, free
 
 
 def _placed(
     x: NDArray[np.float64],
     free: NDArray[np.float64],
     springs: Sequence[Spring],
-    ranges: Sequence[tuple[tuple[Slope, ...], float, float]],
+    ranges: Sequence[Range],
 ) -> NDArray[np.float64] | None:
     """The position, moved as it is free to, so that all deflections are in their ranges; None if they cannot be."""
     rows, bounds = [], []
