@@ -88,6 +88,40 @@ def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: 
 
 
 @app.command(sort_key=3)
+def modes(
+    file: Path,
+    /,
+    *,
+    changes: Changes = None,
+    picture: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Show where a system rests under its mean load, which clearances are open there, and its natural vibrations.
+
+    Parameters
+    ----------
+    file
+        The model file; a study in it is not looked at.
+    changes
+        Another value, as in --set stage2.clearance=0.5; may be repeated.
+    picture
+        Draw the slowest modes into this file, PNG or SVG.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.modes import show_modes
+
+        return show_modes(file, changes or [], picture, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=4)
 def run(
     file: Path,
     /,
@@ -142,7 +176,7 @@ def run(
     return guard(job, json=json, debug=debug)
 
 
-@app.command(sort_key=4)
+@app.command(sort_key=5)
 def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
     """Show what a result file holds: branches, why they end, and special points; or what else its study found.
 
@@ -166,7 +200,7 @@ def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Fl
     return guard(job, json=json, debug=debug)
 
 
-@app.command(sort_key=5)
+@app.command(sort_key=6)
 def export(
     result: Path,
     /,
@@ -201,7 +235,7 @@ def export(
     return guard(job, debug=debug)
 
 
-@app.command(sort_key=6)
+@app.command(sort_key=7)
 def paper(
     *figures: str,
     list_: Annotated[bool, Parameter(name="--list", negative=(), show_default=False)] = False,

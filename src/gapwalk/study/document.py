@@ -17,6 +17,7 @@ from gapwalk.study.map.document import map_document
 from gapwalk.study.reduced.full_check import plain_checks
 from gapwalk.study.reduced.origin import plain_reduced
 from gapwalk.study.result import Result
+from gapwalk.study.store.plain import plain_parameters
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""
@@ -33,7 +34,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
-        "parameters": dict(result.system.parameters),
+        "parameters": plain_parameters(result.system),
     }
     if result.study.reduced is not None:
         head["reduction"] = plain_reduced(result.study.reduced)
