@@ -144,7 +144,7 @@ def test_too_few_harmonics_end_the_branch_with_what_to_change() -> None:
     end = branch.ends[-1]
     assert end.reason is EndReason.COARSE
     assert end.reason.is_failure
-    assert "write Balance(harmonics=16) or more" in str(end)
+    assert "take harmonics = 16 or more" in str(end)
     assert all(point.orbit.truncation <= 2e-4 for point in branch.points)
     assert 0.6 < branch.points[-1].value < 0.78
 

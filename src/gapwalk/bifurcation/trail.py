@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 from gapwalk.bifurcation.departure import Departure, lift, refined
@@ -26,6 +27,30 @@ class TrailState(NamedTuple):
 
     walk: WalkState
     detector: DetectorState
+
+
+def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
+    """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
+
+    Parameters
+    ----------
+    departure
+        From which the trail departed.
+    walk
+        Options of the walk.
+    state
+        `Trail.state` when it was stopped; but its points are as they were yielded, so that the one before the last may
+        be from before a refinement.
+    """
+    previous, size = state.walk.previous, len(state.walk.point.x)
+    while len(departure.first.x) < size:
+        finer = refined(departure)
+        if finer is None:
+            break
+        if previous is not None and len(previous.x) < len(finer.first.x):
+            previous = lift(previous, finer.corrector, finer.equation)
+        departure = finer
+    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)))
 
 
 class Trail(Iterator[Step]):
@@ -74,7 +99,7 @@ class Trail(Iterator[Step]):
             try:
                 point = next(self.walk)
             except StopIteration:
-                if self._refine():
+                if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 self._end_at_parent(before, first)
@@ -97,18 +122,20 @@ class Trail(Iterator[Step]):
                 continue
             return self._until_parent(first, step)
 
-    def _refine(self) -> bool:
-        """Go on with a finer resolution where the walk ended for want of one; whether there is one."""
+    def _refine(self, count: int) -> bool:
+        """Go on more finely where the walk ended for want of it, after `count` points; whether that can be done."""
         if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
             return False
         finer = refined(self.departure)
         point = None if finer is None else lift(self.walk.point, finer.corrector, finer.equation)
         if finer is None or point is None:
             return False
-        state = WalkState(None, point, self.walk.step, self.walk.count)
+        state = WalkState(None, point, self.walk.step, count)
         walk = self.walk
         self.departure = finer
-        self.walk = Walk(finer.equation, finer.first, walk.within, finer.corrector, walk.options, state)
+        self.walk = Walk(
+            finer.equation, finer.first, walk.within, finer.corrector, walk.options, state, branched=finer.singular
+        )
         self.walk.rejected = walk.rejected
         self.detector = Detector(finer.corrector)
         return True

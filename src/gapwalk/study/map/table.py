@@ -15,9 +15,10 @@ from gapwalk.model.system import System
 from gapwalk.study.diagram.search_table import SearchPart
 from gapwalk.study.fields import CountOrValues, check_inside
 from gapwalk.study.map.options import KINDS
+from gapwalk.study.method_table import ShootingPart
 from gapwalk.study.options import MapStudyOptions, SecondParameter
 from gapwalk.study.store.plain import with_tuples
-from gapwalk.study.tables import BranchPart, ShootingPart, Surroundings, check_parameter, check_value
+from gapwalk.study.tables import BranchPart, Surroundings, check_parameter, check_value
 
 
 def _has_a_locus(value: object) -> Kind:
