@@ -250,7 +250,7 @@ class _Grower:
         if isinstance(branch, str):
             self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
             return
-        self.diagram = self.diagram.with_branch(branch, origin)
+        self.diagram = self.diagram.with_branch(branch, origin, self.method)
         if self.report is not None:
             self.report(self.diagram, self.diagram.limbs[-1])
 
