@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from gapwalk.orbit.shooting import Shooting
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
+    from gapwalk.study.compare import compare_results
+    from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
@@ -91,6 +93,7 @@ __all__ = [
     "Regimes",
     "ResponseOptions",
     "Result",
+    "ResultComparison",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
@@ -112,6 +115,7 @@ __all__ = [
     "bifurcation_map",
     "classify",
     "compare",
+    "compare_results",
     "diagram",
     "errors",
     "find_orbit",
@@ -177,6 +181,7 @@ _HOMES = {
     "Regimes": "attractor.regimes",
     "ResponseOptions": "study.options",
     "Result": "study.result",
+    "ResultComparison": "study.comparison",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
@@ -197,6 +202,7 @@ _HOMES = {
     "bifurcation_map": "study.map",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
+    "compare_results": "study.compare",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
