@@ -7,7 +7,7 @@ import pytest
 
 from gapwalk import Balance, Kind, WalkOptions, compare, find_orbit, follow, switch
 from gapwalk.bifurcation.follow import walk_out
-from gapwalk.bifurcation.membership import lies_on
+from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.paper import case
@@ -127,10 +127,35 @@ def test_a_flip_is_left_with_as_many_harmonics_as_it_was_found_with() -> None:
     assert len(departure.first.x) == 2 * len(flip.point.x) - 2
 
 
-def test_orbits_are_not_looked_up_on_a_balanced_branch() -> None:
-    branch = balanced(Balance(10, error=1.0), to=0.75)
-    with pytest.raises(ModelError, match=r"compare others with gapwalk\.compare"):
-        lies_on(branch, branch.points[0].orbit)
+def test_orbits_are_looked_up_on_a_balanced_branch_of_growing_harmonics(by_shooting) -> None:
+    branch = balanced(Balance(error=1e-4))
+    curve = Curve(branch)
+    assert len({point.orbit.harmonics for point in branch.points}) > 1
+    between = follow(branch.points[30].orbit, "frequency", to=0.55, method=Balance(error=1e-4)).points[3].orbit
+    assert curve.holds(between)
+    exact = by_shooting.points[len(by_shooting.points) // 2].orbit
+    assert curve.holds(exact)  # to the truncation
+    assert not Curve(by_shooting).holds(replace(exact, state=exact.state + 1e-4))
+    assert not curve.holds(replace(exact, state=exact.state + 0.1))
+    nearest = min(
+        curve.orbits_at(exact.system.frequency), key=lambda orbit: float(np.abs(orbit.state - exact.state).max())
+    )
+    assert nearest.state == pytest.approx(exact.state, abs=5e-3)
+    assert nearest.harmonics == max(point.orbit.harmonics for point in branch.points)
+
+
+def test_a_doubled_balanced_branch_holds_its_motions_begun_a_period_later() -> None:
+    method = Balance(12, error=1e-3)
+    flip = balanced(method, "9b", 1.45, 1.1).special(Kind.FLIP)[0]
+    child = walk_out(switch(flip, "frequency", (1.1, 1.45), method), WALK)
+    orbit = child.points[len(child.points) // 2].orbit
+    start = child.points[len(child.points) // 2 + 1].orbit.strobes(2)[1]  # a forcing period later
+    there = child.points[len(child.points) // 2 + 1].orbit.system
+    later = find_orbit(there, 2, start, method=method)
+    assert not np.allclose(later.state, child.points[len(child.points) // 2 + 1].orbit.state, atol=1e-2)
+    assert lies_on(child, later)
+    assert lies_on(child, orbit)
+    assert not lies_on(child, find_orbit(orbit.system, 1, "rest", method=method))
 
 
 def test_a_balanced_branch_can_be_drawn(tmp_path) -> None:

@@ -107,8 +107,8 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     first, second
         The branches. Where only one has points, nothing is compared.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default half the peak-to-peak and the mean of each
-        coordinate.
+        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
+        which have no corners along a branch, as extremes have.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
 def measures_of(branch: Branch, measures: str | Sequence[str] | None = None) -> tuple[str, ...]:
     """The measures by which branches are compared; those of `compare` by default."""
     if measures is None:
-        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("half", "mean"))
+        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("mean", "rms"))
     return (measures,) if isinstance(measures, str) else tuple(measures)
 
 

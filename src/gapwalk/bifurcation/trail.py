@@ -6,9 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
+from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
@@ -16,6 +19,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 
+_GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -103,6 +107,7 @@ class Trail(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 self._end_at_parent(before, first)
+                self._explain_small_step(first)
                 raise
             doubt = self.departure.equation.doubt(point.orbit)
             if doubt:
@@ -184,6 +189,18 @@ class Trail(Iterator[Step]):
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
+
+    def _explain_small_step(self, last: BranchPoint) -> None:
+        """Say so where a walk got stuck because a contact grazes: a stiff one turns the branch within a step."""
+        end = self.walk.end
+        if end is None or end.reason is not EndReason.STEP:
+            return
+        size = 1.0 + float(np.abs(last.orbit.extremes[:, :2]).max())
+        depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
+        if depths and min(depths) <= _GRAZES * size:
+            contact = describe_switch(last.orbit, depths.index(min(depths)))
+            advice = "the branch turns there too sharply to be followed: begin beyond, or with a softer contact"
+            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
 
     def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
         """Give a walk that got stuck just before its parent its true reason."""

@@ -40,8 +40,8 @@ def compare_results(first: Result, second: Result, measures: str | Sequence[str]
     first, second
         The results.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default half the peak-to-peak and the mean of each
-        coordinate.
+        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
+        which have no corners along a branch, as extremes have.
 
     Raises
     ------
