@@ -93,6 +93,14 @@ def test_flips_are_located_with_their_nature(by_shooting) -> None:
     assert comparison.within(1e-4)
 
 
+def test_natures_are_right_with_few_harmonics() -> None:
+    """They are read off the doubled branch, which the truncated equation has leave at a place of its own."""
+    shot = follow(find_orbit(case("13"), frequency=1.4), "frequency", to=0.38)
+    few = balanced(Balance(8, error=1.0), "13", 1.4, 0.38)
+    assert [flip.nature for flip in few.special(Kind.FLIP)] == [flip.nature for flip in shot.special(Kind.FLIP)]
+    assert [flip.nature[:3] for flip in shot.special(Kind.FLIP)] == ["sup", "sub", "sup", "sup", "sup", "sub"]
+
+
 def test_the_doubled_branch_is_walked_from_one_flip_to_the_other() -> None:
     method = Balance(12, error=1e-3)
     parent = balanced(method, "9b", 1.45, 1.1)

@@ -18,7 +18,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
 _SINGULAR = 1e-8  # size of a singular value that is zero but for rounding
-_BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is seen to change
+_BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is first seen to change
+_STEPS = 6  # of the secant method, at most
 _FAR = 0.05  # scaled distance beyond which its branch point is not that of the flip
 
 
@@ -82,7 +83,7 @@ class _Doubled:
         """Where the doubled equation has its branch point, not scaled, and its null vector there, the parameter held.
 
         By shooting that is the flip. The multipliers of a balanced motion are more exact than its truncated equation,
-        which has its own flip nearby: a secant step along the parent leads there, and leaves its square.
+        which has its own flip nearby: the secant method along the parent leads there.
         """
         start = self._doubled(self.special.orbit)
         here, across = self._singular(start)
@@ -91,13 +92,23 @@ class _Doubled:
         x = np.append(self.parent.equation.unknowns(self.special.orbit), self.special.value) / self.parent.scales
         evaluation = self.parent.equation.evaluate(x[:-1] * self.parent.scales[:-1], self.special.value)
         tangent, _ = self.parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0))
+        least, places, values = abs(here), [0.0, _BESIDE], [here]
         try:
-            beside = self._along(x, tangent, _BESIDE)
-            step = _BESIDE * here / (here - self._singular(beside)[0])
-            found = self._along(x, tangent, step) if abs(step) <= _FAR else start
-        except (NumericalError, ZeroDivisionError):
-            return start, across
-        return found, self._singular(found)[1]
+            for _ in range(_STEPS):
+                beside = self._along(x, tangent, places[-1])
+                value, vector = self._singular(beside)
+                values.append(value)
+                if abs(value) < least:
+                    least, start, across = abs(value), beside, vector
+                rise = values[-1] - values[-2]
+                if least < _SINGULAR or rise == 0.0:
+                    break
+                places.append(places[-1] - value * (places[-1] - places[-2]) / rise)
+                if abs(places[-1]) > _FAR:
+                    break
+        except NumericalError:
+            pass  # the nearest place so far serves
+        return start, across
 
     def _singular(self, start: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         """The smallest singular value of the Jacobian by the scaled unknowns, with the sign of its determinant.
