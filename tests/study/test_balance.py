@@ -4,13 +4,16 @@ import csv
 import os
 import random
 import signal
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import gapwalk as gw
 from gapwalk.continuation import EndReason
-from gapwalk.errors import ModelError, NumericalError
+from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.model.problem import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit.balance import BalancedOrbit
@@ -284,3 +287,22 @@ def test_loci_are_by_shooting_and_may_begin_at_a_balanced_point() -> None:
     plane = parse_source(FILE.replace('"response"', '"map"') + second)
     with pytest.raises(ModelFileError, match=r"loci are followed by shooting"):
         check_study(plane)
+
+
+def test_a_damaged_balanced_result_is_named(growing, tmp_path) -> None:
+    path = tmp_path / "result.gapwalk"
+    gw.run(growing_study(), path)
+    with closing(sqlite3.connect(path)) as connection:
+        data, events = connection.execute("SELECT start, start_events FROM branch").fetchone()
+        numbers = np.frombuffer(data, dtype="<f8").copy()
+        place = 3 + 10 * growing.system.size  # of K, the number of lines
+        assert numbers[place] == growing.branches[0].points[0].orbit.harmonics
+        for wrong in (numbers[place] + 1.0, 0.5, 1e300):
+            numbers[place] = wrong
+            connection.execute("UPDATE branch SET start = ?", (numbers.tobytes(),))
+            connection.commit()
+            with pytest.raises(StoreError, match=r"result\.gapwalk is damaged: "):
+                gw.load(path)
+        connection.execute("UPDATE branch SET start = ?, start_events = ?", (data, events))
+        connection.commit()
+    assert_same_result(gw.load(path), growing)

@@ -42,7 +42,7 @@ class LocusCodec:
 
     def unpack(self, packed: Packed, count: int) -> list[LocusPoint]:
         """The points of their bytes; a ValueError if they are not those of `count` points."""
-        numbers, points = self._orbits.numbers(packed, count), []
+        numbers, points = self._orbits.numbers(packed, count, 6 + 2 * self.unknowns), []
         for _ in range(count):
             first, second, *values, angle, arclength = numbers.take(6).tolist()
             x, tangent = numbers.take(self.unknowns), numbers.take(self.unknowns)

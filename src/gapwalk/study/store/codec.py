@@ -47,7 +47,7 @@ class PointCodec:
 
     def unpack(self, packed: Packed, count: int) -> list[BranchPoint]:
         """The points of their bytes; a ValueError if they are not those of `count` points."""
-        numbers, points = self._orbits.numbers(packed, count), []
+        numbers, points = self._orbits.numbers(packed, count, 3 + 2 * self.unknowns), []
         for _ in range(count):
             value, determinant, arclength = numbers.take(3).tolist()
             n = numbers.take_count() if self._orbits.balanced else self.unknowns

@@ -26,14 +26,14 @@ class Numbers:
         The bytes.
     switches
         Number of switches that an event may belong to.
-    count
-        Number of rows, for the message if they are too few.
+    count, width
+        Number of rows, and how many numbers each has, if that is the same for all.
     """
 
-    def __init__(self, packed: Packed, switches: int, count: int) -> None:
+    def __init__(self, packed: Packed, switches: int, count: int, width: int | None) -> None:
         self._numbers, rows = (np.frombuffer(part, dtype="<f8").astype(float) for part in packed)
         self._count, self._at, self._taken = count, 0, 0
-        if count < 1 or len(rows) % 4:
+        if count < 1 or len(rows) % 4 or (width is not None and len(self._numbers) != count * width):
             raise ValueError(self._wrong(len(rows)))
         theta, switch, enters, velocity = rows.reshape(-1, 4).T
         if not np.isin(switch, np.arange(switches)).all() or not np.isin(enters, (0.0, 1.0)).all():
@@ -144,9 +144,12 @@ class OrbitCodec:
         """The values of the parameters at which an orbit exists."""
         return orbit.system.values[self._places].tolist()
 
-    def numbers(self, packed: Packed, count: int) -> Numbers:
-        """The numbers of packed bytes, which should be `count` rows; a ValueError if they cannot be."""
-        return Numbers(packed, self._switches, count)
+    def numbers(self, packed: Packed, count: int, others: int = 0) -> Numbers:
+        """The numbers of packed bytes, which should be `count` rows; a ValueError if they cannot be.
+
+        Rows by shooting are all of one length: that of an orbit, and of `others` beside it.
+        """
+        return Numbers(packed, self._switches, count, None if self.balanced else others + 3 + 10 * self.system.size)
 
     def _values(self, values: Sequence[float]) -> NDArray[np.float64]:
         changed = self.system.values.copy()
