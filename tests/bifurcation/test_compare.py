@@ -5,7 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk import Balance, Kind, WalkOptions, compare, find_orbit, follow, switch
+from gapwalk import (
+    Balance,
+    Contact,
+    Harmonic,
+    Kind,
+    Stage,
+    System,
+    WalkOptions,
+    compare,
+    find_orbit,
+    follow,
+    switch,
+)
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation.walk import EndReason
@@ -62,6 +74,25 @@ def test_special_points_of_one_branch_alone_are_named(by_shooting) -> None:
     assert comparison.only_second == ()
     assert not comparison.within(1.0)
     assert f"only in the first: {fold!r}" in str(comparison)
+
+
+def test_the_mean_of_a_symmetric_motion_is_rounding_and_does_not_count() -> None:
+    """A mass between two stops, and one that nothing moves."""
+    gap = Contact("gap", {"x": 1.0}, (Stage(1.0, 20.0),))
+    system = System(
+        ["x", "y"],
+        [[1.0, 0.0], [0.0, 1.0]],
+        [[0.05, 0.0], [0.0, 0.05]],
+        contacts=[gap],
+        harmonics=[Harmonic(0.2, {"x": 1.0})],
+        frequency=0.7,
+    )
+    shot, few = (
+        follow(find_orbit(system, method=method), "frequency", to=1.1, method=method, walk=WALK)
+        for method in (None, Balance(error=1e-4))
+    )
+    assert np.abs(shot.measure("mean.x")).max() < 1e-12
+    assert compare(shot, few).within(1e-3)
 
 
 def test_branches_of_different_parameters_are_refused(by_shooting) -> None:

@@ -15,7 +15,8 @@ from gapwalk.errors import ModelError
 
 _NEAR = 0.05  # distance, in sizes of the whole picture, beyond which two special points are not the same
 _FAR = 1e3
-_STEADY = 1e-6  # range of a measure, relative to its size, below which it does not vary
+_STEADY = 1e-6  # range of a measure, relative to the size of its signal, below which it does not vary
+_NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -180,10 +181,18 @@ def common_range(first: Branch, second: Branch) -> tuple[float, float]:
 
 
 def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
-    """The range of each measure over some branches; the size of one that hardly varies."""
+    """The range of each measure over some branches; of one that hardly varies, the size of its signal.
+
+    So the mean of a symmetric motion, which is nothing but rounding, is set against the motion; and a signal that is
+    nothing but rounding itself against the others.
+    """
     measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
+    signals = [name.partition(".")[2] for name in names]
+    own = [float(np.abs(each).max()) for each in measured]
+    sizes = [max(size for size, other in zip(own, signals, strict=True) if other == signal) for signal in signals]
+    largest = max(sizes, default=0.0) or 1.0
+    sizes = [size if size > _NOTHING * largest else largest for size in sizes]
     ranges = [float(np.ptp(each)) for each in measured]
-    sizes = [float(np.abs(each).max()) or 1.0 for each in measured]
     return np.array([width if width > _STEADY * size else size for width, size in zip(ranges, sizes, strict=True)])
 
 
