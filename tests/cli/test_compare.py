@@ -36,7 +36,11 @@ def test_two_methods_agree(results, capsys) -> None:
 
 def test_a_smaller_tolerance_ends_with_another_code(results, capsys) -> None:
     assert main(["compare", *results, "--tolerance", "1e-9"]) == 4
-    assert "they differ by more than 1e-09" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "they differ by more than 1e-09" in out
+    assert "walk with smaller steps" in out
+    assert main(["compare", results[0], results[0], "--tolerance", "1e-4"]) == 0
+    assert "walk with smaller steps" not in capsys.readouterr().out
 
 
 def test_json_is_one_document(results, capsys) -> None:

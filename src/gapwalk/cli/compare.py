@@ -25,6 +25,7 @@ from gapwalk.study.store.stored import load
 
 _PICTURES = (".png", ".svg")
 _WORDS = ("first", "second")
+_SPARSE = 10.0  # distance, in parts that interpolation may add, below which it may be nothing else
 
 
 def compare_files(
@@ -90,6 +91,9 @@ def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tol
     worst = f"distance {found.largest:.2g}, location of a special point {found.largest_shift:.2g}"
     verdict = "they agree within" if found.within(tolerance) else "they differ by more than"
     screen.print(f"largest {worst}: {verdict} {tolerance:g}", style="bold", soft_wrap=True)
+    if any(tolerance < pair.largest <= _SPARSE * pair.resolution for pair in found.pairs):
+        text = "points may be too far apart to tell; walk with smaller steps, as in --set study.walk.largest_step=0.005"
+        screen.print(text, soft_wrap=True)
 
 
 def _print_pair(screen: Console, pair: Pair, found: ResultComparison) -> None:
