@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
+    from gapwalk.study.compare import compare_results
+    from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
@@ -104,6 +106,7 @@ __all__ = [
     "ResponseOptions",
     "Rest",
     "Result",
+    "ResultComparison",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
@@ -128,6 +131,7 @@ __all__ = [
     "chain",
     "classify",
     "compare",
+    "compare_results",
     "diagram",
     "errors",
     "find_orbit",
@@ -204,6 +208,7 @@ _HOMES = {
     "ResponseOptions": "study.options",
     "Rest": "model.rest",
     "Result": "study.result",
+    "ResultComparison": "study.comparison",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
@@ -227,6 +232,7 @@ _HOMES = {
     "chain": "model.train",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
+    "compare_results": "study.compare",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",

@@ -27,7 +27,8 @@ Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (by default those of the process), and return its exit code.
 
-    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 130: interrupted.
+    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
+    compared differs; 130: interrupted.
     """
     work_in_one_thread()
     words = sys.argv[1:] if arguments is None else list(arguments)
@@ -233,6 +234,51 @@ def export(
         return export_result(result, format, output, measure)
 
     return guard(job, debug=debug)
+
+
+@app.command(sort_key=6)
+def compare(
+    first: str,
+    second: str,
+    /,
+    *,
+    tolerance: float = 1e-3,
+    output: Path | None = None,
+    measure: str | None = None,
+    changes: Changes = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compare two results, found by two methods perhaps: how far apart they are, and what only one of them has.
+
+    The exit code is 0 if they agree within the tolerance, and 4 if they do not.
+
+    Parameters
+    ----------
+    first, second
+        Result files; or model files, whose study is then run (name one of several as in model.toml:light).
+    tolerance
+        The largest distance, location of a special point, or missing part of a range that counts as agreement: a share
+        of the range of the parameter and of the motions' measures.
+    output
+        A picture to write, PNG or SVG, with both results overlaid and their distance.
+    measure
+        What the picture shows, as in max.q1; by default what the first study says.
+    changes
+        Another value in model files, as in --set stage2.clearance=0.5; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.compare import compare_files
+
+        options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
+        return compare_files(first, second, tolerance, **options)
+
+    return guard(job, json=json, debug=debug)
 
 
 @app.command(sort_key=7)
