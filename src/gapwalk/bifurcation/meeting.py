@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk.bifurcation.departure import depart
+from gapwalk.bifurcation.departure import Departure, depart
 from gapwalk.bifurcation.trail import Trail
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.equation import Method
@@ -15,7 +16,8 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import SAME, stroboscopic
 from gapwalk.orbit.orbit import Orbit
 
-_BESIDE = WalkOptions(initial_step=1e-4, largest_step=2e-3, max_points=15)  # how far along its parent a flip is sought
+_STEPS = (1e-4, 2e-5, 4e-6)  # with which first step a flip is sought along its parent: smaller where one went astray
+_LARGEST, _POINTS = 2e-3, 15  # and how far
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
@@ -50,16 +52,26 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
     last = branch.points[-1].orbit
     if last.period % 2:
         return None
-    found: list[SpecialPoint] = []
     try:
         states = last.strobes(last.period // 2 + 1)
         parent = find_orbit(last.system, last.period // 2, 0.5 * (states[0] + states[-1]), method=method)
-        for way in (-1, 1):
-            trail = Trail(depart(parent, branch.parameter, within, way, method), _BESIDE)
-            found += next((flips for _, special in trail if (flips := _flips(special))), [])[:1]
+        departures = [depart(parent, branch.parameter, within, way, method) for way in (-1, 1)]
+        found = [flip for departure in departures if (flip := _first_flip(departure)) is not None]
     except NumericalError:
         return None
     return min(found, key=lambda flip: flip.point.arclength).orbit if found else None
+
+
+def _first_flip(departure: Departure) -> SpecialPoint | None:
+    """The first flip one way along a branch, which may itself end at its parent just beyond."""
+    for step in _STEPS:
+        trail = Trail(departure, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
+        flips = next((flips for _, special in trail if (flips := _flips(special))), [])
+        if flips:
+            return flips[0]
+        if trail.end is None or trail.end.reason is not EndReason.JOINED:
+            break
+    return None
 
 
 def _truncation(orbit: Orbit) -> float:
