@@ -59,11 +59,12 @@ class Compliance(Protocol):
         """Lines of all coordinates, shape (lines, n), under the loads and contact forces of shape (lines, contacts)."""
         ...
 
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts).
+    def answer(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Deflections under contact forces alone (against them), both of shape (lines, contacts)."""
+        ...
 
-        As with `motion`, there may be forces on the first lines alone; the result has as many.
-        """
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts)."""
         ...
 
 
@@ -113,21 +114,24 @@ class DirectCompliance:
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.motion`."""
-        solved = self._solved[: len(forces)]
-        return solved[:, :, -1] - (solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
+        return self._solved[:, :, -1] - (self._solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
+
+    def answer(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.answer`."""
+        return self._solve((forces @ self.linear.contacts.T)[:, :, None])[:, :, 0] @ self.linear.deflections.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.slope`."""
         linear, change = self.linear, self.change
-        count, motion = len(forces), self.motion(forces)
-        w, rate = self.lines.frequencies[:count, None], self.lines.slopes[:count, None]
+        motion = self.motion(forces)
+        w, rate = self.lines.frequencies[:, None], self.lines.slopes[:, None]
         right = (2.0 * w * rate) * motion - 1j * rate * (motion @ linear.damping.T)
         right -= force_slopes @ linear.contacts.T
         if change is None:
             return self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T
         shifted = change.stiffness + (change.contacts * self.shift) @ linear.deflections
         shifted += (linear.contacts * self.shift) @ change.deflections
-        right += self._loads(change)[:count] - forces @ change.contacts.T
+        right += self._loads(change) - forces @ change.contacts.T
         right -= motion @ shifted.T + 1j * w * (motion @ change.damping.T)
         moved = self._solve(right[:, :, None])[:, :, 0]
         return moved @ linear.deflections.T + motion @ change.deflections.T
@@ -139,7 +143,7 @@ class DirectCompliance:
 
     def _solve(self, right: NDArray[np.complex128]) -> NDArray[np.complex128]:
         try:
-            return np.asarray(np.linalg.solve(self._dynamic[: len(right)], right), dtype=np.complex128)
+            return np.asarray(np.linalg.solve(self._dynamic, right), dtype=np.complex128)
         except np.linalg.LinAlgError:
             raise NumericalError(
                 "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
@@ -191,12 +195,14 @@ class PoleCompliance:
         """See `Compliance.motion`."""
         return self._amplitudes(forces) @ self.poles.outputs.T
 
+    def answer(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.answer`."""
+        return (self._gains * (forces @ self.poles.inputs.T)) @ self.poles.deflections.T
+
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.slope`."""
-        count = len(forces)
-        moved = (1j * self.lines.slopes[:count, None]) * self._amplitudes(forces) + force_slopes @ self.poles.inputs.T
-        return -(self._gains[:count] * moved) @ self.poles.deflections.T
+        moved = (1j * self.lines.slopes[:, None]) * self._amplitudes(forces) + force_slopes @ self.poles.inputs.T
+        return -(self._gains * moved) @ self.poles.deflections.T
 
     def _amplitudes(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        count = len(forces)
-        return self._loaded[:count] - self._gains[:count] * (forces @ self.poles.inputs.T)
+        return self._loaded - self._gains * (forces @ self.poles.inputs.T)

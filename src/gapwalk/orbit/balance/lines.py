@@ -13,11 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_ITERATIONS = 60  # bisection alone would need about 50; Newton's method takes 4
-_QUICK = 6
-_ROUNDING = 1e-14  # of an angle up to 2 pi, with that of the series
-_CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube of the step
-_TINY = 1e-300
 _MANY = 32  # angles from which products are faster than exponentials
 
 
@@ -113,50 +108,3 @@ def grid(count: int) -> Grid:
     values = np.hstack((wave.real, wave.imag[:, 1:]))
     slopes = np.hstack((-k * wave.imag, k[1:] * wave.real[:, 1:]))
     return Grid(phi, np.ascontiguousarray(values.T), np.ascontiguousarray(slopes.T))
-
-
-class Bracket(NamedTuple):
-    """Angles between which functions change their signs, and their values there; each of shape (functions,)."""
-
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    at_low: NDArray[np.float64]
-    at_high: NDArray[np.float64]
-
-
-def zeros(lines: NDArray[np.complex128], bracket: Bracket) -> NDArray[np.float64]:
-    """One zero of each function, shape (functions,), by Halley's method; by a safe one where that leaves the bracket.
-
-    `lines` has shape (functions, K + 1), one row for each zero sought.
-    """
-    low, high, at_low, at_high = bracket
-    phi = low + (high - low) * (at_low / (at_low - at_high))
-    slopes = differentiated(lines)
-    functions = np.concatenate((lines[:, None], slopes[:, None], differentiated(slopes)[:, None]), axis=1)
-    for _ in range(_QUICK):
-        value, slope, bend = (functions @ waves(phi, lines.shape[-1] - 1)[:, :, None])[:, :, 0].real.T
-        change = value * slope / (slope * slope - 0.5 * value * bend + _TINY)
-        phi = phi - change
-        if max(map(abs, change.tolist())) < _CLOSE:
-            break
-    else:
-        return _safe_zeros(functions[:, :2], bracket)
-    if ((phi < low - _ROUNDING) | (phi > high + _ROUNDING)).any():
-        return _safe_zeros(functions[:, :2], bracket)
-    return phi
-
-
-def _safe_zeros(functions: NDArray[np.complex128], bracket: Bracket) -> NDArray[np.float64]:
-    """The same by Newton's method with bisection wherever it would leave its bracket; functions and their slopes."""
-    low, high = bracket[:2]
-    phi, count, rises = 0.5 * (low + high), functions.shape[-1] - 1, bracket.at_high > bracket.at_low
-    for _ in range(_ITERATIONS):
-        value, slope = (functions @ waves(phi, count)[:, :, None])[:, :, 0].real.T
-        beyond = (value > 0.0) == rises
-        high, low = np.where(beyond, phi, high), np.where(beyond, low, phi)
-        following = phi - value / (slope + _TINY)
-        following = np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
-        change, phi = np.abs(following - phi).max(), following
-        if change < _ROUNDING:
-            break
-    return phi

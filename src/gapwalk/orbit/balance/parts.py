@@ -14,7 +14,6 @@ from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompli
 from gapwalk.orbit.balance.laws import Laws, laws_of
 from gapwalk.orbit.balance.linear import Linear, linear_of
 from gapwalk.orbit.balance.linearised import Linearised
-from gapwalk.orbit.balance.lines import multiplication
 from gapwalk.orbit.balance.poles import Poles, poles_of
 
 _LOOSE = 1e10  # condition of the stiffness beyond which only contacts hold the system in place
@@ -59,10 +58,20 @@ class Parts:
     def compliance(
         self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> PoleCompliance | DirectCompliance:
-        """The linear part on all lines, and on as many beyond, which measure what is neglected."""
-        frequencies = self._orders / coefficients[0]
+        """The linear part on the lines of the motion."""
+        frequencies = self._orders[: self.count + 1] / coefficients[0]
         slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
-        lines = Lines(frequencies, slopes, self._load_lines)
+        return self._on(Lines(frequencies, slopes, self._load_lines), coefficients, slope)
+
+    def beyond(self, coefficients: NDArray[np.float64]) -> PoleCompliance | DirectCompliance:
+        """The linear part on as many lines beyond, which measure what is neglected."""
+        frequencies = self._orders[self.count + 1 :] / coefficients[0]
+        return self._on(Lines(frequencies, np.zeros(self.count), self._load_lines[:0]), coefficients, None)
+
+    def _on(
+        self, lines: Lines, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
+    ) -> PoleCompliance | DirectCompliance:
+        """The linear part on some lines."""
         if self.poles is not None:
             return PoleCompliance(self.poles, lines)
         if self._fixed is not None:
@@ -95,13 +104,6 @@ class Parts:
         springs, count = np.abs(laws.spring[:, 1]), len(self.layout.contacts)
         total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
         return _SHARE * total / np.maximum(number, 1.0)
-
-    @cached_property
-    def share(self) -> NDArray[np.complex128]:
-        """The shifts as matrices from real forms to lines, shape (contacts, K + 1, 2K + 1)."""
-        half = np.zeros((len(self.shift), 2 * self.count + 1), dtype=complex)
-        half[:, 0] = self.shift
-        return multiplication(half)
 
     @cached_property
     def _fixed(self) -> Linear | None:

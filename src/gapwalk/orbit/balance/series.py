@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.motion.flow import PERIOD
-from gapwalk.orbit.balance.lines import Bracket, differentiated, grid, real_form, waves, zeros
+from gapwalk.orbit.balance.kernels import zeros
+from gapwalk.orbit.balance.lines import differentiated, grid, real_form, waves
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,7 @@ class Series:
         row, cell = np.nonzero(rising[:, 1:] != rising[:, :-1])
         if not len(row):
             return [np.empty((2, 0)) for _ in self.lines]
-        bracket = Bracket(phi[cell], phi[cell + 1], speeds[row, cell], speeds[row, cell + 1])
-        at = zeros(differentiated(self.lines[row]), bracket)
+        at = zeros(differentiated(self.lines[row]), phi[cell], phi[cell + 1], speeds[row, cell], speeds[row, cell + 1])
         values = (self.lines[row] * waves(at, self.lines.shape[1] - 1)).sum(axis=1).real
         both = np.array((at * self.period % (PERIOD * self.period), values))
         return [both[:, row == index] for index in range(len(self.lines))]
