@@ -17,10 +17,9 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.balance.compliance import DirectCompliance, PoleCompliance
 from gapwalk.orbit.balance.force import Forces, contact_forces_of
 from gapwalk.orbit.balance.hill import projected_monodromy
-from gapwalk.orbit.balance.kernels import balance, product
+from gapwalk.orbit.balance.kernels import balance, beyond, changed, from_real_form, real_form, share
 from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
-from gapwalk.orbit.balance.lines import differentiated, from_real_form, real_form, waves
 from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
@@ -43,8 +42,10 @@ class Evidence(NamedTuple):
     ----------
     coefficients
         Of the flow.
-    lines, total : shape (contacts, K + 1)
-        Of the deflections, and of the contact forces less the linear shares.
+    lines : shape (contacts, K + 1)
+        Of the deflections.
+    total : shape (K + 1, contacts)
+        Lines of the contact forces less the linear shares.
     compliance, laws, forces
         The parts.
     """
@@ -132,7 +133,7 @@ class BalanceEquation:
         )
         by_parameter = None
         if slope is not None:
-            by_parameter = -real_form(compliance.slope(total.T, change.T).T).ravel()
+            by_parameter = -real_form(compliance.slope(total, change).T).ravel()
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
 
@@ -141,19 +142,20 @@ class BalanceEquation:
         evidence: Evidence = evaluation.evidence
         system = self.system if self.parameter is None else self._parts.line.system_at(value)
         # the unknowns may be one Newton step past the evaluation
-        real = unknowns.reshape(len(evidence.lines), -1)
-        total = evidence.total + self._moved(evidence, from_real_form(real) - evidence.lines)
-        series = Series(evidence.compliance.motion(total.T).T, self.period, system.frequency)
+        lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
+        compliance, shift = evidence.compliance, self._parts.shift
+        moved = changed(lines - evidence.lines, evidence.forces.parts, shift, compliance.lines.frequencies)
+        series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
         return BalancedOrbit(
             system,
             self.period,
-            series.states(np.zeros(1))[0],
+            series.start(),
             self._multipliers(evidence),
             self._events(evidence),
             float(np.abs(evaluation.residual).max()),
             2 * self.count,
             series,
-            Series(from_real_form(real), self.period, system.frequency),
+            Series(lines, self.period, system.frequency),
             self._truncation(evidence),
         )
 
@@ -210,7 +212,7 @@ class BalanceEquation:
 
     def _multipliers(self, evidence: Evidence) -> NDArray[np.complex128]:
         length = 2.0 * np.pi / float(evidence.compliance.lines.frequencies[1])
-        forces, breaks = evidence.forces, evidence.forces.phi
+        forces, breaks = evidence.forces, evidence.forces.crossings[0]
         poles, shift = self._parts.poles, self._parts.shift
         if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
             # eigenvectors that are faster than every line, by far, follow at once
@@ -222,31 +224,18 @@ class BalanceEquation:
             return multipliers([projected_monodromy(linearised, tangents, length)])
         return multipliers([monodromy(linearised, evidence.lines, breaks, length)])
 
-    def _moved(self, evidence: Evidence, step: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Change of the total forces with a small change of the deflections, both of shape (contacts, K + 1)."""
-        iw, spring, damper = 1j * evidence.compliance.lines.frequencies, *evidence.forces.tangents
-        rows = [product(g, x) + iw * product(p, x) for g, p, x in zip(spring, damper, step, strict=True)]
-        return np.array(rows) - self._parts.shift[:, None] * step
-
     def _truncation(self, evidence: Evidence) -> float:
         """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
-        count, forces = self.count, evidence.forces
-        compliance = self._parts.beyond(evidence.coefficients)
-        total = forces.spring[:, count + 1 :] + 1j * compliance.lines.frequencies * forces.damper[:, count + 1 :]
-        neglected = compliance.answer(total.T)
-        kept = np.abs(evidence.lines[:, 1:]).sum(axis=1).max()
-        return float(np.abs(neglected).sum(axis=0).max() / kept) if kept > 0.0 else 0.0
+        frequencies = self._parts.orders[self.count + 1 :] / evidence.coefficients[0]
+        neglected = evidence.compliance.answer(frequencies, beyond(evidence.forces.parts, frequencies))
+        return share(neglected, evidence.lines)
 
     def _events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
-        forces, lines = evidence.forces, evidence.lines
-        if not len(forces.phi):
-            return ()
-        rates = differentiated(lines)[evidence.laws.contact[forces.switch]]
-        speeds = (rates * waves(forces.phi, lines.shape[1] - 1)).sum(axis=1).real
-        speeds *= evidence.compliance.lines.frequencies[1]
-        order = np.argsort(forces.phi, kind="stable")
-        rows = (self.period * forces.phi, forces.switch, forces.enters, speeds)
-        return tuple(ContactEvent(*event) for event in zip(*(row[order].tolist() for row in rows), strict=True))
+        rate = float(evidence.compliance.lines.frequencies[1])
+        return tuple(
+            ContactEvent(self.period * phi, int(switch), closes > 0.0, rate * slope)
+            for phi, slope, closes, switch in evidence.forces.crossings.T.tolist()
+        )
 
     @cached_property
     def _parts(self) -> Parts:

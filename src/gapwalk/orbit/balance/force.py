@@ -22,41 +22,35 @@ class Forces(NamedTuple):
 
     Attributes
     ----------
-    parts : shape (4, contacts, 2K + 1)
+    parts : shape (contacts, 4, 2K + 1)
         Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P.
-    slopes : shape (2, contacts, K + 1)
+    slopes : shape (contacts, 2, K + 1)
         Derivatives of the lines of g and P by the parameter, with the motion held.
-    phi : shape (crossings,)
-        Angles ``0 <= phi < 2 pi`` at which deflections pass breakpoints, by switch and growing within each.
-    switch : shape (crossings,)
-        Which stage on which side.
-    enters : shape (crossings,)
-        Whether it closes there.
+    crossings : shape (4, crossings)
+        Where deflections pass breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the deflection by
+        phi, 1 where the stage closes, and its switch.
     """
 
     parts: NDArray[np.complex128]
     slopes: NDArray[np.complex128]
-    phi: NDArray[np.float64]
-    switch: NDArray[np.intp]
-    enters: NDArray[np.bool_]
+    crossings: NDArray[np.float64]
 
     @property
     def spring(self) -> NDArray[np.complex128]:
         """Lines of g, shape (contacts, 2K + 1)."""
-        return self.parts[0]
+        return self.parts[:, 0]
 
     @property
     def damper(self) -> NDArray[np.complex128]:
         """Lines of P, shape (contacts, 2K + 1)."""
-        return self.parts[2]
+        return self.parts[:, 2]
 
     @property
     def tangents(self) -> NDArray[np.complex128]:
         """Spectra of ``g'(x)`` and ``P'(x)``, shape (2, contacts, 2K + 1)."""
-        return self.parts[1::2]
+        return self.parts[:, 1::2].transpose(1, 0, 2)
 
 
 def contact_forces_of(lines: NDArray[np.complex128], laws: Laws) -> Forces:
     """The forces along deflections with lines of shape (contacts, K + 1)."""
-    found = contact_forces(lines, *laws.switches, laws.table, laws.slope_table, laws.moves, *grid(lines.shape[1] - 1))
-    return Forces(*found)
+    return Forces(*contact_forces(lines, *laws.switches, laws.table, laws.slope_table, *grid(lines.shape[1] - 1)))

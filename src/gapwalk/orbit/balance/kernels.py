@@ -1,7 +1,7 @@
 """What harmonic balance computes at every point on a few hundred numbers, compiled: zeros, forces, derivatives.
 
-In NumPy's calls these loops would cost ten times as much as in themselves. Machine code is kept beside this file (or in
-numba's folder of the user), so that a process loads it within milliseconds; the first one compiles it.
+In calls of NumPy these loops would cost many times as much as in themselves. Machine code is kept beside this file, or
+in numba's folder of the user, so that a process loads it in a fraction of a second; only the first one compiles it.
 
 Kernels that call one another stand together in this file: numba compiles anew when the file of a kernel changes, but
 does not look at the files of those that it calls.
@@ -21,7 +21,7 @@ _CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube o
 _TINY = 1e-300
 
 # No assumption that there is no NaN: a motion that ran away must be seen. Division follows NumPy's rules.
-OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}, "nogil": True}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}, "nogil": True}
 
 
 def kernel(signature: str):
@@ -43,10 +43,10 @@ def _at(lines, phi):
     value, slope, bend = lines[0].real, 0.0, 0.0
     for k in range(1, len(lines)):
         wave *= turn
-        product = lines[k] * wave
-        value += product.real
-        slope -= k * product.imag
-        bend -= k * k * product.real
+        term = lines[k] * wave
+        value += term.real
+        slope -= k * term.imag
+        bend -= k * k * term.real
     return value, slope, bend
 
 
@@ -78,90 +78,109 @@ def _zero(lines, low, high, at_low, at_high):
     return phi
 
 
-@kernel("f8[::1](c16[:, ::1], f8[::1], f8[::1], f8[::1], f8[::1])")
-def zeros(lines, low, high, at_low, at_high):
-    """One zero of each function of shape (functions, K + 1), between angles at which its sign differs."""
-    result = np.empty(len(lines))
-    for index in range(len(lines)):
-        result[index] = _zero(lines[index], low[index], high[index], at_low[index], at_high[index])
+@numba.njit(**OPTIONS)
+def _rate(lines):
+    """Lines of the derivative by phi."""
+    result = np.empty_like(lines)
+    for k in range(len(lines)):
+        result[k] = complex(-k * lines[k].imag, k * lines[k].real)
     return result
 
 
 @numba.njit(**OPTIONS)
-def _sampled(lines, values, slopes):
-    """Values and slopes of functions on the grid, each of shape (functions, samples + 1)."""
-    count, samples = lines.shape[1] - 1, values.shape[1]
-    result = np.zeros((2, len(lines), samples))
-    for c in range(len(lines)):
-        for k in range(count + 1):
-            cosine, sine = lines[c, k].real, -lines[c, k].imag
-            for s in range(samples):
-                result[0, c, s] += cosine * values[k, s]
-                result[1, c, s] += cosine * slopes[k, s]
-            if k:
-                for s in range(samples):
-                    result[0, c, s] += sine * values[count + k, s]
-                    result[1, c, s] += sine * slopes[count + k, s]
+def _sampled(lines, table):
+    """Values of a function on a grid; the table takes its real form there."""
+    result, count = np.zeros(table.shape[1]), len(lines) - 1
+    for row in range(2 * count + 1):
+        part = lines[row].real if row <= count else -lines[row - count].imag
+        for s in range(len(result)):
+            result[s] += part * table[row, s]
     return result
 
 
+@kernel("c16[:, ::1](f8[:, :])")
+def from_real_form(real):
+    """Lines, shape (functions, K + 1), of real forms of shape (functions, 2K + 1)."""
+    count = real.shape[1] // 2
+    result = np.empty((len(real), count + 1), np.complex128)
+    for row in range(len(real)):
+        result[row, 0] = real[row, 0]
+        for k in range(1, count + 1):
+            result[row, k] = complex(real[row, k], -real[row, count + k])
+    return result
+
+
+@kernel("f8[:, ::1](c16[:, :])")
+def real_form(lines):
+    """Real forms, shape (functions, 2K + 1), of lines of shape (functions, K + 1)."""
+    count = lines.shape[1] - 1
+    result = np.empty((len(lines), 2 * count + 1))
+    for row in range(len(lines)):
+        result[row, 0] = lines[row, 0].real
+        for k in range(1, count + 1):
+            result[row, k], result[row, count + k] = lines[row, k].real, -lines[row, k].imag
+    return result
+
+
+@kernel("f8[:, ::1](c16[::1], f8[::1], f8[:, ::1])")
+def turns(lines, phi, slopes):
+    """Angles at which a function turns, and its values there, shape (2, turns), from its lines.
+
+    Turns are looked for on a grid (see `grid`), then found by Halley's method.
+    """
+    speeds, rates, number = _sampled(lines, slopes), _rate(lines), 0
+    result = np.empty((2, len(phi)))
+    for cell in range(len(phi) - 1):
+        if (speeds[cell] > 0.0) != (speeds[cell + 1] > 0.0):
+            result[0, number] = _zero(rates, phi[cell], phi[cell + 1], speeds[cell], speeds[cell + 1])
+            result[1, number] = _at(lines, result[0, number])[0]
+            number += 1
+    return result[:, :number].copy()
+
+
 @numba.njit(**OPTIONS)
-def _visits(lines, contact, sign, clearance, phi, values, slopes):
-    """Crossings of every breakpoint: angles, switches, whether each enters; and what is closed at phi = 0."""
-    sampled = _sampled(lines, values, slopes)
-    switches, cells, size = len(contact), len(phi) - 1, lines.shape[1]
-    angles, switch = np.empty(2 * switches * cells), np.empty(2 * switches * cells, dtype=np.int64)
-    enters, starts = np.empty(2 * switches * cells, dtype=np.bool_), np.empty(switches, dtype=np.bool_)
-    function, rates, number = np.empty(size, dtype=np.complex128), np.empty(size, dtype=np.complex128), 0
-    for j in range(switches):
-        c = contact[j]
-        for k in range(size):
-            function[k] = sign[j] * lines[c, k]
-            rates[k] = complex(-k * function[k].imag, k * function[k].real)
-        function[0] -= clearance[j]
-        then = sign[j] * sampled[0, c, 0] - clearance[j]
-        inside = then > 0.0
-        starts[j] = inside
-        for cell in range(cells):
-            now, then = then, sign[j] * sampled[0, c, cell + 1] - clearance[j]
-            low, high = phi[cell], phi[cell + 1]
-            if (then > 0.0) != inside:
-                inside = not inside
-                angles[number] = _zero(function, low, high, now, then)
-                switch[number], enters[number] = j, inside
-                number += 1
-                continue
-            # an extremum in the cell, so near to the breakpoint that the slopes may lead there?
-            speed, after = sign[j] * sampled[1, c, cell], sign[j] * sampled[1, c, cell + 1]
-            if inside != (speed < 0.0) or inside == (after < 0.0):
-                continue
-            if not min(abs(now), abs(then)) < phi[1] * max(abs(speed), abs(after)):
-                continue
-            middle = _zero(rates, low, high, speed, after)
+def _enter(found, number, function, low, high, at_low, at_high):
+    """Enter one crossing of a breakpoint in a list of angles, slopes, and whether the slope is positive."""
+    found[0, number] = _zero(function, low, high, at_low, at_high)
+    found[1, number] = _at(function, found[0, number])[1]
+    found[2, number] = 1.0 if at_high > at_low else 0.0
+    return number + 1
+
+
+@numba.njit(**OPTIONS)
+def _crossings(function, depths, speeds, phi, found):
+    """Enter every zero of a function, given by its lines and its values on a grid; how many there are."""
+    number = 0
+    for cell in range(len(phi) - 1):
+        low, high, now, then = phi[cell], phi[cell + 1], depths[cell], depths[cell + 1]
+        if (now > 0.0) != (then > 0.0):
+            number = _enter(found, number, function, low, high, now, then)
+            continue
+        # two zeros beside an extremum in the cell, which is so near to zero that the slopes may lead there?
+        speed, after = speeds[cell], speeds[cell + 1]
+        if (now > 0.0) != (speed < 0.0) or (now > 0.0) == (after < 0.0):
+            continue
+        if min(abs(now), abs(then)) < phi[1] * max(abs(speed), abs(after)):
+            middle = _zero(_rate(function), low, high, speed, after)
             turn = _at(function, middle)[0]
-            if (turn > 0.0) != inside:
-                angles[number] = _zero(function, low, middle, now, turn)
-                angles[number + 1] = _zero(function, middle, high, turn, then)
-                switch[number], enters[number] = j, not inside
-                switch[number + 1], enters[number + 1] = j, inside
-                number += 2
-    return angles[:number].copy(), switch[:number].copy(), enters[:number].copy(), starts
+            if (turn > 0.0) != (now > 0.0):
+                number = _enter(found, number, function, low, middle, now, turn)
+                number = _enter(found, number, function, middle, high, turn, then)
+    return number
 
 
 @numba.njit(**OPTIONS)
-def _indicator(j, angles, switch, enters, starts, longest):
+def _indicator(found, starts, longest):
     """Spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
 
     In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
     """
     result = np.zeros(longest + 1, dtype=np.complex128)
-    mean = 1.0 if starts[j] else 0.0
-    for index in range(len(angles)):
-        if switch[index] != j:
-            continue
-        sign = 1.0 if enters[index] else -1.0
-        mean -= sign * angles[index] / (2.0 * np.pi)
-        wave, turn = complex(sign, 0.0), complex(np.cos(angles[index]), -np.sin(angles[index]))
+    mean = 1.0 if starts else 0.0
+    for index in range(found.shape[1]):
+        phi, sign = found[0, index], 2.0 * found[2, index] - 1.0
+        mean -= sign * phi / (2.0 * np.pi)
+        wave, turn = complex(sign, 0.0), complex(np.cos(phi), -np.sin(phi))
         for k in range(1, longest + 1):
             wave *= turn
             result[k] += wave
@@ -172,152 +191,197 @@ def _indicator(j, angles, switch, enters, starts, longest):
 
 
 @numba.njit(**OPTIONS)
-def _powers(indicator, depth, degree, kept):
-    """Spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi has the spectrum `depth`, k = 0 ... K."""
-    longest, count = len(indicator) - 1, len(depth) - 1
+def _powers(indicator, function, degree, kept):
+    """Spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi is the function with some lines."""
+    longest, count = len(indicator) - 1, len(function) - 1
     result = np.empty((degree + 1, kept + 1), dtype=np.complex128)
-    result[0] = indicator[: kept + 1]
     # real and imaginary parts, from k = -K on, lie apart: so the loops over k fill the registers
     real, imaginary = np.empty(count + longest + 1), np.empty(count + longest + 1)
+    a, b = np.empty(longest + 1), np.empty(longest + 1)
     for k in range(longest + 1):
-        real[count + k], imaginary[count + k] = indicator[k].real, indicator[k].imag
-    for exponent in range(1, degree + 1):
-        for k in range(1, count + 1):
-            real[count - k], imaginary[count - k] = real[count + k], -imaginary[count + k]
-        longest -= count
-        a, b = np.zeros(longest + 1), np.zeros(longest + 1)
-        for k in range(longest + 1):
-            a[k], b[k] = real[count + k] * depth[0].real, imaginary[count + k] * depth[0].real
-        for j in range(1, count + 1):
-            p, q = depth[j].real, depth[j].imag
+        a[k], b[k] = indicator[k].real, indicator[k].imag
+    for exponent in range(degree + 1):
+        if exponent:
+            longest -= count
             for k in range(longest + 1):
-                left, right = count + k - j, count + k + j
-                a[k] += (real[left] + real[right]) * p + (imaginary[right] - imaginary[left]) * q
-                b[k] += (imaginary[left] + imaginary[right]) * p + (real[left] - real[right]) * q
+                a[k], b[k] = real[count + k] * function[0].real, imaginary[count + k] * function[0].real
+            for j in range(1, count + 1):
+                p, q = 0.5 * function[j].real, 0.5 * function[j].imag
+                for k in range(longest + 1):
+                    left, right = count + k - j, count + k + j
+                    a[k] += (real[left] + real[right]) * p + (imaginary[right] - imaginary[left]) * q
+                    b[k] += (imaginary[left] + imaginary[right]) * p + (real[left] - real[right]) * q
         for k in range(longest + 1):
             real[count + k], imaginary[count + k] = a[k], b[k]
+        for k in range(1, count + 1):
+            real[count - k], imaginary[count - k] = a[k], -b[k]
         for k in range(kept + 1):
             result[exponent, k] = complex(a[k], b[k])
     return result
 
 
-_FORCES = (
-    "Tuple((c16[:, :, ::1], c16[:, :, ::1], f8[::1], i8[::1], b1[::1]))"
-    "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], b1, f8[::1], f8[:, ::1], f8[:, ::1])"
+@numba.njit(**OPTIONS)
+def _add(table, powers, result):
+    """Add the sum of some powers to each row."""
+    for row in range(len(result)):
+        for exponent in range(len(powers)):
+            factor = table[row, exponent]
+            if factor != 0.0:
+                for k in range(result.shape[1]):
+                    result[row, k] += factor * powers[exponent, k]
+
+
+@numba.njit(**OPTIONS)
+def _sort(rows, number):
+    """Sort the first columns by the first row: few, and nearly in order."""
+    for last in range(1, number):
+        place = last
+        while place > 0 and rows[0, place] < rows[0, place - 1]:
+            for row in range(len(rows)):
+                rows[row, place], rows[row, place - 1] = rows[row, place - 1], rows[row, place]
+            place -= 1
+
+
+@kernel(
+    "Tuple((c16[:, :, ::1], c16[:, :, ::1], f8[:, ::1]))"
+    "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, ::1])"
 )
+def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, values, slopes):
+    """Forces along deflections with some lines; see `Forces`.
 
-
-@kernel(_FORCES)
-def contact_forces(lines, contact, sign, clearance, table, slope_table, moves, phi, values, slopes):
-    """Lines of g, g', P and P' of each contact, derivatives of g and P by the parameter, and the visits; see `Forces`.
-
-    The spectra of g' and P' are as they are; g, P and their derivatives by the parameter are lines.
+    Returns lines of g, the spectrum of g', and the same of P, shape (contacts, 4, 2K + 1); lines of the derivatives of
+    g and P by the parameter, shape (contacts, 2, K + 1); and, by angle, the crossings of breakpoints in rows of angles,
+    derivatives of the deflection by phi, whether it closes, and the switch.
     """
     contacts, count, degree = len(lines), lines.shape[1] - 1, table.shape[2] - 1
-    angles, switch, enters, starts = _visits(lines, contact, sign, clearance, phi, values, slopes)
-    forces = np.zeros((4, contacts, 2 * count + 1), dtype=np.complex128)
-    moved = np.zeros((2, contacts, count + 1), dtype=np.complex128)
-    depth = np.empty(count + 1, dtype=np.complex128)
+    forces = np.zeros((contacts, 4, 2 * count + 1), dtype=np.complex128)
+    moved = np.zeros((contacts, 2, count + 1), dtype=np.complex128)
+    crossings, total = np.empty((4, 2 * len(contact) * len(phi))), 0
+    known, depths, speeds = -1, phi, phi
     for j in range(len(contact)):
-        indicator = _indicator(j, angles, switch, enters, starts, (2 + degree) * count)
-        if indicator[0].real == 0.0:
-            continue
         c = contact[j]
-        for k in range(1, count + 1):
-            depth[k] = 0.5 * sign[j] * lines[c, k]
-        depth[0] = sign[j] * lines[c, 0].real - clearance[j]
-        powers = _powers(indicator, depth, degree, 2 * count)
-        for exponent in range(degree + 1):
-            for row in range(4):
-                factor = table[j, row, exponent]
-                if factor != 0.0:
-                    for k in range(2 * count + 1):
-                        forces[row, c, k] += factor * powers[exponent, k]
-            if moves:
-                for row in range(2):
-                    for k in range(count + 1):
-                        moved[row, c, k] += slope_table[j, row, exponent] * powers[exponent, k]
+        if c != known:
+            known, depths, speeds = c, _sampled(lines[c], values), _sampled(lines[c], slopes)
+        function = sign[j] * lines[c]
+        function[0] -= clearance[j]
+        found = np.empty((3, 2 * len(phi)))
+        number = _crossings(function, sign[j] * depths - clearance[j], sign[j] * speeds, phi, found)
+        found = found[:, :number]
+        for index in range(number):
+            crossings[0, total], crossings[1, total] = found[0, index], sign[j] * found[1, index]
+            crossings[2, total], crossings[3, total] = found[2, index], j
+            total += 1
+        starts = sign[j] * depths[0] - clearance[j] > 0.0
+        if starts or number:
+            indicator = _indicator(found, starts, (2 + degree) * count)
+            powers = _powers(indicator, function, degree, 2 * count)
+            _add(table[j], powers, forces[c])
+            _add(slope_table[j], powers, moved[c])
     for c in range(contacts):  # from spectra to lines
-        for k in range(1, 2 * count + 1):
-            forces[0, c, k] *= 2.0
-            forces[2, c, k] *= 2.0
-        for k in range(1, count + 1):
-            moved[0, c, k] *= 2.0
-            moved[1, c, k] *= 2.0
-    return forces, moved, angles, switch, enters
+        forces[c, 0::2, 1:] *= 2.0
+        moved[c, :, 1:] *= 2.0
+    _sort(crossings, total)
+    return forces, moved, crossings[:, :total].copy()
 
 
-_BALANCE = (
+@numba.njit(**OPTIONS)
+def _tangent(forces, shift, w, k, j):
+    """Lines k of the change of a force with the cosine and with the sine j of its deflection.
+
+    With the spectrum u of the tangent, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and ``u sin j`` the line
+    ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
+    """
+    iw = complex(0.0, w)
+    far = forces[1, k + j] + iw * forces[3, k + j]
+    if k >= j:
+        near = forces[1, k - j] + iw * forces[3, k - j]
+    else:
+        near = forces[1, j - k].conjugate() + iw * forces[3, j - k].conjugate()
+    if k == j:
+        near -= shift
+        if k == 0:
+            far -= shift
+    half = 0.5 if k == 0 else 1.0
+    return half * (far + near), half * (far - near)
+
+
+@kernel(
     "Tuple((f8[::1], f8[:, ::1], c16[:, ::1], c16[:, ::1]))"
     "(c16[:, ::1], c16[:, :, ::1], c16[:, :, ::1], f8[::1], f8[::1], f8[::1], c16[:, ::1], c16[:, :, ::1])"
 )
-
-
-@kernel(_BALANCE)
 def balance(lines, forces, moved, shift, frequencies, slopes, free, flexibility):
-    """Residual and Jacobian in real forms; lines of the total forces, and of their derivatives by the parameter.
+    """Residual and Jacobian in real forms; the forces, and their derivatives by the parameter, shape (K + 1, contacts).
 
-    `free` and `flexibility` have the lines first. The derivative of a force at a line k by the real form of its
-    deflection follows from the spectrum u of its tangent: ``u cos j`` has the line ``u_(k-j) + u_(k+j)``, ``u sin j``
-    the line ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
+    `free` and `flexibility` have the lines first, as have the forces that are returned.
     """
     contacts, count = len(lines), lines.shape[1] - 1
     size = 2 * count + 1
-    total, change = np.empty_like(lines), np.empty_like(lines)
+    total, change = np.empty((count + 1, contacts), np.complex128), np.empty((count + 1, contacts), np.complex128)
     for c in range(contacts):
         for k in range(count + 1):
             iw = complex(0.0, frequencies[k])
-            total[c, k] = forces[0, c, k] - shift[c] * lines[c, k] + iw * forces[2, c, k]
-            change[c, k] = moved[0, c, k] + iw * moved[1, c, k] + complex(0.0, slopes[k]) * forces[2, c, k]
-    residual, jacobian = np.empty(contacts * size), np.zeros((contacts * size, contacts * size))
+            total[k, c] = forces[c, 0, k] - shift[c] * lines[c, k] + iw * forces[c, 2, k]
+            change[k, c] = moved[c, 0, k] + iw * moved[c, 1, k] + complex(0.0, slopes[k]) * forces[c, 2, k]
+    residual, jacobian = np.empty(contacts * size), np.empty((contacts * size, contacts * size))
     for c in range(contacts):
         for k in range(count + 1):
             rest = lines[c, k] - free[k, c]
             for d in range(contacts):
-                rest += flexibility[k, c, d] * total[d, k]
+                rest += flexibility[k, c, d] * total[k, d]
+            # of line 0 the imaginary part is zero and has no place: the real part of line K is written over it
+            residual[c * size + count + k] = -rest.imag
             residual[c * size + k] = rest.real
-            if k:
-                residual[c * size + count + k] = -rest.imag
     for d in range(contacts):
         for k in range(count + 1):
-            iw, half = complex(0.0, frequencies[k]), 0.5 if k == 0 else 1.0
             for j in range(count + 1):
-                far = forces[1, d, k + j] + iw * forces[3, d, k + j]
-                if k >= j:
-                    near = forces[1, d, k - j] + iw * forces[3, d, k - j]
-                else:
-                    near = forces[1, d, j - k].conjugate() + iw * forces[3, d, j - k].conjugate()
-                if k == j:
-                    near -= shift[d]
-                if k == 0 and j == 0:
-                    far -= shift[d]
-                cosine, sine = half * (far + near), half * (far - near)
+                cosine, sine = _tangent(forces[d], shift[d], frequencies[k], k, j)
                 for c in range(contacts):
                     row, column = c * size + k, d * size + j
-                    product = flexibility[k, c, d] * cosine
-                    jacobian[row, column] = product.real
-                    if k:
-                        jacobian[row + count, column] = -product.imag
-                    if j:
-                        product = flexibility[k, c, d] * sine
-                        jacobian[row, column + count] = -product.imag
-                        if k:
-                            jacobian[row + count, column + count] = -product.real
+                    # again, what has no place is written over
+                    by_cosine, by_sine = flexibility[k, c, d] * cosine, flexibility[k, c, d] * sine
+                    jacobian[row + count, column + count] = -by_sine.real
+                    jacobian[row, column + count] = -by_sine.imag
+                    jacobian[row + count, column] = -by_cosine.imag
+                    jacobian[row, column] = by_cosine.real
     for index in range(contacts * size):
         jacobian[index, index] += 1.0
     return residual, jacobian, total, change
 
 
-@kernel("c16[::1](c16[::1], c16[::1])")
-def product(spectrum, lines):
-    """Lines, k = 0 ... K, of the product of a function with a spectrum, k = 0 ... 2K, and one with K lines."""
-    count = len(lines) - 1
-    result = np.empty_like(lines)
-    for k in range(count + 1):
-        value = 2.0 * spectrum[k] * lines[0]
-        for j in range(1, count + 1):
-            near = spectrum[k - j] if k >= j else spectrum[j - k].conjugate()
-            value += near * lines[j] + spectrum[k + j] * lines[j].conjugate()
-        result[k] = value
-    result[0] *= 0.5
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, :, ::1], f8[::1], f8[::1])")
+def changed(step, forces, shift, frequencies):
+    """Change of the forces with a small change of the deflections, shapes (K + 1, contacts), (contacts, K + 1)."""
+    contacts, count = step.shape[0], step.shape[1] - 1
+    result = np.zeros((count + 1, contacts), np.complex128)
+    for c in range(contacts):
+        for k in range(count + 1):
+            for j in range(count + 1):
+                cosine, sine = _tangent(forces[c], shift[c], frequencies[k], k, j)
+                result[k, c] += cosine * step[c, j].real
+                if j:
+                    result[k, c] -= complex(0.0, 1.0) * sine * step[c, j].imag
     return result
+
+
+@kernel("c16[:, ::1](c16[:, :, ::1], f8[::1])")
+def beyond(forces, frequencies):
+    """The forces on the lines from K + 1 to 2K, whose frequencies are given, shape (K, contacts)."""
+    count = len(frequencies)
+    result = np.empty((count, len(forces)), np.complex128)
+    for c in range(len(forces)):
+        for k in range(count):
+            result[k, c] = forces[c, 0, count + 1 + k] + complex(0.0, frequencies[k]) * forces[c, 2, count + 1 + k]
+    return result
+
+
+@kernel("f8(c16[:, ::1], c16[:, ::1])")
+def share(neglected, lines):
+    """Largest sum of the amplitudes in neglected lines, shape (K, contacts), relative to that of the lines kept."""
+    largest, kept = 0.0, 0.0
+    for c in range(len(lines)):
+        some, others = 0.0, 0.0
+        for k in range(len(neglected)):
+            some += abs(neglected[k, c])
+            others += abs(lines[c, k + 1])
+        largest, kept = max(largest, some), max(kept, others)
+    return largest / kept if kept > 0.0 else 0.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance
+from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance, pole_compliance
 from gapwalk.orbit.balance.laws import Laws, laws_of
 from gapwalk.orbit.balance.linear import Linear, linear_of
 from gapwalk.orbit.balance.linearised import Linearised
@@ -59,21 +59,11 @@ class Parts:
         self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> PoleCompliance | DirectCompliance:
         """The linear part on the lines of the motion."""
-        frequencies = self._orders[: self.count + 1] / coefficients[0]
+        frequencies = self.orders[: self.count + 1] / coefficients[0]
         slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
-        return self._on(Lines(frequencies, slopes, self._load_lines), coefficients, slope)
-
-    def beyond(self, coefficients: NDArray[np.float64]) -> PoleCompliance | DirectCompliance:
-        """The linear part on as many lines beyond, which measure what is neglected."""
-        frequencies = self._orders[self.count + 1 :] / coefficients[0]
-        return self._on(Lines(frequencies, np.zeros(self.count), self._load_lines[:0]), coefficients, None)
-
-    def _on(
-        self, lines: Lines, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
-    ) -> PoleCompliance | DirectCompliance:
-        """The linear part on some lines."""
+        lines = Lines(frequencies, slopes, self._load_lines)
         if self.poles is not None:
-            return PoleCompliance(self.poles, lines)
+            return pole_compliance(self.poles, lines)
         if self._fixed is not None:
             return DirectCompliance(self._fixed, None, lines, self.shift)
         change = None if slope is None else linear_of(self.layout, slope)
@@ -126,7 +116,8 @@ class Parts:
         return Linearised(self._fixed, self._fixed_laws)
 
     @cached_property
-    def _orders(self) -> NDArray[np.float64]:
+    def orders(self) -> NDArray[np.float64]:
+        """Lines from 0 to 2K in multiples of the forcing frequency: what lies beyond K measures what is neglected."""
         return np.arange(2 * self.count + 1) / self.period
 
     @cached_property

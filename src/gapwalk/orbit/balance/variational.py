@@ -28,7 +28,7 @@ def monodromy(
     lines : shape (contacts, K + 1)
         Deflections of the motion.
     breaks
-        Angles phi at which a breakpoint is passed: no step reaches across one.
+        Angles phi at which a breakpoint is passed, in their order: no step reaches across one.
     length
         The period, in units of time.
 
@@ -40,9 +40,7 @@ def monodromy(
     """
     steps = max(_FEWEST, _FINE * (lines.shape[1] - 1), int(np.ceil(length * linearised.rate / _REACH)))
     laws = linearised.laws
-    return _transition(
-        lines, steps, np.sort(breaks), length, linearised.steady, linearised.parts, *laws.switches, laws.rates
-    )
+    return _transition(lines, steps, breaks, length, linearised.steady, linearised.parts, *laws.switches, laws.rates)
 
 
 @numba.njit(**OPTIONS)
