@@ -13,6 +13,7 @@ _REACH = 0.7  # largest angle by which the fastest part of the system turns in o
 _FINE = 3  # steps to the shortest wave of the motion, at least
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])  # Gauss and Legendre's, on 0 ... 1
 _FEWEST = 8
+_LANES = 16  # steps that are taken side by side: they fill the registers, and their matrices the cache
 _INVERSE = 1.0 / np.cumprod([1.0, *range(1, 12)])  # of the factorials
 
 
@@ -45,112 +46,156 @@ def monodromy(
 
 @numba.njit(**OPTIONS)
 def _multiply(a, b, result):
-    """The product of two square matrices."""
+    """Products of square matrices; here and below, the steps stand side by side in the last dimension."""
     size = len(a)
     for i in range(size):
         for j in range(size):
-            result[i, j] = 0.0
-        for k in range(size):
-            factor = a[i, k]
-            for j in range(size):
-                result[i, j] += factor * b[k, j]
+            for s in range(_LANES):
+                result[i, j, s] = a[i, 0, s] * b[0, j, s]
+            for k in range(1, size):
+                for s in range(_LANES):
+                    result[i, j, s] += a[i, k, s] * b[k, j, s]
 
 
 @numba.njit(**OPTIONS)
-def _commute(a, b, work, result):
-    """The commutator of two square matrices."""
+def _combine(a, x, b, y, c, z, result):
+    """The sum of three matrices with factors."""
+    for i in range(len(x)):
+        for j in range(len(x)):
+            for s in range(_LANES):
+                result[i, j, s] = a * x[i, j, s] + b * y[i, j, s] + c * z[i, j, s]
+
+
+@numba.njit(**OPTIONS)
+def _commute(a, b, spare, result):
+    """Commutators."""
     _multiply(a, b, result)
-    _multiply(b, a, work)
-    for i in range(len(a)):
-        for j in range(len(a)):
-            result[i, j] -= work[i, j]
+    _multiply(b, a, spare)
+    _combine(1.0, result, -1.0, spare, 0.0, spare, result)
 
 
 @numba.njit(**OPTIONS)
-def _generator(lines, phi, steady, parts, contact, sign, clearance, rates, result):
-    """The generator at an angle; whether any contact is closed there."""
-    contacts, count = len(lines), lines.shape[1] - 1
-    result[:] = steady
-    closed = False
-    for c in range(contacts):
-        x, wave, turn = lines[c, 0].real, 1.0 + 0.0j, complex(np.cos(phi), np.sin(phi))
-        for k in range(1, count + 1):
-            wave *= turn
-            x += (lines[c, k] * wave).real
+def _knots(steps, breaks):
+    """Where steps end: evenly over the period, and at breakpoints."""
+    knots = np.empty(steps + 1 + len(breaks))
+    for index in range(steps + 1):
+        knots[index] = 2.0 * np.pi / steps * index
+    for number in range(len(breaks)):
+        place = steps + 1 + number
+        while knots[place - 1] > breaks[number]:
+            knots[place] = knots[place - 1]
+            place -= 1
+        knots[place] = breaks[number]
+    return knots
+
+
+@numba.njit(**OPTIONS)
+def _deflections(lines, phi, result):
+    """Values at some angles of a function with some lines."""
+    cosines, sines, p, q = np.cos(phi), np.sin(phi), np.ones(_LANES), np.zeros(_LANES)
+    for s in range(_LANES):
+        result[s] = lines[0].real
+    for k in range(1, len(lines)):
+        re, im = lines[k].real, lines[k].imag
+        for s in range(_LANES):
+            p[s], q[s] = p[s] * cosines[s] - q[s] * sines[s], p[s] * sines[s] + q[s] * cosines[s]
+            result[s] += re * p[s] - im * q[s]
+
+
+@numba.njit(**OPTIONS)
+def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result):
+    """The generators at some angles."""
+    x, slopes = np.empty(_LANES), np.empty((2, _LANES))
+    for a in range(len(steady)):
+        for b in range(len(steady)):
+            for s in range(_LANES):
+                result[a, b, s] = steady[a, b]
+    for c in range(len(lines)):
+        _deflections(lines[c], phi, x)
+        slopes[:] = 0.0
         for j in range(len(contact)):
-            depth = sign[j] * x - clearance[j]
-            if contact[j] != c or not depth > 0.0:
-                continue
-            closed = True
-            for kind in range(2):
-                slope = 0.0
-                for power in range(rates.shape[2] - 1, -1, -1):
-                    slope = slope * depth + rates[j, kind, power]
-                if slope == 0.0:
-                    continue
-                for a in range(len(steady)):
-                    for b in range(len(steady)):
-                        result[a, b] += slope * parts[kind * contacts + c, a, b]
-    return closed
+            if contact[j] == c:
+                for s in range(_LANES):
+                    depth = sign[j] * x[s] - clearance[j]
+                    if depth > 0.0:
+                        slopes[0, s] += _polynomial(rates[j, 0], depth)
+                        slopes[1, s] += _polynomial(rates[j, 1], depth)
+        for kind in range(2):
+            for a in range(len(steady)):
+                for b in range(len(steady)):
+                    part = parts[kind * len(lines) + c, a, b]
+                    if part != 0.0:
+                        for s in range(_LANES):
+                            result[a, b, s] += part * slopes[kind, s]
+
+
+@numba.njit(**OPTIONS)
+def _polynomial(coefficients, x):
+    value = 0.0
+    for power in range(len(coefficients) - 1, -1, -1):
+        value = value * x + coefficients[power]
+    return value
+
+
+@numba.njit(**OPTIONS)
+def _logarithms(h, nodes, work, result):
+    """Logarithms of the steps' transitions, from the generators at their three nodes."""
+    size = len(result)
+    second, third, inner, outer, spare, other = work[0], work[1], work[2], work[3], work[4], work[5]
+    for a in range(size):
+        for b in range(size):
+            for s in range(_LANES):
+                start, middle, end = nodes[0, a, b, s], nodes[1, a, b, s], nodes[2, a, b, s]
+                result[a, b, s] = h[s] * middle
+                second[a, b, s] = h[s] * (np.sqrt(15.0) / 3.0) * (end - start)
+                third[a, b, s] = h[s] * (10.0 / 3.0) * (end - 2.0 * middle + start)
+    _commute(result, second, spare, inner)
+    _combine(2.0, third, 1.0, inner, 0.0, inner, other)
+    _commute(result, other, spare, outer)
+    _combine(1.0, second, -1.0 / 60.0, outer, 0.0, outer, outer)
+    _combine(1.0, inner, -1.0, third, -20.0, result, other)
+    _commute(other, outer, spare, inner)
+    _combine(1.0, result, 1.0 / 12.0, third, 1.0 / 240.0, inner, result)
+
+
+@numba.njit(**OPTIONS)
+def _exponentials(x, work, result):
+    """Exponentials of small matrices, by Taylor's polynomial of degree 11 in five products."""
+    square, cube, product = work[0], work[1], work[2]
+    _multiply(x, x, square)
+    _multiply(square, x, cube)
+    product[:] = 0.0
+    for first in (9, 6, 3, 0):
+        if first < 9:
+            _multiply(result, cube, product)
+        _combine(1.0, product, _INVERSE[first + 1], x, _INVERSE[first + 2], square, result)
+        for a in range(len(x)):
+            for s in range(_LANES):
+                result[a, a, s] += _INVERSE[first]
 
 
 @kernel("f8[:, ::1](c16[:, ::1], i8, f8[::1], f8, f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1])")
 def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clearance, rates):
-    """The product of the transitions of all steps."""
-    size = len(steady)
-    work = np.zeros((9, size, size))
-    x, square, cube, power, spare = work[0], work[1], work[2], work[3], work[4]
-    second, third, inner, outer = work[5], work[6], work[7], work[8]
-    nodes = np.zeros((3, size, size))
+    """The product of the transitions of all steps, some of them at a time."""
+    size, knots = len(steady), _knots(steps, breaks)
     matrix, moved = np.eye(size), np.empty((size, size))
-    before, known, passed = 0.0, -1.0, 0
-    for step in range(steps + len(breaks)):
-        # the next of the even angles or the breakpoints
-        after = 2.0 * np.pi * (step - passed + 1) / steps
-        if passed < len(breaks) and breaks[passed] <= after:
-            after = breaks[passed]
-            passed += 1
-        width, h = after - before, (after - before) * length / (2.0 * np.pi)
-        start, before = before, after
-        if not width > 0.0:
-            continue
-        closed = False
+    nodes, work = np.empty((3, size, size, _LANES)), np.empty((6, size, size, _LANES))
+    logarithms, exponentials = np.empty((size, size, _LANES)), np.empty((size, size, _LANES))
+    starts, widths = np.empty(_LANES), np.empty(_LANES)
+    for first in range(0, len(knots) - 1, _LANES):
+        for s in range(_LANES):  # steps beyond the last one have no width
+            step = min(first + s, len(knots) - 1)
+            starts[s], widths[s] = knots[step], knots[min(step + 1, len(knots) - 1)] - knots[step]
         for node in range(3):
-            phi = start + width * _NODES[node]
-            closed |= _generator(lines, phi, steady, parts, contact, sign, clearance, rates, nodes[node])
-        if closed or abs(h - known) > 1e-15 * h:
-            # x: the logarithm of the transition
+            phi = starts + widths * _NODES[node]
+            _generate(lines, phi, steady, parts, contact, sign, clearance, rates, nodes[node])
+        _logarithms(widths * (length / (2.0 * np.pi)), nodes, work, logarithms)
+        _exponentials(logarithms, work, exponentials)
+        for s in range(min(_LANES, len(knots) - 1 - first)):
             for a in range(size):
                 for b in range(size):
-                    x[a, b] = h * nodes[1, a, b]
-                    second[a, b] = h * (np.sqrt(15.0) / 3.0) * (nodes[2, a, b] - nodes[0, a, b])
-                    third[a, b] = (10.0 / 3.0) * (h * (nodes[2, a, b] + nodes[0, a, b]) - 2.0 * x[a, b])
-            if closed:
-                _commute(x, second, spare, inner)
-                for a in range(size):
-                    for b in range(size):
-                        power[a, b] = 2.0 * third[a, b] + inner[a, b]
-                _commute(x, power, spare, outer)
-                for a in range(size):
-                    for b in range(size):
-                        outer[a, b] = second[a, b] - outer[a, b] / 60.0
-                        power[a, b] = inner[a, b] - third[a, b] - 20.0 * x[a, b]
-                _commute(power, outer, spare, inner)
-                for a in range(size):
-                    for b in range(size):
-                        x[a, b] += third[a, b] / 12.0 + inner[a, b] / 240.0
-            # its exponential by Taylor's polynomial of degree 11
-            _multiply(x, x, square)
-            _multiply(square, x, cube)
-            for first in (9, 6, 3, 0):
-                if first < 9:
-                    _multiply(power, cube, spare)
-                for a in range(size):
-                    for b in range(size):
-                        value = x[a, b] * _INVERSE[first + 1] + square[a, b] * _INVERSE[first + 2]
-                        power[a, b] = value + spare[a, b] if first < 9 else value
-                    power[a, a] += _INVERSE[first]
-            known = -1.0 if closed else h
-        _multiply(power, matrix, moved)
-        matrix, moved = moved, matrix
+                    moved[a, b] = 0.0
+                    for k in range(size):
+                        moved[a, b] += exponentials[a, k, s] * matrix[k, b]
+            matrix, moved = moved, matrix
     return matrix
