@@ -30,8 +30,7 @@ class Course(NamedTuple):
     tangent : shape (N + 1,)
         Unit tangent of the branch, in scaled variables.
     determinant
-        Determinant of the Jacobian bordered by it, each row divided by its length: then it measures how nearly singular
-        the matrix is, and not how large.
+        Determinant of the Jacobian bordered by it.
     """
 
     tangent: NDArray[np.float64]
@@ -109,19 +108,18 @@ class Corrector:
             right = np.zeros((len(x), 2), order="F")
             right[:-1, 0] -= evaluation.residual
             right[-1, 1] = 1.0
-            matrix = self._bordered(evaluation, normal)
-            factors, pivots, steps, singular = lapack.dgesv(matrix, right)
+            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             if solved:
                 x = x + step if length < _POLISH else x
-                course = None if singular else _course(matrix, factors, pivots, steps[:, 1])
+                course = None if singular else _course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
             if size <= trust * scale and length < _TRUSTED:
-                course = _course(matrix, factors, pivots, steps[:, 1])
+                course = _course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
 
@@ -137,7 +135,7 @@ class Corrector:
         right[-1] = 1.0
         factors, pivots, solution, singular = lapack.dgesv(matrix, right)
         if not singular:
-            return _course(matrix, factors, pivots, solution[:, 0])
+            return _course(factors, pivots, solution[:, 0])
         tangent = np.linalg.svd(matrix[:-1])[2][-1]
         tangent *= np.sign(tangent @ along) or 1.0
         return Course(tangent, self._determinant(evaluation, tangent))
@@ -176,27 +174,22 @@ class Corrector:
         size = len(border)
         matrix = np.empty((size, size), order="F")
         np.multiply(evaluation.by_unknowns, self._unknown_scales, out=matrix[:-1, :-1])
-        np.multiply(evaluation.by_parameter, self.scales[-1], out=matrix[:-1, -1])
+        matrix[:-1, -1] = evaluation.by_parameter
+        matrix[:-1, -1] *= self.scales[-1]
         matrix[-1] = border
         return matrix
 
     def _determinant(self, evaluation: Evaluation, border: NDArray[np.float64]) -> float:
-        """Determinant of the Jacobian bordered by a unit vector, each row divided by its length."""
-        matrix = self._bordered(evaluation, border)
-        return float(np.linalg.det(matrix / np.sqrt((matrix * matrix).sum(axis=1))[:, None]))
+        """Determinant of the Jacobian bordered by a unit vector."""
+        return float(np.linalg.det(self._bordered(evaluation, border)))
 
 
-def _course(
-    matrix: NDArray[np.float64], factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]
-) -> Course:
-    """The course that follows from a bordered matrix, its factors, and its solution for a step along the border."""
-    lengths = np.sqrt((matrix[:-1] ** 2).sum(axis=1))
+def _course(factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
+    """The course that follows from the factors of a bordered matrix and its solution for a step along the border."""
     swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-    shares = factors.diagonal().copy()
-    shares[:-1] /= lengths  # the rows of the factors are swapped, but of their product all is one
     # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
     length = length_of(along)
-    return Course(along / length, float(np.prod(shares)) * (-1.0) ** swaps * length)
+    return Course(along / length, float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length)
 
 
 def _largest(vector: NDArray[np.float64]) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.motion.flow import PERIOD
-from gapwalk.orbit.balance.kernels import turns
 from gapwalk.orbit.balance.lines import differentiated, grid, waves
 
 
@@ -44,6 +43,8 @@ class Series:
 
     def turns(self) -> list[NDArray[np.float64]]:
         """For each coordinate the angles theta at which it turns, and its values there; shape (2, turns) each."""
+        from gapwalk.orbit.balance.kernels import turns  # numba takes longer to load than all the rest
+
         phi, _, slopes = grid(self.lines.shape[1] - 1)
         found = [turns(row, phi, slopes) for row in self.lines]
         for row in found:
