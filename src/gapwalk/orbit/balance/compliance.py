@@ -175,20 +175,19 @@ class PoleCompliance(NamedTuple):
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.motion`."""
-        return self._amplitudes(forces) @ self.poles.outputs.T
+        poles = self.poles
+        amplitudes = amplitudes_of(self.gains, poles.loads, self.lines.loads, poles.inputs, forces)
+        return amplitudes @ poles.outputs.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.slope`."""
-        poles = self.poles
-        amplitudes, slopes = self._amplitudes(forces), self.lines.slopes
-        return slopes_of(self.gains, amplitudes, slopes, poles.inputs, poles.deflections, force_slopes)
+        poles, lines = self.poles, self.lines
+        applied = poles.loads, lines.loads, poles.inputs, forces
+        return slopes_of(self.gains, *applied, lines.slopes, poles.deflections, force_slopes)
 
     def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.answer`."""
         return answers_of(frequencies, self.poles.values, self.poles.inputs, self.poles.deflections, forces)
-
-    def _amplitudes(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return amplitudes_of(self.gains, self.poles.loads, self.lines.loads, self.poles.inputs, forces)
 
 
 def pole_compliance(poles: Poles, lines: Lines) -> PoleCompliance:

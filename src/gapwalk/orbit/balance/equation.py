@@ -152,7 +152,7 @@ class BalanceEquation:
             series.start(),
             self._multipliers(evidence),
             self._events(evidence),
-            float(np.abs(evaluation.residual).max()),
+            max(map(abs, evaluation.residual.tolist())),
             2 * self.count,
             series,
             Series(lines, self.period, system.frequency),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.balance.kernels import kernel
+from gapwalk.orbit.balance.kernels import OPTIONS, kernel
 from gapwalk.orbit.balance.linear import Linear
 
 _DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits
@@ -129,10 +130,9 @@ def gains_of(frequencies, values, loads, load_lines, deflections):
     return gains, free
 
 
-@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1])")
-def amplitudes_of(gains, loads, load_lines, inputs, forces):
-    """Amplitude of each eigenvector under the loads and contact forces (against them), shape (lines, poles)."""
-    result = np.empty_like(gains)
+@numba.njit(**OPTIONS)
+def _amplitudes(gains, loads, load_lines, inputs, forces, result):
+    """See `amplitudes_of`."""
     for line in range(len(gains)):
         for p in range(gains.shape[1]):
             push = 0.0j
@@ -143,13 +143,21 @@ def amplitudes_of(gains, loads, load_lines, inputs, forces):
         line = load_lines[order]
         for p in range(gains.shape[1]):
             result[line, p] += gains[line, p] * loads[p, order]
+
+
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1])")
+def amplitudes_of(gains, loads, load_lines, inputs, forces):
+    """Amplitude of each eigenvector under the loads and contact forces (against them), shape (lines, poles)."""
+    result = np.empty_like(gains)
+    _amplitudes(gains, loads, load_lines, inputs, forces, result)
     return result
 
 
-@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1], c16[:, ::1])")
-def slopes_of(gains, amplitudes, slopes, inputs, deflections, force_slopes):
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1])")
+def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, force_slopes):
     """Derivatives of the deflections by the parameter, shape (lines, contacts)."""
-    result = np.zeros((len(gains), len(deflections)), np.complex128)
+    amplitudes, result = np.empty_like(gains), np.zeros_like(forces)
+    _amplitudes(gains, loads, load_lines, inputs, forces, amplitudes)
     for line in range(len(gains)):
         for p in range(gains.shape[1]):
             push = complex(0.0, slopes[line]) * amplitudes[line, p]
