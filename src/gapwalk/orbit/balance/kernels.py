@@ -4,7 +4,8 @@ In calls of NumPy these loops would cost many times as much as in themselves. Ma
 in numba's folder of the user, so that a process loads it in a fraction of a second; only the first one compiles it.
 
 Kernels that call one another stand together in this file: numba compiles anew when the file of a kernel changes, but
-does not look at the files of those that it calls.
+does not look at the files of those that it calls. They are written in numbers, not in whole arrays: each expression of
+arrays would bring in code for shapes, broadcasting and error messages, and make compilation twice as long.
 """
 
 from __future__ import annotations
@@ -21,7 +22,14 @@ _CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube o
 _TINY = 1e-300
 
 # No assumption that there is no NaN: a motion that ran away must be seen. Division follows NumPy's rules.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}, "nogil": True}
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+}
+part = numba.njit(no_cpython_wrapper=True, **_OPTIONS)
+"""Decorates a function that only kernels call: it is compiled with them."""
 
 
 def kernel(signature: str):
@@ -29,14 +37,14 @@ def kernel(signature: str):
 
     def compiled(function: Any) -> Any:
         try:
-            return numba.njit(signature, cache=True, **OPTIONS)(function)
+            return numba.njit(signature, cache=True, **_OPTIONS)(function)
         except RuntimeError:  # neither the package nor the user has a folder that can be written
-            return numba.njit(signature, **OPTIONS)(function)
+            return numba.njit(signature, **_OPTIONS)(function)
 
     return compiled
 
 
-@numba.njit(**OPTIONS)
+@part
 def _at(lines, phi):
     """Value, slope and bend at an angle of the function with some lines."""
     wave, turn = 1.0 + 0.0j, complex(np.cos(phi), np.sin(phi))
@@ -50,7 +58,7 @@ def _at(lines, phi):
     return value, slope, bend
 
 
-@numba.njit(**OPTIONS)
+@part
 def _zero(lines, low, high, at_low, at_high):
     """One zero by Halley's method; by Newton's with bisection where that leaves the bracket."""
     phi = low + (high - low) * (at_low / (at_low - at_high))
@@ -78,16 +86,16 @@ def _zero(lines, low, high, at_low, at_high):
     return phi
 
 
-@numba.njit(**OPTIONS)
+@part
 def _rate(lines):
     """Lines of the derivative by phi."""
-    result = np.empty_like(lines)
+    result = np.empty(len(lines), np.complex128)
     for k in range(len(lines)):
         result[k] = complex(-k * lines[k].imag, k * lines[k].real)
     return result
 
 
-@numba.njit(**OPTIONS)
+@part
 def _sampled(lines, table):
     """Values of a function on a grid; the table takes its real form there."""
     result, count = np.zeros(table.shape[1]), len(lines) - 1
@@ -122,39 +130,49 @@ def real_form(lines):
     return result
 
 
+@part
+def _first(rows, number):
+    """The first columns of an array."""
+    result = np.empty((len(rows), number))
+    for row in range(len(rows)):
+        for index in range(number):
+            result[row, index] = rows[row, index]
+    return result
+
+
 @kernel("f8[:, ::1](c16[::1], f8[::1], f8[:, ::1])")
 def turns(lines, phi, slopes):
     """Angles at which a function turns, and its values there, shape (2, turns), from its lines.
 
     Turns are looked for on a grid (see `grid`), then found by Halley's method.
     """
-    speeds, rates, number = _sampled(lines, slopes), _rate(lines), 0
-    result = np.empty((2, len(phi)))
+    speeds, rates, number = _sampled(lines, slopes), _rate(lines), np.int64(0)
+    found = np.empty((2, len(phi)))
     for cell in range(len(phi) - 1):
         if (speeds[cell] > 0.0) != (speeds[cell + 1] > 0.0):
-            result[0, number] = _zero(rates, phi[cell], phi[cell + 1], speeds[cell], speeds[cell + 1])
-            result[1, number] = _at(lines, result[0, number])[0]
+            found[0, number] = _zero(rates, phi[cell], phi[cell + 1], speeds[cell], speeds[cell + 1])
+            found[1, number] = _at(lines, found[0, number])[0]
             number += 1
-    return result[:, :number].copy()
+    return _first(found, number)
 
 
-@numba.njit(**OPTIONS)
-def _enter(found, number, function, low, high, at_low, at_high):
-    """Enter one crossing of a breakpoint in a list of angles, slopes, and whether the slope is positive."""
+@part
+def _enter(found, number, switch, function, low, high, at_low, at_high):
+    """Enter one crossing of a breakpoint in a list of angles, slopes, whether the slope is positive, and switches."""
     found[0, number] = _zero(function, low, high, at_low, at_high)
     found[1, number] = _at(function, found[0, number])[1]
     found[2, number] = 1.0 if at_high > at_low else 0.0
+    found[3, number] = switch
     return number + 1
 
 
-@numba.njit(**OPTIONS)
-def _crossings(function, depths, speeds, phi, found):
-    """Enter every zero of a function, given by its lines and its values on a grid; how many there are."""
-    number = 0
+@part
+def _crossings(switch, function, depths, speeds, phi, found, number):
+    """Enter every zero of a function, given by its lines and its values on a grid, after a number of others."""
     for cell in range(len(phi) - 1):
         low, high, now, then = phi[cell], phi[cell + 1], depths[cell], depths[cell + 1]
         if (now > 0.0) != (then > 0.0):
-            number = _enter(found, number, function, low, high, now, then)
+            number = _enter(found, number, switch, function, low, high, now, then)
             continue
         # two zeros beside an extremum in the cell, which is so near to zero that the slopes may lead there?
         speed, after = speeds[cell], speeds[cell + 1]
@@ -164,20 +182,20 @@ def _crossings(function, depths, speeds, phi, found):
             middle = _zero(_rate(function), low, high, speed, after)
             turn = _at(function, middle)[0]
             if (turn > 0.0) != (now > 0.0):
-                number = _enter(found, number, function, low, middle, now, turn)
-                number = _enter(found, number, function, middle, high, turn, then)
+                number = _enter(found, number, switch, function, low, middle, now, turn)
+                number = _enter(found, number, switch, function, middle, high, turn, then)
     return number
 
 
-@numba.njit(**OPTIONS)
-def _indicator(found, starts, longest):
+@part
+def _indicator(found, first, last, starts, longest):
     """Spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
 
     In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
     """
-    result = np.zeros(longest + 1, dtype=np.complex128)
+    result = np.zeros(longest + 1, np.complex128)
     mean = 1.0 if starts else 0.0
-    for index in range(found.shape[1]):
+    for index in range(first, last):
         phi, sign = found[0, index], 2.0 * found[2, index] - 1.0
         mean -= sign * phi / (2.0 * np.pi)
         wave, turn = complex(sign, 0.0), complex(np.cos(phi), -np.sin(phi))
@@ -190,11 +208,11 @@ def _indicator(found, starts, longest):
     return result
 
 
-@numba.njit(**OPTIONS)
+@part
 def _powers(indicator, function, degree, kept):
     """Spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi is the function with some lines."""
     longest, count = len(indicator) - 1, len(function) - 1
-    result = np.empty((degree + 1, kept + 1), dtype=np.complex128)
+    result = np.empty((degree + 1, kept + 1), np.complex128)
     # real and imaginary parts, from k = -K on, lie apart: so the loops over k fill the registers
     real, imaginary = np.empty(count + longest + 1), np.empty(count + longest + 1)
     a, b = np.empty(longest + 1), np.empty(longest + 1)
@@ -220,7 +238,7 @@ def _powers(indicator, function, degree, kept):
     return result
 
 
-@numba.njit(**OPTIONS)
+@part
 def _add(table, powers, result):
     """Add the sum of some powers to each row."""
     for row in range(len(result)):
@@ -231,7 +249,7 @@ def _add(table, powers, result):
                     result[row, k] += factor * powers[exponent, k]
 
 
-@numba.njit(**OPTIONS)
+@part
 def _sort(rows, number):
     """Sort the first columns by the first row: few, and nearly in order."""
     for last in range(1, number):
@@ -254,37 +272,36 @@ def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, val
     derivatives of the deflection by phi, whether it closes, and the switch.
     """
     contacts, count, degree = len(lines), lines.shape[1] - 1, table.shape[2] - 1
-    forces = np.zeros((contacts, 4, 2 * count + 1), dtype=np.complex128)
-    moved = np.zeros((contacts, 2, count + 1), dtype=np.complex128)
-    crossings, total = np.empty((4, 2 * len(contact) * len(phi))), 0
-    known, depths, speeds = -1, phi, phi
+    forces = np.zeros((contacts, 4, 2 * count + 1), np.complex128)
+    moved = np.zeros((contacts, 2, count + 1), np.complex128)
+    found, number = np.empty((4, 2 * len(contact) * len(phi))), np.int64(0)
+    function = np.empty(count + 1, np.complex128)
     for j in range(len(contact)):
-        c = contact[j]
-        if c != known:
-            known, depths, speeds = c, _sampled(lines[c], values), _sampled(lines[c], slopes)
-        function = sign[j] * lines[c]
+        c, before = contact[j], number
+        for k in range(count + 1):
+            function[k] = sign[j] * lines[c, k]
         function[0] -= clearance[j]
-        found = np.empty((3, 2 * len(phi)))
-        number = _crossings(function, sign[j] * depths - clearance[j], sign[j] * speeds, phi, found)
-        found = found[:, :number]
-        for index in range(number):
-            crossings[0, total], crossings[1, total] = found[0, index], sign[j] * found[1, index]
-            crossings[2, total], crossings[3, total] = found[2, index], j
-            total += 1
-        starts = sign[j] * depths[0] - clearance[j] > 0.0
-        if starts or number:
-            indicator = _indicator(found, starts, (2 + degree) * count)
+        depths = _sampled(function, values)
+        number = _crossings(j, function, depths, _sampled(function, slopes), phi, found, number)
+        if depths[0] > 0.0 or number > before:
+            indicator = _indicator(found, before, number, depths[0] > 0.0, (2 + degree) * count)
             powers = _powers(indicator, function, degree, 2 * count)
             _add(table[j], powers, forces[c])
             _add(slope_table[j], powers, moved[c])
+    for index in range(number):  # from the penetration to the deflection
+        found[1, index] *= sign[int(found[3, index])]
     for c in range(contacts):  # from spectra to lines
-        forces[c, 0::2, 1:] *= 2.0
-        moved[c, :, 1:] *= 2.0
-    _sort(crossings, total)
-    return forces, moved, crossings[:, :total].copy()
+        for k in range(1, 2 * count + 1):
+            forces[c, 0, k] *= 2.0
+            forces[c, 2, k] *= 2.0
+        for k in range(1, count + 1):
+            moved[c, 0, k] *= 2.0
+            moved[c, 1, k] *= 2.0
+    _sort(found, number)
+    return forces, moved, _first(found, number)
 
 
-@numba.njit(**OPTIONS)
+@part
 def _tangent(forces, shift, w, k, j):
     """Lines k of the change of a force with the cosine and with the sine j of its deflection.
 

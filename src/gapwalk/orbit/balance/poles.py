@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.balance.kernels import OPTIONS, kernel
+from gapwalk.orbit.balance.kernels import kernel, part
 from gapwalk.orbit.balance.linear import Linear
 
 _DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits
@@ -130,7 +129,7 @@ def gains_of(frequencies, values, loads, load_lines, deflections):
     return gains, free
 
 
-@numba.njit(**OPTIONS)
+@part
 def _amplitudes(gains, loads, load_lines, inputs, forces, result):
     """See `amplitudes_of`."""
     for line in range(len(gains)):
@@ -148,7 +147,7 @@ def _amplitudes(gains, loads, load_lines, inputs, forces, result):
 @kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1])")
 def amplitudes_of(gains, loads, load_lines, inputs, forces):
     """Amplitude of each eigenvector under the loads and contact forces (against them), shape (lines, poles)."""
-    result = np.empty_like(gains)
+    result = np.empty(gains.shape, np.complex128)
     _amplitudes(gains, loads, load_lines, inputs, forces, result)
     return result
 
@@ -156,7 +155,7 @@ def amplitudes_of(gains, loads, load_lines, inputs, forces):
 @kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1])")
 def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, force_slopes):
     """Derivatives of the deflections by the parameter, shape (lines, contacts)."""
-    amplitudes, result = np.empty_like(gains), np.zeros_like(forces)
+    amplitudes, result = np.empty(gains.shape, np.complex128), np.zeros(forces.shape, np.complex128)
     _amplitudes(gains, loads, load_lines, inputs, forces, amplitudes)
     for line in range(len(gains)):
         for p in range(gains.shape[1]):
@@ -172,7 +171,7 @@ def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, for
 @kernel("c16[:, ::1](f8[::1], c16[::1], c16[:, ::1], c16[:, ::1], c16[:, ::1])")
 def answers_of(frequencies, values, inputs, deflections, forces):
     """Deflections under contact forces alone (against them), both of shape (lines, contacts)."""
-    result = np.zeros_like(forces)
+    result = np.zeros(forces.shape, np.complex128)
     for line in range(len(forces)):
         for p in range(len(values)):
             push = 0.0j

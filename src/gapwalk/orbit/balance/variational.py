@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.balance.kernels import OPTIONS, kernel
+from gapwalk.orbit.balance.kernels import kernel, part
 from gapwalk.orbit.balance.linearised import Linearised
 
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
@@ -44,7 +43,7 @@ def monodromy(
     return _transition(lines, steps, breaks, length, linearised.steady, linearised.parts, *laws.switches, laws.rates)
 
 
-@numba.njit(**OPTIONS)
+@part
 def _multiply(a, b, result):
     """Products of square matrices; here and below, the steps stand side by side in the last dimension."""
     size = len(a)
@@ -57,7 +56,7 @@ def _multiply(a, b, result):
                     result[i, j, s] += a[i, k, s] * b[k, j, s]
 
 
-@numba.njit(**OPTIONS)
+@part
 def _combine(a, x, b, y, c, z, result):
     """The sum of three matrices with factors."""
     for i in range(len(x)):
@@ -66,7 +65,7 @@ def _combine(a, x, b, y, c, z, result):
                 result[i, j, s] = a * x[i, j, s] + b * y[i, j, s] + c * z[i, j, s]
 
 
-@numba.njit(**OPTIONS)
+@part
 def _commute(a, b, spare, result):
     """Commutators."""
     _multiply(a, b, result)
@@ -74,7 +73,7 @@ def _commute(a, b, spare, result):
     _combine(1.0, result, -1.0, spare, 0.0, spare, result)
 
 
-@numba.njit(**OPTIONS)
+@part
 def _knots(steps, breaks):
     """Where steps end: evenly over the period, and at breakpoints."""
     knots = np.empty(steps + 1 + len(breaks))
@@ -89,12 +88,12 @@ def _knots(steps, breaks):
     return knots
 
 
-@numba.njit(**OPTIONS)
+@part
 def _deflections(lines, phi, result):
     """Values at some angles of a function with some lines."""
-    cosines, sines, p, q = np.cos(phi), np.sin(phi), np.ones(_LANES), np.zeros(_LANES)
+    cosines, sines, p, q = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
     for s in range(_LANES):
-        result[s] = lines[0].real
+        cosines[s], sines[s], p[s], q[s], result[s] = np.cos(phi[s]), np.sin(phi[s]), 1.0, 0.0, lines[0].real
     for k in range(1, len(lines)):
         re, im = lines[k].real, lines[k].imag
         for s in range(_LANES):
@@ -102,17 +101,17 @@ def _deflections(lines, phi, result):
             result[s] += re * p[s] - im * q[s]
 
 
-@numba.njit(**OPTIONS)
+@part
 def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result):
     """The generators at some angles."""
-    x, slopes = np.empty(_LANES), np.empty((2, _LANES))
+    x = np.empty(_LANES)
     for a in range(len(steady)):
         for b in range(len(steady)):
             for s in range(_LANES):
                 result[a, b, s] = steady[a, b]
     for c in range(len(lines)):
         _deflections(lines[c], phi, x)
-        slopes[:] = 0.0
+        slopes = np.zeros((2, _LANES))
         for j in range(len(contact)):
             if contact[j] == c:
                 for s in range(_LANES):
@@ -129,7 +128,7 @@ def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result
                             result[a, b, s] += part * slopes[kind, s]
 
 
-@numba.njit(**OPTIONS)
+@part
 def _polynomial(coefficients, x):
     value = 0.0
     for power in range(len(coefficients) - 1, -1, -1):
@@ -137,7 +136,7 @@ def _polynomial(coefficients, x):
     return value
 
 
-@numba.njit(**OPTIONS)
+@part
 def _logarithms(h, nodes, work, result):
     """Logarithms of the steps' transitions, from the generators at their three nodes."""
     size = len(result)
@@ -158,17 +157,16 @@ def _logarithms(h, nodes, work, result):
     _combine(1.0, result, 1.0 / 12.0, third, 1.0 / 240.0, inner, result)
 
 
-@numba.njit(**OPTIONS)
+@part
 def _exponentials(x, work, result):
     """Exponentials of small matrices, by Taylor's polynomial of degree 11 in five products."""
     square, cube, product = work[0], work[1], work[2]
     _multiply(x, x, square)
     _multiply(square, x, cube)
-    product[:] = 0.0
     for first in (9, 6, 3, 0):
         if first < 9:
             _multiply(result, cube, product)
-        _combine(1.0, product, _INVERSE[first + 1], x, _INVERSE[first + 2], square, result)
+        _combine(1.0 if first < 9 else 0.0, product, _INVERSE[first + 1], x, _INVERSE[first + 2], square, result)
         for a in range(len(x)):
             for s in range(_LANES):
                 result[a, a, s] += _INVERSE[first]
@@ -178,18 +176,22 @@ def _exponentials(x, work, result):
 def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clearance, rates):
     """The product of the transitions of all steps, some of them at a time."""
     size, knots = len(steady), _knots(steps, breaks)
-    matrix, moved = np.eye(size), np.empty((size, size))
-    nodes, work = np.empty((3, size, size, _LANES)), np.empty((6, size, size, _LANES))
-    logarithms, exponentials = np.empty((size, size, _LANES)), np.empty((size, size, _LANES))
-    starts, widths = np.empty(_LANES), np.empty(_LANES)
+    matrix, moved = np.zeros((size, size)), np.zeros((size, size))
+    for a in range(size):
+        matrix[a, a] = 1.0
+    nodes, work = np.zeros((3, size, size, _LANES)), np.zeros((6, size, size, _LANES))
+    logarithms, exponentials = np.zeros((size, size, _LANES)), np.zeros((size, size, _LANES))
+    starts, widths, phi, times = np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES)
     for first in range(0, len(knots) - 1, _LANES):
         for s in range(_LANES):  # steps beyond the last one have no width
             step = min(first + s, len(knots) - 1)
             starts[s], widths[s] = knots[step], knots[min(step + 1, len(knots) - 1)] - knots[step]
         for node in range(3):
-            phi = starts + widths * _NODES[node]
+            for s in range(_LANES):
+                phi[s] = starts[s] + widths[s] * _NODES[node]
+                times[s] = widths[s] * length / (2.0 * np.pi)
             _generate(lines, phi, steady, parts, contact, sign, clearance, rates, nodes[node])
-        _logarithms(widths * (length / (2.0 * np.pi)), nodes, work, logarithms)
+        _logarithms(times, nodes, work, logarithms)
         _exponentials(logarithms, work, exponentials)
         for s in range(min(_LANES, len(knots) - 1 - first)):
             for a in range(size):
