@@ -17,13 +17,14 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.balance.compliance import DirectCompliance, PoleCompliance
 from gapwalk.orbit.balance.force import Forces, contact_forces_of
 from gapwalk.orbit.balance.hill import projected_monodromy
-from gapwalk.orbit.balance.kernels import balance, beyond, changed, from_real_form, real_form, share
+from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
 from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
 from gapwalk.orbit.balance.parts import Parts
+from gapwalk.orbit.balance.residual import balance, beyond, changed, share
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.balance.variational import monodromy
 from gapwalk.orbit.equation import Evaluation

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.balance.kernels import kernel, part
+from gapwalk.orbit.balance.compiled import kernel, part
 from gapwalk.orbit.balance.linear import Linear
 
 _DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits

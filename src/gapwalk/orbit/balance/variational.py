@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.orbit.balance.kernels import kernel, part
+from gapwalk.orbit.balance.compiled import kernel, part
 from gapwalk.orbit.balance.linearised import Linearised
 
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
