@@ -51,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, mass, period
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, period
 
     return {
         "period": period.rows,
@@ -61,6 +61,7 @@ def _groups() -> dict[str, Callable]:
         "growth": growth.rows,
         "mass": mass.rows,
         "balance": balance.rows,
+        "jobs": jobs.rows,
     }
 
 

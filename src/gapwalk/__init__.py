@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
-    from gapwalk.study.basins.finding import BasinOptions, basin_shares, basins
+    from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
-    from gapwalk.study.diagram import DiagramOptions, diagram
+    from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
@@ -50,12 +50,12 @@ if TYPE_CHECKING:
     from gapwalk.study.regimes.store import load_regimes
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
-    from gapwalk.study.stored import load
+    from gapwalk.study.store.stored import load
     from gapwalk.study.sweep.options import SweepOptions
     from gapwalk.study.sweep.record import Sweep
     from gapwalk.study.sweep.store import load_sweep
     from gapwalk.study.sweep.sweeping import sweep
-    from gapwalk.study.workers import on_cluster, workers
+    from gapwalk.study.work.workers import on_cluster, workers
 
     __version__: str
 
@@ -148,7 +148,7 @@ __all__ = [
 _HOMES = {
     "Attractor": "attractor.attractor",
     "Balance": "orbit.balance",
-    "BasinOptions": "study.basins.finding",
+    "BasinOptions": "study.basins.basins",
     "BasinShares": "attractor.basins",
     "Basins": "attractor.basins",
     "Branch": "continuation.branch",
@@ -159,7 +159,7 @@ _HOMES = {
     "Contact": "model.contact",
     "DampingLaw": "model.contact",
     "Diagram": "bifurcation.diagram",
-    "DiagramOptions": "study.diagram",
+    "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
     "Harmonic": "model.excitation",
     "Kind": "continuation.branch",
@@ -192,25 +192,25 @@ _HOMES = {
     "System": "model.system",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
-    "basin_shares": "study.basins.finding",
-    "basins": "study.basins.finding",
+    "basin_shares": "study.basins.basins",
+    "basins": "study.basins.basins",
     "bifurcation_map": "study.map",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
-    "diagram": "study.diagram",
+    "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
-    "load": "study.stored",
+    "load": "study.store.stored",
     "load_basins": "study.basins.store",
     "load_regimes": "study.regimes.store",
     "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
-    "on_cluster": "study.workers",
+    "on_cluster": "study.work.workers",
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
@@ -224,7 +224,7 @@ _HOMES = {
     "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",
     "waterfall": "attractor.waterfall",
-    "workers": "study.workers",
+    "workers": "study.work.workers",
 }
 _MODULES = ("errors", "paper")
 

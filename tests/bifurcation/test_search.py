@@ -29,7 +29,7 @@ from gapwalk.model import System
 from gapwalk.orbit import ShootingEquation, find_orbit
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.paper import case
-from gapwalk.study.workers import workers
+from gapwalk.study.work.workers import workers
 from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
 
 AMPLITUDE = "harmonic1.amplitude"

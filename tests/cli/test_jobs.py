@@ -142,7 +142,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     def doubt(settled, options) -> gw.Attractor:
         return replace(identify(settled, options), kind=AttractorKind.UNDECIDED, evidence=("nobody knows",))
 
-    monkeypatch.setattr("gapwalk.study.settle_study.job.identify", doubt)
+    monkeypatch.setattr("gapwalk.study.settle.study.identify", doubt)
     assert main(["run", "x.toml"]) == 3
     captured = capsys.readouterr()
     assert "gapwalk: nobody knows" in captured.err

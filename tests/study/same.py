@@ -3,7 +3,7 @@
 import numpy as np
 
 from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
-from gapwalk.study.search_result import plain_search
+from gapwalk.study.diagram.search_result import plain_search
 
 
 def assert_same_result(one: Result, other: Result) -> None:

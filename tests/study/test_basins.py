@@ -9,10 +9,10 @@ from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
-from gapwalk.study.basins.finding import BasinOptions, basin_shares, basins
+from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
 from gapwalk.study.basins.store import load_basins
 from gapwalk.study.regimes.store import load_regimes
-from gapwalk.study.workers import workers
+from gapwalk.study.work.workers import workers
 from tests.independent import integrate
 from tests.systems import linear
 

@@ -13,7 +13,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 def test_an_example_draws_its_picture(name, cells, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [name, str(cells)])
-    monkeypatch.setattr("gapwalk.study.workers.local_cores", lambda: 1)
+    monkeypatch.setattr("gapwalk.study.work.workers.local_cores", lambda: 1)
     runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
     assert words in capsys.readouterr().out
     assert (tmp_path / f"{name}.png").stat().st_size > 10_000

@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 
 from gapwalk.errors import StoreError
-from gapwalk.study.chunk_store import ChunkStore, read_chunks
+from gapwalk.study.store.chunk_store import ChunkStore, read_chunks
 
 JOB = {"kind": "test", "values": [1.0, 0.1], "parts": {"a": 1, "b": None}}
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from gapwalk.errors import ModelError, WorkError
-from gapwalk.study import chunks
-from gapwalk.study.chunks import do_in_chunks
-from gapwalk.study.pace import Pace
-from gapwalk.study.workers import Workers, workers
+from gapwalk.study.work import chunks
+from gapwalk.study.work.chunks import do_in_chunks
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers, workers
 from tests.study.pieces import die
 
 

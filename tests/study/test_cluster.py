@@ -11,9 +11,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, WorkError
 from gapwalk.motion import Flow
-from gapwalk.study import cluster as module
-from gapwalk.study.cluster import Cluster, check_versions
-from gapwalk.study.workers import Workers, on_cluster, workers
+from gapwalk.study.work import cluster as module
+from gapwalk.study.work.cluster import Cluster, check_versions
+from gapwalk.study.work.workers import Workers, on_cluster, workers
 from tests.study.diagrams import clutch_diagram
 from tests.study.pieces import die_at_three, fail_at_three, slow_double, slow_pid
 from tests.study.same import assert_same_result

@@ -24,7 +24,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.paper import case
-from gapwalk.study.diagram import DiagramOptions, diagram
+from gapwalk.study.diagram.diagram import DiagramOptions, diagram
 
 MAX_PERIOD = 8
 LONGEST = 64  # forcing periods up to which a return is a periodic motion, though too long for the diagram

@@ -8,7 +8,7 @@ from gapwalk.continuation import EndReason, Kind
 from gapwalk.errors import ModelError
 from gapwalk.orbit.identity import is_same
 from gapwalk.paper import case
-from gapwalk.study.diagram import DiagramOptions, diagram
+from gapwalk.study.diagram.diagram import DiagramOptions, diagram
 from tests.bifurcation.test_special_points import symmetric
 
 RANGE = (0.6, 0.85)

@@ -13,10 +13,10 @@ import gapwalk as gw
 from gapwalk.bifurcation.search import coverage
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.study import diagram as growing
+from gapwalk.study.diagram import diagram as growing
+from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
+from gapwalk.study.diagram.search_table import SearchPart
 from gapwalk.study.document import result_document
-from gapwalk.study.search_result import COVERAGE, coverage_rows
-from gapwalk.study.search_table import SearchPart
 from tests.study.diagrams import islands
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_result

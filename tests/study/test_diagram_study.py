@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
-from gapwalk.study import diagram as growing
+from gapwalk.study.diagram import diagram as growing
 from tests.study.diagrams import clutch_diagram, many_branches
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
@@ -135,7 +135,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
 
 
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
-    from gapwalk.study import rows
+    from gapwalk.study.store import rows
 
     write, count = rows.write_points, 0
 

@@ -14,7 +14,7 @@ from gapwalk.model import ModelFileError
 from gapwalk.model.file import read_system
 from gapwalk.model.source import parse_source
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.file import Study, check_studies, check_study, read_studies, read_study
 from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, Start
 

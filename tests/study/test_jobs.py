@@ -11,9 +11,9 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.source import parse_source
-from gapwalk.study.claim import check_claim
 from gapwalk.study.file import check_study
-from gapwalk.study.plain_options import options_of, plain_options
+from gapwalk.study.store.claim import check_claim
+from gapwalk.study.store.plain_options import options_of, plain_options
 from tests.study.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.study.killing import killed_after
 
@@ -129,7 +129,7 @@ def test_nothing_is_kept_of_a_job_that_was_stopped_at_once(tmp_path, monkeypatch
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gapwalk.study.settle_study.job.settle", stop)
+    monkeypatch.setattr("gapwalk.study.settle.study.settle", stop)
     monkeypatch.setattr("gapwalk.study.basins.job._sort_fast", stop)
     for kind in ("settle", "basins"):
         with pytest.raises(KeyboardInterrupt):

@@ -8,7 +8,7 @@ import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.study.file import Study, check_study
-from gapwalk.study.plain_options import options_of, plain_options
+from gapwalk.study.store.plain_options import options_of, plain_options
 
 SYSTEM = """\
 title = "A clutch"

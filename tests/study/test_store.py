@@ -15,9 +15,9 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.motion import Flow
-from gapwalk.study import store
-from gapwalk.study.database import APPLICATION, SCHEMA, lock
-from gapwalk.study.stored import read
+from gapwalk.study.store import walk_store
+from gapwalk.study.store.database import APPLICATION, SCHEMA, lock
+from gapwalk.study.store.stored import read
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.study.studies import long_study, stop_study
 
@@ -43,7 +43,7 @@ def undisturbed() -> gw.Result:
 @pytest.fixture
 def at_once(monkeypatch) -> None:
     """Write every point by itself."""
-    monkeypatch.setattr(store, "_SECONDS", 0.0)
+    monkeypatch.setattr(walk_store, "_SECONDS", 0.0)
 
 
 def test_what_is_loaded_is_what_was_found(path) -> None:
@@ -374,10 +374,10 @@ def test_versions_that_differ_are_all_told(path, monkeypatch) -> None:
     def report(point, special_points) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr("gapwalk.study.versions.__version__", "0.0.1")
+    monkeypatch.setattr("gapwalk.study.store.versions.__version__", "0.0.1")
     with pytest.raises(RuntimeError):
         gw.run(stop_study(), path, report=report)
-    monkeypatch.setattr("gapwalk.study.versions.__version__", "0.0.2")
+    monkeypatch.setattr("gapwalk.study.store.versions.__version__", "0.0.2")
     gw.run(stop_study(), path, resume=True)
     assert gw.load(path).versions["gapwalk"] == "0.0.1, 0.0.2"
 

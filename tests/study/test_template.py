@@ -11,7 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.file import check_study, read_studies, read_study
 from gapwalk.study.map import MapOptions
 from gapwalk.study.options import BranchOptions, MapStudyOptions

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gapwalk.errors import WorkError
-from gapwalk.study.workers import workers
+from gapwalk.study.work.workers import workers
 from tests.study.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,7 +105,7 @@ def test_pieces_may_become_more_while_they_are_done(count, in_order) -> None:
 
 SCRIPT = """
 import os
-from gapwalk.study.workers import workers
+from gapwalk.study.work.workers import workers
 
 def ready(index, result):
     print(index, flush=True)

@@ -22,8 +22,8 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
     from gapwalk.cli.run import read_changed
     from gapwalk.cli.screen import console
-    from gapwalk.study.plain import plain_system
-    from gapwalk.study.plain_options import plain_options
+    from gapwalk.study.store.plain import plain_system
+    from gapwalk.study.store.plain_options import plain_options
 
     studies = read_changed(file, changes)
     if json:
@@ -57,7 +57,7 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
     from gapwalk.cli.run import print_heading
     from gapwalk.cli.screen import console, print_result
     from gapwalk.study.document import result_document
-    from gapwalk.study.stored import load
+    from gapwalk.study.store.stored import load
 
     result = load(path)
     if json:
@@ -78,7 +78,7 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
     """Write the tables or the picture of a result."""
     from gapwalk.cli.run import table_paths
     from gapwalk.study.export import export_csv
-    from gapwalk.study.stored import load
+    from gapwalk.study.store.stored import load
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
     if form not in ("csv", "png", "svg"):

@@ -11,11 +11,11 @@ from rich.table import Table
 
 from gapwalk.cli.outcome import printable
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study.basin_study.finding import BasinFinding
+from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.finding import Finding
-from gapwalk.study.regime_study.finding import RegimeFinding
-from gapwalk.study.settle_study.finding import SettleFinding
-from gapwalk.study.sweep_study.finding import SweepFinding
+from gapwalk.study.regimes.finding import RegimeFinding
+from gapwalk.study.settle.finding import SettleFinding
+from gapwalk.study.sweep.finding import SweepFinding
 
 _LINES = 8  # of a spectrum
 _PERIODS = 12  # that are told one by one

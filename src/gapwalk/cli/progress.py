@@ -17,7 +17,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.map import Map, Section
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
-from gapwalk.study.pace import Pace
+from gapwalk.study.work.pace import Pace
 
 
 def progress_of(

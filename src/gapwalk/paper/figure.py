@@ -21,7 +21,7 @@ from gapwalk.study.file import Study
 from gapwalk.study.options import ResponseOptions
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
-from gapwalk.study.store import Report
+from gapwalk.study.store.walk_store import Report
 
 BEGIN, END = 2.0, 0.15
 """The range of W over which the responses are walked, from the first to the second."""

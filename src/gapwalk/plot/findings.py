@@ -15,13 +15,13 @@ from gapwalk.plot.settled import SIZE as SETTLED_SIZE
 from gapwalk.plot.settled import plot_settled
 from gapwalk.plot.style import DPI, RC
 from gapwalk.plot.sweep import draw_sweep
-from gapwalk.study.basin_study.finding import BasinFinding
+from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.finding import Finding
 from gapwalk.study.options import StudyOptions
-from gapwalk.study.regime_study.finding import RegimeFinding
-from gapwalk.study.settle_study.finding import SettleFinding
-from gapwalk.study.sweep_study.finding import SweepFinding
-from gapwalk.study.sweep_study.options import SweepStudyOptions
+from gapwalk.study.regimes.finding import RegimeFinding
+from gapwalk.study.settle.finding import SettleFinding
+from gapwalk.study.sweep.finding import SweepFinding
+from gapwalk.study.sweep.study_options import SweepStudyOptions
 
 
 def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:

@@ -12,9 +12,9 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
+from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
 from gapwalk.study.result import Result
-from gapwalk.study.search_result import COVERAGE, coverage_rows
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""

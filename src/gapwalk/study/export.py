@@ -14,9 +14,9 @@ import numpy as np
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import StoreError
 from gapwalk.study.columns import measure_names, measure_values, parameter_headings
+from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
-from gapwalk.study.search_result import COVERAGE, coverage_rows
 
 
 def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> None:

@@ -6,15 +6,15 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from gapwalk.study.basin_study.job import read_basins, work_basins
+from gapwalk.study.basins.study import read_basins, work_basins
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
-from gapwalk.study.regime_study.job import read_regimes, work_regimes
-from gapwalk.study.settle_study.job import read_settled, work_settle
-from gapwalk.study.sweep_study.job import read_sweep, work_sweep
+from gapwalk.study.regimes.study import read_regimes, work_regimes
+from gapwalk.study.settle.study import read_settled, work_settle
+from gapwalk.study.sweep.study import read_sweep, work_sweep
 
 Report = Callable[..., object]
-"""Called with each part when it is done and is in the file, and with the `gapwalk.study.pace.Pace` of the job."""
+"""Called with each part when it is done and is in the file, and with the `gapwalk.study.work.pace.Pace` of the job."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Job:
     Attributes
     ----------
     work
-        Does it: called with the study, where to keep its parts (a `gapwalk.study.shelf.Shelf`, or None), and whom to
-        report to. After Ctrl-C it returns what there is, or raises KeyboardInterrupt if that is nothing.
+        Does it: called with the study, where to keep its parts (a `gapwalk.study.store.shelf.Shelf`, or None), and
+        whom to report to. After Ctrl-C it returns what there is, or raises KeyboardInterrupt if that is nothing.
     read
         What has been found, from the study and the parts by number; any of LookupError, TypeError and ValueError if
         they are damaged.

@@ -8,13 +8,13 @@ from pydantic import ValidationInfo, field_validator
 
 from gapwalk.model.fields import Count
 from gapwalk.model.system import System
-from gapwalk.study.basin_study.table import BasinsPart
+from gapwalk.study.basins.table import BasinsPart
+from gapwalk.study.diagram.search_table import SearchPart
 from gapwalk.study.map.table import MapPart
 from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
-from gapwalk.study.regime_study.table import RegimesPart
-from gapwalk.study.search_table import SearchPart
-from gapwalk.study.settle_study.table import SettlePart
-from gapwalk.study.sweep_study.table import SweepPart
+from gapwalk.study.regimes.table import RegimesPart
+from gapwalk.study.settle.table import SettlePart
+from gapwalk.study.sweep.table import SweepPart
 from gapwalk.study.tables import BranchPart, StudyPart, Surroundings
 
 

@@ -10,7 +10,7 @@ from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.diagram import DiagramOptions
+from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.map.options import MapOptions
 
 _LIMITS, _MAP = DiagramOptions(), MapOptions()

@@ -13,14 +13,14 @@ from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.claim import earlier_result
-from gapwalk.study.codec import PointCodec
-from gapwalk.study.database import lock
 from gapwalk.study.file import Study
 from gapwalk.study.result import Result
-from gapwalk.study.store import Report, Store, WalkFile, create_result
-from gapwalk.study.stored import Stored, StoredWalk
-from gapwalk.study.versions import versions
+from gapwalk.study.store.claim import earlier_result
+from gapwalk.study.store.codec import PointCodec
+from gapwalk.study.store.database import lock
+from gapwalk.study.store.stored import Stored, StoredWalk
+from gapwalk.study.store.versions import versions
+from gapwalk.study.store.walk_store import Report, Store, WalkFile, create_result
 
 
 def run_response(

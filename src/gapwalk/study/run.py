@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from gapwalk.study.chunked import run_job
-from gapwalk.study.diagram_study import run_diagram
+from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
 from gapwalk.study.jobs import JOBS
 from gapwalk.study.map.study import run_map
 from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
+from gapwalk.study.run_job import run_job
 
 _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
@@ -47,10 +47,10 @@ def run(
         Write over an existing result file.
     report
         Called with what is new, once it is in the file: of a response, each point and the special points before it
-        (`gapwalk.study.store.Report`); of a diagram, the diagram and the branch that was added to it
-        (`gapwalk.study.diagram_study.Report`); of a map, the map and the section or the locus that was added to it
+        (`gapwalk.study.store.walk_store.Report`); of a diagram, the diagram and the branch that was added to it
+        (`gapwalk.study.diagram.study.Report`); of a map, the map and the section or the locus that was added to it
         (`gapwalk.study.map.Report`); of a sweep, basins and regimes, each part of the work and the
-        `gapwalk.study.pace.Pace` of all. What a resumed result has already comes first.
+        `gapwalk.study.work.pace.Pace` of all. What a resumed result has already comes first.
 
     Raises
     ------

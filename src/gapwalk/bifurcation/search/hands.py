@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 
 class Hands(Protocol):
-    """Whoever does independent pieces of work, in whatever processes; `gapwalk.study.workers` has such hands."""
+    """Whoever does independent pieces of work, in whatever processes; `gapwalk.study.work.workers` has such hands."""
 
     def run(
         self,

@@ -58,7 +58,7 @@ def search(
     options
         How thoroughly to search.
     hands
-        Who does the work; by default this process alone. ``with gapwalk.study.workers.workers() as hands:`` is all
+        Who does the work; by default this process alone. ``with gapwalk.study.work.workers.workers() as hands:`` is all
         local cores. The result does not depend on it.
     report
         Called after each piece of work.

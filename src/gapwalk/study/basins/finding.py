@@ -1,202 +1,95 @@
-"""Basins of attraction: of the cells of a plane of initial states, or of random starts in a box."""
+"""What the study of basins of attraction has found, as JSON values and as tables."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
-from gapwalk.attractor.basins import Basins, BasinShares, in_order
-from gapwalk.attractor.box import Box, Range, Window
-from gapwalk.attractor.catalogue import Effort
-from gapwalk.errors import ModelError
-from gapwalk.model.system import System
-from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
-from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
-from gapwalk.study.cell_store import CellStore, undamaged
-from gapwalk.study.grid import check_resolution
-from gapwalk.study.pace import Pace
-from gapwalk.study.workers import Workers, workers
+from gapwalk.attractor.basins import Basins
+from gapwalk.attractor.box import state_names
+from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.study.finding import Finding, Rows
+
+_WORDS = {UNRESOLVED: "unresolved", RUNAWAY: "runs away"}
 
 
-@dataclass(frozen=True, slots=True)
-class BasinOptions:
-    """How basins are found.
+@dataclass(frozen=True)
+class BasinFinding(Finding):
+    """Basins of attraction; None until all is done, and how many of its chunks of cells are done."""
 
-    Parameters
-    ----------
-    longest
-        The most forcing periods that a motion is followed before it is settled and classified by itself.
-    max_period
-        The longest period m of an orbit that is looked for.
-    tries
-        The most motions that are settled and classified one by one, with the exact flow.
-    exact_borders
-        Whether the label of every cell at a border between basins is found with the exact flow; otherwise those of
-        `check` of them are.
-    check
-        Random cells elsewhere whose label is found again with the exact flow.
-    seed
-        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
-    workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
-    """
-
-    longest: int = 3000
-    max_period: int = 64
-    tries: int = 48
-    exact_borders: bool = True
-    check: int = 1024
-    seed: int = 0
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+    basins: Basins | None
+    done: int
+    total: int
 
     @property
-    def effort(self) -> Effort:
-        """What `explore` needs of it."""
-        return Effort(self.longest, self.max_period, self.tries)
+    def record(self) -> Basins | None:
+        """The basins."""
+        return self.basins
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.basins is not None and self.basins.complete
+
+    @property
+    def stored(self) -> str:
+        """How many chunks have been done."""
+        return f"{self.done} of {self.total} chunks of cells are stored"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What could not be done."""
+        return () if self.basins is None else self.basins.notes
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """The attractors with their cells, and how far the labels hold; with the label of each cell if wanted."""
+        found = self.basins
+        document: dict[str, Any] = {"chunks": {"done": self.done, "total": self.total}}
+        if found is None:
+            return document
+        window = found.window
+        document |= {
+            "plane": dict(zip((window.across, window.up), map(list, window.within), strict=True)),
+            "resolution": list(found.resolution),
+            "attractors": [
+                {
+                    "name": name,
+                    "kind": attractor.kind.value,
+                    "period": attractor.period,
+                    "cells": found.cells[name],
+                    "state": attractor.state.tolist(),
+                    "evidence": list(attractor.evidence),
+                }
+                for name, attractor in zip(found.names, found.attractors, strict=True)
+            ],
+            "unresolved": found.unresolved,
+            "runaway": found.runaway,
+            "check": {**asdict(found.check), "share": found.check.share, "limit": found.check.limit},
+            "error": found.error,
+        }
+        if points:
+            document["labels"] = found.labels.tolist()
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """Where each cell leads, and the attractors."""
+        if self.basins is None:
+            return {}
+        found = self.basins
+        return {"cells": lambda: _cell_rows(found), "attractors": lambda: _attractor_rows(found)}
 
 
-def basins(
-    system: System,
-    plane: Mapping[str, Sequence[float]],
-    resolution: int | tuple[int, int] = 128,
-    *,
-    fixed: Mapping[str, float] | None = None,
-    options: BasinOptions | None = None,
-    hands: Workers | None = None,
-    report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
-) -> Basins:
-    """Basins of attraction in a plane of initial states.
-
-    Each cell is judged by the state at its centre. It is followed by the fast flow until it is in a trap about a known
-    attractor (see `gapwalk.attractor.trap`); the attractors themselves are exact. Cells at borders between basins, and
-    a sample of the others, are followed again by the exact flow, which mends labels and tells how many are wrong.
-    Ctrl-C ends the work and keeps what there is.
-
-    Parameters
-    ----------
-    system
-        The system.
-    plane
-        The two axes and their ranges, the horizontal one first: ``{"q1": (-4, 4), "q1'": (-4, 4)}``.
-    resolution
-        Cells along each axis, or (columns, rows).
-    fixed
-        The other components of the state at theta = 0; those that are not named are 0.
-    options
-        How the basins are found.
-    hands
-        Who does the work; by default as many local processes as the options say, or a cluster inside of
-        `gapwalk.on_cluster`. The result does not depend on it.
-    report
-        Called with each chunk of cells when it is done, and is in the file.
-    output
-        A file to write while the work is done; `gapwalk.load_basins` reads it. If it holds a part of the same job, that
-        is gone on with, and comes to the same result.
-
-    Raises
-    ------
-    ModelError
-        For a plane that makes no sense.
-    StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
-    WorkError
-        If other processes cannot do the work; what they have done is in the file.
-    """
-    options = options or BasinOptions()
-    window = Window.of(system, plane, fixed or {})
-    columns, rows = check_resolution(resolution)
-    states = window.states((columns, rows))
-    job = BasinJob(system, states, options.effort, options.seed)
-    with ExitStack() as stack:
-        store = None
-        if output is not None:
-            about = plain_basins(system, window, (columns, rows), asdict(options), job.count)
-            store = stack.enter_context(CellStore(output, about, job.count))
-            with undamaged(output):
-                if store.result is not None:
-                    return basins_of(system, window, store.result)
-                job.take([BasinChunk.of(number, arrays) for number, arrays in store.chunks.items()])
-
-        def keep(chunk: BasinChunk, pace: Pace) -> None:
-            if store is not None:
-                store.add(chunk.number, chunk.arrays)
-            if report is not None:
-                report(chunk, pace)
-
-        try:
-            with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
-                job.sort(crew, keep)
-                job.check(crew, (rows, columns), len(states) if options.exact_borders else options.check, options.check)
-                job.complete = True
-        except KeyboardInterrupt:
-            pass
-        attractors, labels = in_order(job.catalogue.attractors, job.labels)
-        how = (job.checked, job.error, job.complete, tuple(job.notes()))
-        found = Basins(system, window, labels.reshape(rows, columns), attractors, *how)
-        if store is not None and found.complete:
-            store.finish(basin_arrays(found))
-    return found
+def _cell_rows(found: Basins) -> Iterator[list[object]]:
+    across, up = (axis.tolist() for axis in found.axes)
+    names = dict(enumerate(found.names)) | _WORDS
+    yield [found.window.across, found.window.up, "leads.to"]
+    for y, row in zip(up, found.labels.tolist(), strict=True):
+        for x, label in zip(across, row, strict=True):
+            yield [x, y, names[label]]
 
 
-def basin_shares(
-    system: System,
-    box: Mapping[str, Range],
-    starts: int = 1000,
-    *,
-    confidence: float = 0.95,
-    options: BasinOptions | None = None,
-    hands: Workers | None = None,
-    report: Report | None = None,
-) -> BasinShares:
-    """The shares of a box of initial states that lead to each attractor, with confidence limits.
-
-    Parameters
-    ----------
-    system
-        The system.
-    box
-        A range or a fixed value for components of the state at theta = 0: ``{"q1": (-4, 4), "q1'": (-4, 4), "q3": 1}``;
-        those that are not named are 0.
-    starts
-        Number of random starts, evenly distributed over the box.
-    confidence
-        Probability with which the limits of a share hold.
-    options
-        How the basins are found; nothing is checked here.
-    hands, report
-        As in `basins`.
-
-    Raises
-    ------
-    ModelError
-        For a box that makes no sense.
-    WorkError
-        If other processes cannot do the work.
-    """
-    options = options or BasinOptions()
-    room = Box.of(system, box)
-    if not room.free:
-        raise ModelError('all components of the box are fixed; give at least one a range, such as {"q1": (-4, 4)}')
-    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
-        raise ModelError(f"starts is {starts!r}; it must be an integer >= 1")
-    if not 0.0 < confidence < 1.0:
-        raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
-    states = room.draw(starts, options.seed)
-    job = BasinJob(system, states, options.effort, options.seed)
-    try:
-        with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
-            job.sort(crew, report)
-            job.complete = True
-    except KeyboardInterrupt:
-        pass
-    attractors, labels = in_order(job.catalogue.attractors, job.labels)
-    return BasinShares(system, room, states, labels, attractors, confidence, job.complete, tuple(job.notes()))
+def _attractor_rows(found: Basins) -> Iterator[list[object]]:
+    yield ["name", "kind", "period", "cells", *(f"{q}(0)" for q in state_names(found.system.coordinates))]
+    for name, attractor in zip(found.names, found.attractors, strict=True):
+        yield [name, attractor.kind.value, attractor.period, found.cells[name], *attractor.state.tolist()]

@@ -16,9 +16,9 @@ from gapwalk.attractor.mass_swarm import swarm_of
 from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
 from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.model.system import System
-from gapwalk.study.cell_store import Arrays
-from gapwalk.study.pace import Pace
-from gapwalk.study.workers import Workers
+from gapwalk.study.store.cell_store import Arrays
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers
 
 CHUNK = 4096
 """States in a chunk: one piece of work, and what a killed run loses at most."""

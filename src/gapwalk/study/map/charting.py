@@ -16,10 +16,10 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.diagram import DiagramOptions, grow
+from gapwalk.study.diagram.diagram import DiagramOptions, grow
 from gapwalk.study.map.chart import Map, Ranges, Section
 from gapwalk.study.map.options import MapOptions
-from gapwalk.study.workers import Workers, workers
+from gapwalk.study.work.workers import Workers, workers
 
 _BESIDE = 4e-3  # distance from a locus, in widths of the ranges, within which a special point may lie on it
 _ALIKE = 0.1  # relative distance of two orbits' states within which they may belong to the same locus

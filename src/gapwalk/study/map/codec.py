@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.locus import LocusPoint
 from gapwalk.model.system import System
-from gapwalk.study.codec import OrbitCodec, Packed, as_bytes, check_taken
+from gapwalk.study.store.codec import OrbitCodec, Packed, as_bytes, check_taken
 
 
 class LocusCodec:

@@ -14,7 +14,7 @@ from gapwalk.model.system import System
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.codec import LocusCodec
 from gapwalk.study.options import MapStudyOptions
-from gapwalk.study.read_rows import branch_rows, checked
+from gapwalk.study.store.read_rows import branch_rows, checked
 
 
 class StoredMap(NamedTuple):

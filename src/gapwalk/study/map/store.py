@@ -6,12 +6,12 @@ import json
 import sqlite3
 
 from gapwalk.bifurcation.locus import Locus, LocusEnd
-from gapwalk.study.codec import PointCodec
-from gapwalk.study.database import checksum
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.codec import LocusCodec
-from gapwalk.study.result_file import ResultFile
-from gapwalk.study.rows import BranchRow, write_about, write_whole_branch
+from gapwalk.study.store.codec import PointCodec
+from gapwalk.study.store.database import checksum
+from gapwalk.study.store.result_file import ResultFile
+from gapwalk.study.store.rows import BranchRow, write_about, write_whole_branch
 
 
 class MapStore:

@@ -7,8 +7,6 @@ from contextlib import nullcontext
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.errors import NumericalError
-from gapwalk.study.claim import earlier_result
-from gapwalk.study.database import lock
 from gapwalk.study.file import Study
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.charting import Report, bifurcation_map
@@ -16,9 +14,11 @@ from gapwalk.study.map.read import StoredMap
 from gapwalk.study.map.store import MapStore
 from gapwalk.study.options import MapStudyOptions
 from gapwalk.study.result import Result
-from gapwalk.study.result_file import ResultFile
-from gapwalk.study.stored import Stored, read
-from gapwalk.study.versions import versions
+from gapwalk.study.store.claim import earlier_result
+from gapwalk.study.store.database import lock
+from gapwalk.study.store.result_file import ResultFile
+from gapwalk.study.store.stored import Stored, read
+from gapwalk.study.store.versions import versions
 
 
 def run_map(

@@ -12,10 +12,11 @@ from gapwalk.model.fields import Count, Number, Text
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part
 from gapwalk.model.system import System
+from gapwalk.study.diagram.search_table import SearchPart
+from gapwalk.study.fields import CountOrValues, check_inside
 from gapwalk.study.map.options import KINDS
 from gapwalk.study.options import MapStudyOptions, SecondParameter
-from gapwalk.study.plain import with_tuples
-from gapwalk.study.search_table import CountOrValues, SearchPart, check_inside
+from gapwalk.study.store.plain import with_tuples
 from gapwalk.study.tables import BranchPart, ShootingPart, Surroundings, check_parameter, check_value
 
 

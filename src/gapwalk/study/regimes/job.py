@@ -17,11 +17,11 @@ from gapwalk.attractor.mass_swarm import swarm_of
 from gapwalk.attractor.regime import Regime, regime_word
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
 from gapwalk.model.system import System
-from gapwalk.study.cell_store import Arrays
-from gapwalk.study.pace import Pace
-from gapwalk.study.workers import Workers
+from gapwalk.study.store.cell_store import Arrays
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers
 
-CHUNK = 2048
+CHUNK = 1024
 """Cells in a chunk: one piece of work, and what a killed run loses at most."""
 
 ROWS = 64

@@ -13,12 +13,12 @@ from gapwalk.attractor.regimes import Regimes
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import initial_state
-from gapwalk.study.cell_store import CellStore, undamaged
 from gapwalk.study.grid import check_parameters, check_resolution
-from gapwalk.study.pace import Pace
 from gapwalk.study.regimes.job import Places, Plan, RegimeChunk, RegimeJob, Report
 from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
-from gapwalk.study.workers import Workers, workers
+from gapwalk.study.store.cell_store import CellStore, undamaged
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers, workers
 
 
 class Carry(StrEnum):

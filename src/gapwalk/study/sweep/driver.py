@@ -12,11 +12,11 @@ from gapwalk.bifurcation.search.starts import spread_starts, state_box
 from gapwalk.errors import ModelError, WorkError
 from gapwalk.model.system import System
 from gapwalk.motion.motion import check_state
-from gapwalk.study.pace import Pace
 from gapwalk.study.sweep.options import SweepOptions, Way
 from gapwalk.study.sweep.record import Lane, Sweep, assemble, places_of, stretches_of
 from gapwalk.study.sweep.stretch import Stretch, Task, sweep_stretch
-from gapwalk.study.workers import Workers
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers
 
 Report = Callable[[Stretch, Pace], object]
 """Called with each stretch when it is done, and how far the sweep has come."""

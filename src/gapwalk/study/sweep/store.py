@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.study.chunk_store import open_chunks, read_chunks
-from gapwalk.study.plain import plain_system, system_of
+from gapwalk.study.store.chunk_store import open_chunks, read_chunks
+from gapwalk.study.store.plain import plain_system, system_of
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.options import SweepOptions
 from gapwalk.study.sweep.record import BLOCK, Sweep, stretches_of

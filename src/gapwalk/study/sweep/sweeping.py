@@ -6,13 +6,13 @@ import os
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 
 from gapwalk.model.system import System
-from gapwalk.study.pace import Pace
 from gapwalk.study.sweep.driver import Driver, Report
 from gapwalk.study.sweep.options import SweepOptions
 from gapwalk.study.sweep.record import Sweep
 from gapwalk.study.sweep.store import SweepStore
 from gapwalk.study.sweep.stretch import Stretch
-from gapwalk.study.workers import Workers, workers
+from gapwalk.study.work.pace import Pace
+from gapwalk.study.work.workers import Workers, workers
 
 
 def sweep(

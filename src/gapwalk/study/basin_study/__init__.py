@@ -1,1 +1,0 @@
-"""The study of basins of attraction in a plane of initial states."""

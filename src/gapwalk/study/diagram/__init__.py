@@ -1,0 +1,1 @@
+"""The whole diagram, as a function and as a study."""

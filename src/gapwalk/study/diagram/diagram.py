@@ -1,0 +1,303 @@
+"""The whole diagram: follow a branch, switch at every flip and branch point, search for what is not attached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.departure import depart, directions
+from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
+from gapwalk.bifurcation.follow import walk_out
+from gapwalk.bifurcation.membership import Curve, lies_on
+from gapwalk.bifurcation.search import SearchOptions, coverage, search
+from gapwalk.bifurcation.switch import switch
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.options import WalkOptions
+from gapwalk.errors import ModelError, NumericalError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.work.workers import Workers, workers
+
+Report = Callable[[Diagram, Limb], None]
+"""Called with the diagram and the branch that was added to it last."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagramOptions:
+    """How far a diagram goes.
+
+    Parameters
+    ----------
+    max_period
+        Longest period, in forcing periods, of branches to switch to.
+    max_branches
+        Branches after which it stops, and says so.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    search_values
+        Values of the parameter at which branches are sought that hang together with no other. A number of them is
+        spread evenly over the range; 0 for no search.
+    search
+        How thoroughly to search there.
+    """
+
+    max_period: int = 8
+    max_branches: int = 200
+    workers: int | None = None
+    search_values: int | tuple[float, ...] = 0
+    search: SearchOptions = SearchOptions()
+
+    def __post_init__(self) -> None:
+        for name in ("max_period", "max_branches"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1")
+        check_search_values(self.search_values)
+
+
+def check_search_values(values: object) -> None:
+    """A ModelError unless these can be the `search_values` of `DiagramOptions`."""
+    if isinstance(values, tuple):
+        if all(isinstance(value, float | int) and np.isfinite(value) for value in values):
+            return
+    elif isinstance(values, int) and not isinstance(values, bool) and values >= 0:
+        return
+    raise ModelError(f"search_values is {values!r}; it must be an integer >= 0, or values of the parameter")
+
+
+class Growth(NamedTuple):
+    """A diagram, and whether nothing is left to do, because it is complete or at a limit."""
+
+    diagram: Diagram
+    finished: bool
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One branch to walk, from an orbit (both ways) or from a special point (one way)."""
+
+    start: Orbit | SpecialPoint
+    parameter: str
+    within: tuple[float, float]
+    way: int
+    walk: WalkOptions | None
+    shooting: Shooting | None
+
+
+def diagram(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    start: str | Orbit | Sequence[float] = "settle",
+    period: int = 1,
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    shooting: Shooting | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Diagram:
+    """The tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
+
+    Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
+    shift of whole forcing periods are the same orbit. Ctrl-C ends the work and keeps what there is.
+
+    Parameters
+    ----------
+    system
+        The system; the first orbit is sought at its value of the parameter.
+    parameter, to
+        Name of the parameter, and the range.
+    start, period
+        Where the first branch starts: an orbit, or as in `find_orbit`.
+    options, walk, shooting
+        How far the diagram goes; options of the walk and of the method.
+    report
+        Called with each branch as it is accepted.
+    resume
+        A diagram of the same request that was stopped: its branches are kept, and the rest is added.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter or a range that does not hold the start.
+    ConvergenceError
+        If no first orbit is found.
+    """
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=shooting)
+    return grow(orbit, parameter, to, options, walk, shooting, report, resume).diagram
+
+
+def grow(
+    orbit: Orbit,
+    parameter: str,
+    to: tuple[float, float],
+    options: DiagramOptions | None = None,
+    walk: WalkOptions | None = None,
+    shooting: Shooting | None = None,
+    report: Report | None = None,
+    resume: Diagram | None = None,
+) -> Growth:
+    """The diagram from a first orbit, and whether it is finished; parameters and errors as in `diagram`."""
+    options = options or DiagramOptions()
+    low, high = sorted((float(to[0]), float(to[1])))
+    directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
+    known = resume or Diagram(parameter, (low, high))
+    # what could not be done before is tried again, and noted again
+    grower = _Grower(replace(known, notes=(), failures=(), complete=False), options, walk, shooting, report)
+    try:
+        with workers(options.workers) as hands:
+            grower.plant_first(orbit, hands)
+            if options.search_values and grower.diagram.limbs and not grower.truncated:
+                grower.search(orbit.system, hands)
+    except KeyboardInterrupt:
+        return Growth(grower.diagram, finished=False)
+    return Growth(replace(grower.diagram, complete=not grower.truncated), finished=True)
+
+
+class _Grower:
+    """Grows one diagram, generation by generation."""
+
+    def __init__(self, known: Diagram, options: DiagramOptions, walk, shooting, report: Report | None) -> None:
+        self.diagram, self.options, self.walk, self.shooting = known, options, walk, shooting
+        self.report = report
+        self.truncated = False
+        self._tried: set[tuple[Origin, int]] = set()
+        self._curves: list[Curve] = []
+
+    def plant_first(self, orbit: Orbit, hands: Workers) -> None:
+        """Add the branch through the first orbit, and all that grows from it.
+
+        If branches are known that a search has found, then this was done before them; what it leaves out, such as a
+        branch that could not be walked, must not depend on them.
+        """
+        self._plant([orbit], hands)
+        self._grow_from(self.diagram.limbs[:1], hands)
+
+    def search(self, system: System, hands: Workers) -> None:
+        """Add the branches that hang together with no other, with all that grows from them.
+
+        The search knows the branches that were found without it. Its result is kept with the first branch that it
+        leads to, so that a diagram that is resumed plants the same orbits in the same order.
+        """
+        result = self.diagram.search
+        if result is None or not result.complete:
+            result = search(
+                system,
+                self.diagram.parameter,
+                self._search_values(),
+                known=self.diagram.branches,
+                options=self.options.search,
+                hands=hands,
+            )
+        notes = (*self.diagram.notes, *coverage(result))
+        self.diagram = replace(self.diagram, search=result, notes=notes)
+        if not result.complete:
+            raise KeyboardInterrupt
+        new = sorted(result.new, key=lambda found: (not found.orbit.stable, -found.hits_settled, found.orbit.period))
+        self._plant([found.orbit for found in new if found.orbit.period <= self.options.max_period], hands)
+        self._grow_from([limb for limb in self.diagram.limbs if limb.begins is None], hands)
+
+    def _search_values(self) -> np.ndarray:
+        values = self.options.search_values
+        if isinstance(values, tuple):
+            return np.array(values, dtype=float)
+        low, high = self.diagram.within
+        return low + (high - low) * (np.arange(values) + 0.5) / values
+
+    def _plant(self, orbits: Sequence[Orbit], hands: Workers) -> None:
+        """Add the branches through orbits that were found by themselves."""
+        pieces = [self._piece(orbit, 0) for orbit in orbits]
+
+        def is_new(index: int) -> bool:
+            return not any(curve.holds(orbits[index]) for curve in self._all_curves()) and not self._full()
+
+        hands.run(_walk_piece, pieces, lambda index, branch: self._accept(branch, None), is_new)
+
+    def _grow_from(self, roots: Sequence[Limb], hands: Workers) -> None:
+        """Add all that grows from some branches, generation by generation."""
+        generation = list(roots)
+        while generation:
+            self._branch_off(generation, hands)
+            names = {limb.name for limb in generation}
+            generation = [limb for limb in self.diagram.limbs if limb.begins and limb.begins.parent in names]
+
+    def _branch_off(self, generation: list[Limb], hands: Workers) -> None:
+        """Walk away from every flip and branch point of one generation of branches."""
+        buds = [bud for limb in generation for bud in _buds(limb, self.options.max_period)]
+        buds = [bud for bud in buds if (bud[0], bud[2]) not in self._tried]
+        self._tried.update((origin, way) for origin, _, way in buds)
+        pieces = [self._piece(special, way) for _, special, way in buds]
+
+        def is_new(index: int) -> bool:
+            origin, special, _ = buds[index]
+            needed = 1 if special.kind is Kind.FLIP else 2
+            return not is_attached(self.diagram, origin, needed) and not self._full()
+
+        def accept(index: int, branch: Branch | str) -> None:
+            if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.diagram.branches):
+                return
+            self._accept(branch, buds[index][0])
+
+        hands.run(_walk_piece, pieces, accept, is_new)
+
+    def _accept(self, branch: Branch | str, origin: Origin | None) -> None:
+        if isinstance(branch, str):
+            self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
+            return
+        self.diagram = self.diagram.with_branch(branch, origin)
+        if self.report is not None:
+            self.report(self.diagram, self.diagram.limbs[-1])
+
+    def _all_curves(self) -> list[Curve]:
+        """The branches as curves, each made once."""
+        self._curves += [Curve(branch) for branch in self.diagram.branches[len(self._curves) :]]
+        return self._curves
+
+    def _full(self) -> bool:
+        if len(self.diagram.limbs) < self.options.max_branches:
+            return False
+        if not self.truncated:
+            self.truncated = True
+            note = f"stopped at max_branches = {self.options.max_branches}; there are more"
+            self.diagram = replace(self.diagram, notes=(*self.diagram.notes, note))
+        return True
+
+    def _piece(self, start: Orbit | SpecialPoint, way: int) -> _Piece:
+        return _Piece(start, self.diagram.parameter, self.diagram.within, way, self.walk, self.shooting)
+
+
+def _buds(limb: Limb, max_period: int) -> list[tuple[Origin, SpecialPoint, int]]:
+    """The special points of a branch from which others leave, and which of their directions."""
+    buds = []
+    for index, special in enumerate(limb.branch.special_points):
+        if special.kind is Kind.FLIP and 2 * limb.period <= max_period:
+            buds.append((Origin(limb.name, index), special, 0))
+        if special.kind is Kind.BRANCH_POINT:
+            buds += [(Origin(limb.name, index), special, way) for way in (0, 1)]
+    return buds
+
+
+def _walk_piece(piece: _Piece) -> Branch | str:
+    """Walk one branch; a sentence instead if that cannot be done."""
+    try:
+        if isinstance(piece.start, Orbit):
+            start = piece.start.system[piece.parameter]
+            ways = directions(start, piece.within)
+            departures = [depart(piece.start, piece.parameter, piece.within, way, piece.shooting) for way in ways]
+        else:
+            departures = [switch(piece.start, piece.parameter, piece.within, piece.shooting)[piece.way]]
+        return walk_out(departures, piece.walk)
+    except NumericalError as error:
+        value = piece.start.value if isinstance(piece.start, SpecialPoint) else piece.start.system[piece.parameter]
+        return f"the branch that leaves {value:.10g} could not be walked: {error}"
+
+
+def _is_same_branch(known: Branch, branch: Branch) -> bool:
+    """Whether a branch is one that is known: it begins where that ends, and its middle lies on it."""
+    return known.period == branch.period and lies_on(known, branch.points[len(branch.points) // 2].orbit)

@@ -1,0 +1,1 @@
+"""The study of settling onto a steady motion."""

@@ -1,0 +1,207 @@
+"""The result file as a database: how it is opened and locked, and what its errors mean in words."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from gapwalk import __version__
+from gapwalk.errors import StoreError
+from gapwalk.study.store.layout import EXTRA_TABLES, SCHEMA, TABLES
+
+APPLICATION = 0x67617077
+"""What marks a SQLite file as a result of gapwalk: the letters gapw."""
+
+_LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
+_SIDE_FILES = ("-wal", "-shm", "-journal")
+
+
+def checksum(packed: tuple[bytes, bytes]) -> int:
+    """The checksum that is stored with packed points."""
+    return zlib.crc32(packed[1], zlib.crc32(packed[0]))
+
+
+@contextmanager
+def reading(path: str | os.PathLike[str]) -> Iterator[sqlite3.Connection]:
+    """One consistent look at a result file, even while another program writes it.
+
+    Raises
+    ------
+    StoreError
+        If there is no such file, or it is none that this version can read, or damaged.
+    """
+    check_readable(path)
+    with explained(path):
+        connection = _open_to_read(path)
+        try:
+            _check_tables(path, connection)
+            connection.execute("BEGIN")
+            yield connection
+        finally:
+            connection.close()
+
+
+def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
+    """A new and empty result file for a kind of study, open for writing and in the midst of its first transaction.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be written.
+    """
+    with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute(f"PRAGMA application_id = {APPLICATION}")
+        connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        connection.execute("BEGIN IMMEDIATE")
+        for table in (*TABLES, *EXTRA_TABLES.get(kind, ())):
+            connection.execute(table)
+        return connection
+
+
+def open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
+    """An existing result file, such that what is committed survives the death of this process at any moment."""
+    with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
+        _check_tables(path, connection)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        return connection
+
+
+def close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
+    """Close a result file such that it is one file again; while somebody reads it, that is left to the reader."""
+    with explained(path):
+        try:
+            with suppress(sqlite3.OperationalError):
+                connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                connection.execute("PRAGMA journal_mode = DELETE")
+        finally:
+            connection.close()
+
+
+def tidy(path: str | os.PathLike[str]) -> None:
+    """Make one file of a result whose writer was killed just before it would have done so."""
+    if any(os.path.exists(f"{os.fspath(path)}{suffix}") for suffix in _SIDE_FILES):
+        close_whole(path, open_to_write(path))
+
+
+@contextmanager
+def lock(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Keep other writers off a result file: a lock that ends with this process, however that ends.
+
+    It is an empty database beside the result: SQLite's own locks work on every system.
+    """
+    name = f"{os.fspath(path)}-lock"
+    with explained(path), _closed_on_error(sqlite3.connect(name, isolation_level=None, timeout=0)) as holder:
+        holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
+        holder.execute("BEGIN EXCLUSIVE")
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.unlink(name)  # before the lock is released: who waits for this file would lock one without a name
+        holder.close()
+
+
+def remove(path: str | os.PathLike[str]) -> None:
+    """Remove a result file with what a killed run left beside it."""
+    for suffix in ("", *_SIDE_FILES):
+        with suppress(FileNotFoundError):
+            os.unlink(f"{os.fspath(path)}{suffix}")
+
+
+def check_readable(path: str | os.PathLike[str]) -> None:
+    """A StoreError if there is no file of that name."""
+    name = os.fspath(path)
+    if os.path.isdir(name):
+        raise StoreError(f"{name} is a folder; name a result file in it")
+    if not os.path.exists(name):
+        raise StoreError(f"there is no file {name}; `gapwalk run FILE` writes a result")
+
+
+@contextmanager
+def explained(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn what SQLite and the system say about a result file into a StoreError."""
+    try:
+        yield
+    except (sqlite3.Error, OSError, UnicodeError) as error:
+        raise StoreError(_explain(os.fspath(path), error)) from error
+
+
+@contextmanager
+def transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
+    """All or nothing of what is written inside."""
+    with explained(path):
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            connection.execute("COMMIT")
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise
+
+
+@contextmanager
+def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    try:
+        yield connection
+    except BaseException:
+        connection.close()
+        raise
+
+
+def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:
+    address = Path(path).absolute().as_uri()
+    connection = sqlite3.connect(f"{address}?mode=ro", uri=True, isolation_level=None)
+    try:
+        connection.execute("PRAGMA user_version").fetchone()
+    except sqlite3.OperationalError:
+        connection.close()
+        if os.path.exists(f"{os.fspath(path)}-wal"):
+            raise
+        # A file of a killed run in a folder that cannot be written: nobody can be writing it.
+        connection = sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True, isolation_level=None)
+    return connection
+
+
+def _check_tables(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
+    """A StoreError unless the file is a result that this version understands; nothing in a stranger's file may run."""
+    connection.execute("PRAGMA trusted_schema = OFF")
+    (application,) = connection.execute("PRAGMA application_id").fetchone()
+    if application != APPLICATION:
+        raise StoreError(f"{os.fspath(path)} is no result file of gapwalk")
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if version > SCHEMA:
+        raise StoreError(
+            f"{os.fspath(path)} was written by a newer gapwalk (its schema is {version}); this is gapwalk "
+            f"{__version__}, which reads schemas up to {SCHEMA}: update gapwalk"
+        )
+    found = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")}
+    if found not in [{*TABLES, *extra} for extra in ((), *EXTRA_TABLES.values())]:
+        raise StoreError(f"{os.fspath(path)} is damaged: its tables are not those of a result")
+
+
+def _explain(name: str, error: Exception) -> str:
+    code = getattr(error, "sqlite_errorname", "")
+    folder = os.path.dirname(os.path.abspath(name))
+    if code == "SQLITE_NOTADB":
+        return f"{name} is no result file of gapwalk"
+    if code.startswith("SQLITE_CORRUPT") or isinstance(error, UnicodeError):
+        return f"{name} is damaged or cut short ({error})"
+    if code.startswith(_LOCKED):
+        return f"{name} is being written by another run; wait for its end, or stop it"
+    if not os.path.isdir(folder):
+        return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
+    if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
+        if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):
+            return f"{name} cannot be opened in a folder that cannot be written; copy it and {name}-wal to another one"
+        if not os.access(folder, os.W_OK):
+            return f"{name} cannot be opened: its folder cannot be written; choose another place for the result"
+        return f"{name} cannot be opened; look at its permissions ({error})"
+    if code == "SQLITE_FULL":
+        return f"{name} cannot be written: the disk is full; all that was reported is in the file"
+    return f"{name} cannot be read or written: {error}"

@@ -1,0 +1,33 @@
+"""The job of a sweep: its parts are the stretches."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+
+from gapwalk.study.file import Study
+from gapwalk.study.sweep.driver import Driver
+from gapwalk.study.sweep.finding import SweepFinding
+from gapwalk.study.sweep.record import stretches_of
+from gapwalk.study.sweep.store import unpacked
+from gapwalk.study.sweep.study_options import SweepStudyOptions
+from gapwalk.study.sweep.sweeping import sweep
+
+
+def work_sweep(
+    study: Study, shelf: os.PathLike[str] | None, report: Callable[..., object] | None = None
+) -> SweepFinding:
+    """Drive the sweep; see `gapwalk.study.jobs.Job`."""
+    options = study.options
+    assert isinstance(options, SweepStudyOptions)
+    to = (options.begin, options.end)
+    return SweepFinding(sweep(study.system, options.parameter, to, options=options.limits, report=report, output=shelf))
+
+
+def read_sweep(study: Study, parts: Mapping[int, bytes]) -> SweepFinding:
+    """What has been driven; see `gapwalk.study.jobs.Job`."""
+    options = study.options
+    assert isinstance(options, SweepStudyOptions)
+    driver = Driver(study.system, options.parameter, (options.begin, options.end), options.limits)
+    driver.take(unpacked("the result", parts, stretches_of(options.steps)))
+    return SweepFinding(driver.sweep())

@@ -1,1 +1,0 @@
-"""The study of a sweep: settled motions over one parameter."""
