@@ -85,11 +85,6 @@ class Laws:
         return np.ascontiguousarray(np.stack(rows, axis=1)[:, :, : self.degree + 1])
 
     @cached_property
-    def moves(self) -> bool:
-        """Whether the laws change with the parameter."""
-        return bool(self.slope_table.any())
-
-    @cached_property
     def _rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coefficients of the derivatives of g and P by the penetration."""
         return _rate(self.spring), _rate(self.damper)
