@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
+    from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.balance import Balance
@@ -76,6 +77,7 @@ __all__ = [
     "DiagramOptions",
     "DiagramStudyOptions",
     "Harmonic",
+    "Hysteresis",
     "Kind",
     "Limb",
     "Locus",
@@ -117,6 +119,7 @@ __all__ = [
     "find_orbit",
     "follow",
     "follow_locus",
+    "hysteresis",
     "impact_plane",
     "integrate",
     "load",
@@ -162,6 +165,7 @@ _HOMES = {
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
     "Harmonic": "model.excitation",
+    "Hysteresis": "motion.hysteresis",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
     "Locus": "bifurcation.locus",
@@ -201,6 +205,7 @@ _HOMES = {
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
+    "hysteresis": "motion.hysteresis",
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.store.stored",
