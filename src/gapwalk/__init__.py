@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from gapwalk.attractor.attractor import Attractor
     from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
+    from gapwalk.attractor.contrast import Contrast, contrast
     from gapwalk.attractor.judge import RegimeOptions
     from gapwalk.attractor.lyapunov import lyapunov
     from gapwalk.attractor.match import match
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
+    from gapwalk.measurement.alignment import Alignment, align
+    from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
+    from gapwalk.measurement.fit import Fit, FitOptions, fit
+    from gapwalk.measurement.read import read_measurement
+    from gapwalk.measurement.record import Record
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
@@ -61,6 +67,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Alignment",
     "Attractor",
     "Balance",
     "BasinOptions",
@@ -72,10 +79,14 @@ __all__ = [
     "ClassifyOptions",
     "Comparison",
     "Contact",
+    "Contrast",
     "DampingLaw",
+    "DampingMatch",
     "Diagram",
     "DiagramOptions",
     "DiagramStudyOptions",
+    "Fit",
+    "FitOptions",
     "Harmonic",
     "Hysteresis",
     "Kind",
@@ -87,6 +98,7 @@ __all__ = [
     "MassOptions",
     "Orbit",
     "Plane",
+    "Record",
     "Regime",
     "RegimeMapOptions",
     "RegimeOptions",
@@ -108,18 +120,22 @@ __all__ = [
     "System",
     "WalkOptions",
     "__version__",
+    "align",
     "backlash",
     "basin_shares",
     "basins",
     "bifurcation_map",
     "classify",
     "compare",
+    "contrast",
     "diagram",
     "errors",
     "find_orbit",
+    "fit",
     "follow",
     "follow_locus",
     "hysteresis",
+    "impact_damping_of",
     "impact_plane",
     "integrate",
     "load",
@@ -129,9 +145,11 @@ __all__ = [
     "lyapunov",
     "mass_flow_of",
     "match",
+    "match_impact_damping",
     "on_cluster",
     "paper",
     "rattle",
+    "read_measurement",
     "read_studies",
     "read_study",
     "regimes",
@@ -149,6 +167,7 @@ __all__ = [
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
+    "Alignment": "measurement.alignment",
     "Attractor": "attractor.attractor",
     "Balance": "orbit.balance",
     "BasinOptions": "study.basins.basins",
@@ -160,10 +179,14 @@ _HOMES = {
     "ClassifyOptions": "attractor.classify",
     "Comparison": "bifurcation.compare",
     "Contact": "model.contact",
+    "Contrast": "attractor.contrast",
     "DampingLaw": "model.contact",
+    "DampingMatch": "measurement.damping",
     "Diagram": "bifurcation.diagram",
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
+    "Fit": "measurement.fit",
+    "FitOptions": "measurement.fit",
     "Harmonic": "model.excitation",
     "Hysteresis": "motion.hysteresis",
     "Kind": "continuation.branch",
@@ -175,6 +198,7 @@ _HOMES = {
     "MassOptions": "motion.mass",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "Record": "measurement.record",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",
     "RegimeOptions": "attractor.judge",
@@ -195,17 +219,21 @@ _HOMES = {
     "SweepOptions": "study.sweep.options",
     "System": "model.system",
     "WalkOptions": "continuation.options",
+    "align": "measurement.alignment",
     "backlash": "model.contact",
     "basin_shares": "study.basins.basins",
     "basins": "study.basins.basins",
     "bifurcation_map": "study.map",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
+    "contrast": "attractor.contrast",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
+    "fit": "measurement.fit",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
     "hysteresis": "motion.hysteresis",
+    "impact_damping_of": "measurement.damping",
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.store.stored",
@@ -215,8 +243,10 @@ _HOMES = {
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
+    "match_impact_damping": "measurement.damping",
     "on_cluster": "study.work.workers",
     "rattle": "attractor.rattle",
+    "read_measurement": "measurement.read",
     "read_studies": "study.file",
     "read_study": "study.file",
     "regimes": "study.regimes.mapping",

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -60,6 +61,12 @@ class Hysteresis:
         It is the damping of the describing function, so it does not depend on the frequency.
         """
         return self.loss / (math.pi * self.frequency * self.amplitude**2)
+
+    def plot(self, **options: Any):
+        """Draw the loop; see `gapwalk.plot.plot_hysteresis`, which draws several over one another."""
+        from gapwalk.plot import plot_hysteresis
+
+        return plot_hysteresis(self, **options)
 
 
 def hysteresis(
