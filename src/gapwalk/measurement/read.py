@@ -21,7 +21,7 @@ MAX_BYTES = 100_000_000
 
 _MAX_COLUMNS = 1000
 _NUMERIC = ("double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-_FIELDS = ("time", "acceleration", "speed")
+FIELDS = ("time", "acceleration", "speed")
 
 
 def read_measurement(
@@ -65,9 +65,9 @@ def read_measurement(
 def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
     """The name in the file of each column; of the speed only if it is named."""
     for field in columns:
-        if field not in _FIELDS:
-            raise ModelError(f"there is no column {field!r} of a record; {did_you_mean(field, _FIELDS)}")
-    return {field: field for field in _FIELDS[:2]} | dict(columns)
+        if field not in FIELDS:
+            raise ModelError(f"there is no column {field!r} of a record; {did_you_mean(field, FIELDS)}")
+    return {field: field for field in FIELDS[:2]} | dict(columns)
 
 
 def _content(path: Path) -> bytes:

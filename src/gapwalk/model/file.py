@@ -170,7 +170,7 @@ def _tables(study: object) -> object:
 
 
 class SystemPart(Part):
-    """A model file. The table ``[study]``, or tables ``[[study]]``, are not read here but by `gapwalk.study.file`."""
+    """A model file. The tables ``[study]`` or ``[[study]]``, and ``[measurement]``, are read by `gapwalk.study`."""
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
@@ -186,6 +186,7 @@ class SystemPart(Part):
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
     study: Annotated[Any, AfterValidator(_tables)] = None
+    measurement: Any = None
 
     def system(self, frequency: float | None = None) -> System:
         """The system that the file describes, at `frequency` if the file gives none."""

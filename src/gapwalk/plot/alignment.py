@@ -10,7 +10,7 @@ from gapwalk.measurement.alignment import Alignment
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
-from gapwalk.plot.style import BLACK, GREY, RC
+from gapwalk.plot.style import BLACK, DPI, GREY, RC
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -26,7 +26,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     found
         As from `gapwalk.align`, or the alignments of a fit.
     title
-        By default rms error and correlation.
+        Stands above rms error and correlation.
     figure
         Where to draw; by default a new figure of pyplot.
     """
@@ -35,16 +35,29 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
             from matplotlib import pyplot as plt
 
             figure = plt.figure(figsize=SIZE, layout="constrained")
-        axes = figure.subplot_mosaic(
-            [["history", "history"], ["lines", "rest"]],  # type: ignore[list-item]
-            height_ratios=[1.15, 1.0],  # type: ignore[arg-type]
-        )
-        _draw_history(axes["history"], found)
-        orders, first, second, _ = np.array(found.agreement.lines).T
-        draw_lines(axes["lines"], orders, first, second, found.signal.name)
-        _draw_rest(axes["rest"], found)
-        figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=10.5)
+        _draw(figure, found, title)
     return figure
+
+
+def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
+    """The same as a figure without pyplot."""
+    with mpl.rc_context(RC):
+        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        _draw(figure, found, title)
+    return figure
+
+
+def _draw(figure: Figure | SubFigure, found: Alignment, title: str | None) -> None:
+    axes = figure.subplot_mosaic(
+        [["history", "history"], ["lines", "rest"]],  # type: ignore[list-item]
+        height_ratios=[1.15, 1.0],  # type: ignore[arg-type]
+    )
+    _draw_history(axes["history"], found)
+    orders, first, second, _ = np.array(found.agreement.lines).T
+    draw_lines(axes["lines"], orders, first, second, found.signal.name)
+    _draw_rest(axes["rest"], found)
+    agreed = _words(found)
+    figure.suptitle(agreed if title is None else f"{title}\n{agreed}", x=0.01, ha="left", fontsize=10.5)
 
 
 def _draw_history(ax, found: Alignment) -> None:
@@ -55,7 +68,7 @@ def _draw_history(ax, found: Alignment) -> None:
     theta = found.theta[shown]
     dots = np.count_nonzero(shown) <= _FEW * _SHOWN
     measured = {"linestyle": "none", "marker": "o", "markersize": 2.4} if dots else {"linewidth": 1.0}
-    ax.plot(theta / PERIOD, found.measured[shown], color=BLACK, label=f"measured: {found.record.name}", **measured)
+    ax.plot(theta / PERIOD, found.measured[shown], color=BLACK, label=_name(found.record.name), **measured)
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
     computed = signal_along(found.orbit, found.signal, fine) - whole.mean()
@@ -78,6 +91,10 @@ def _draw_rest(ax, found: Alignment) -> None:
     ax.set_ylabel("measured minus computed")
 
 
-def _title(found: Alignment) -> str:
+def _words(found: Alignment) -> str:
     agreed = found.agreement
     return f"rms error {agreed.rms:.4g} ({agreed.relative:.2%} of the record's), correlation {agreed.correlation:.5f}"
+
+
+def _name(name: str) -> str:
+    return f"measured ({name})".replace("$", r"\$")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.motion.flow import PERIOD
@@ -50,5 +51,6 @@ def draw_lines(ax: Axes, orders: NDArray[np.float64], first: ArrayLike, second: 
     ax.set_yscale("log")
     ax.set_ylim(floor, 2.5 * largest)
     ax.set_xlim(0.0, float(orders[shown][-1]) + 0.6 * max(1.0, float(orders[0])))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("multiples of the excitation frequency Ω")
     ax.set_ylabel(f"amplitude of {signal}")
