@@ -29,7 +29,7 @@ speed = W * system.frequency / ORDER * 60 / (2 * math.pi)
 
 head = f"""# SYNTHETIC RECORD, NOT A MEASUREMENT: computed by examples/rattle_record.py, with noise of a known size.
 # The twist of a clutch in a light rattle: acceleration of q1 = u1 - u2 in rad/s^2, and speed of the engine in rpm.
-# True values: stage2.impact_damping 0.1, mean.q1 0.05, stage2.clearance 1; white noise of {NOISE * BC * W**2:.1f} rad/s^2.
+# True: stage2.impact_damping 0.1, mean.q1 0.05, stage2.clearance 1; white noise of {NOISE * BC * W**2:.1f} rad/s^2.
 time,acceleration,speed
 """
 with open(sys.argv[1] if len(sys.argv) > 1 else "examples/rattle.csv", "w", encoding="utf-8", newline="\n") as file:
