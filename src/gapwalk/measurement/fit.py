@@ -9,17 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.errors import ModelError
 from gapwalk.measurement.alignment import Alignment, aligned, found_phase
+from gapwalk.measurement.descent import Descent, descend
 from gapwalk.measurement.estimate import Estimate, Verdict, judge
 from gapwalk.measurement.misfit import Misfit
 from gapwalk.measurement.record import Record
 from gapwalk.motion.signal import Signal, signal_of
-from gapwalk.orbit.carry import carry
 from gapwalk.orbit.orbit import Orbit
 
 _NEVER_NEGATIVE = ("clearance", "impact_damping", "viscous_damping")
-_TOLERANCE = 1e-12  # of cost, step and gradient
 _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
 
 
@@ -137,73 +136,22 @@ def fit(
     ConvergenceError
         If no minimum is found within the evaluations that are allowed.
     """
-    from scipy.optimize import least_squares  # imported late: it takes long
-
     names, limits = _checked(orbit, parameters, bounds or {}, record)
     misfit = Misfit(orbit, record, signal_of(orbit.system, signal), order)
     begun = found_phase(misfit, orbit) if phase is None else phase
     before = aligned(misfit, orbit, begun)
-    walk = _Walk(misfit, orbit, names, phase)
     first = np.array([orbit.system[name] for name in names] + ([begun] if phase is None else []))
     if not len(first):
         raise ModelError("parameters is empty, and the phase is given; name what is to be fitted")
     low, high = np.full(len(first), -np.inf), np.full(len(first), np.inf)
     low[: len(names)], high[: len(names)] = limits
-    found = least_squares(
-        walk.residual,
-        first,
-        walk.slopes,
-        bounds=(low, high),
-        x_scale="jac",
-        ftol=_TOLERANCE,
-        xtol=_TOLERANCE,
-        gtol=_TOLERANCE,
-        max_nfev=(options or FitOptions()).max_evaluations,
-    )
-    if found.status == 0:
-        raise ConvergenceError(f"no minimum was found with {found.nfev} orbits; begin nearer to it, or allow for more")
-    walk.residual(found.x)
-    assert walk.orbit is not None
-    after = aligned(misfit, walk.orbit, walk.phase(found.x))
-    slopes = misfit.slopes(walk.orbit, after.phase, names)[:, : len(first)]
+    found = descend(misfit, orbit, names, first, (low, high), phase, (options or FitOptions()).max_evaluations)
+    after = aligned(misfit, found.orbit, begun if phase is not None else float(found.values[-1]))
     residual, size = after.computed - after.measured, float(np.linalg.norm(after.measured))
-    verdict = judge((*names, "phase")[: len(first)], first, found.x, (low, high), residual, slopes, size)
-    lost = _edge(walk, after, slopes, verdict)
-    return _fit(names, phase, verdict, before, after, found.nfev, lost)
-
-
-class _Walk:
-    """Trial values of a fit: each orbit is carried from the best one so far."""
-
-    def __init__(self, misfit: Misfit, orbit: Orbit, names: tuple[str, ...], phase: float | None) -> None:
-        self.misfit, self.names, self._phase = misfit, names, phase
-        self.base, self.orbit, self.lost = orbit, orbit, ""
-        self._cost = np.inf
-
-    def phase(self, x: NDArray[np.float64]) -> float:
-        """The phase among the unknowns, or the one that was given."""
-        return float(x[-1]) if self._phase is None else self._phase
-
-    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The residual at trial values; infinite where the branch does not lead, so that the step is shortened."""
-        try:
-            self.orbit = self._at(x)
-            values = self.misfit.residual(self.orbit, self.phase(x))
-        except (NumericalError, ModelError) as error:
-            self.lost = str(error)
-            return np.full(len(self.misfit.measured), np.inf)
-        cost = float(values @ values)
-        if cost < self._cost:
-            self.base, self._cost = self.orbit, cost
-        return values
-
-    def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives of the residual at values that were accepted."""
-        return self.misfit.slopes(self._at(x), self.phase(x), self.names)[:, : len(x)]
-
-    def _at(self, x: NDArray[np.float64]) -> Orbit:
-        values = dict(zip(self.names, x.tolist(), strict=False))
-        return carry(self.base, self.base.system.at(values), self.names)
+    all_names = (*names, "phase")[: len(first)]
+    verdict = judge(all_names, first, found.values, (low, high), residual, found.slopes, size)
+    lost = _edge(found, after, verdict)
+    return _fit(names, phase, verdict, before, after, found.evaluations, lost)
 
 
 def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple[float, float]], record: Record):
@@ -227,18 +175,16 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
     return names, np.array(limits, dtype=float).reshape(-1, 2).T
 
 
-def _edge(walk: _Walk, after: Alignment, slopes: NDArray[np.float64], verdict: Verdict) -> tuple[str, ...]:
+def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:
     """That the fit ended where the branch does, if it is not a minimum."""
-    free = slopes[:, ~verdict.held]
-    sizes = np.linalg.norm(free, axis=0)
+    free = found.slopes[:, ~verdict.held & found.free]
     residual = after.computed - after.measured
-    size = np.linalg.norm(residual)
-    if not walk.lost or not size or not sizes.all():
+    sizes, size = np.linalg.norm(free, axis=0), np.linalg.norm(residual)
+    if not found.lost or not size or not sizes.all():
         return ()
     cosine = float(np.abs(free.T @ residual / (sizes * size)).max(initial=0.0))
-    return (
-        (f"no minimum: the fit came to where the branch of this motion ends ({walk.lost})",) if cosine > _EDGE else ()
-    )
+    text = f"no minimum: the fit came to where the branch of this motion ends ({found.lost})"
+    return (text,) if cosine > _EDGE else ()
 
 
 def _fit(names, phase, verdict: Verdict, before: Alignment, after: Alignment, evaluations: int, lost) -> Fit:
