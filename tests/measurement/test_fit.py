@@ -7,6 +7,7 @@ import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.measurement.misfit import Misfit
 from gapwalk.motion.signal import signal_of
+from gapwalk.orbit.carry import carry
 from gapwalk.orbit.sensitivity import signal_along
 from tests.systems import linear
 
@@ -184,6 +185,24 @@ def test_a_model_that_lacks_something_leaves_more_than_noise(rattle) -> None:
     assert any("neighbouring residuals correlate" in text for text in found.notes)
     clean = gw.fit(rattle, record_of(rattle, seed=8), ["mean.q1"], "q1''")
     assert clean.notes == ()
+
+
+def test_a_fit_of_another_motion_ends_and_is_doubted(rattle) -> None:
+    """The guess never opens its contact: the clearance changes nothing, and no load makes it rattle on this branch."""
+    closed = gw.find_orbit(rattle.system.at({**GUESS, "mean.q1": 0.9}))
+    assert closed.pattern == "closed+"
+    found = gw.fit(closed, record_of(rattle, seed=10), NAMES, "q1''")
+    assert found.failures == ("the record does not determine stage2.clearance: it changes nothing in this signal",)
+    assert found["stage2.clearance"].value == 0.8
+    assert any("record and motion hardly correlate" in text for text in found.notes)
+    assert gw.align(closed, found.after.record, "q1''").doubts[0].startswith("record and motion hardly correlate")
+
+
+def test_an_unstable_motion_is_doubted(rattle) -> None:
+    """Between the Neimark-Sacker points of its branch at mean.q1 = 0.255 and 0.287."""
+    orbit = carry(rattle, rattle.system.at({"mean.q1": 0.27}))
+    assert not orbit.stable
+    assert "unstable, so it is hardly what was measured" in gw.align(orbit, record_of(orbit), "q1").doubts[0]
 
 
 def test_requests_that_make_no_sense_are_refused(rattle) -> None:

@@ -18,6 +18,7 @@ from gapwalk.orbit.orbit import Orbit
 
 _STEPS = 30  # Gauss-Newton steps of the phase; from the grid it takes three
 _STILL = 1e-12  # rad
+_ALIKE = 0.8  # correlation below which the two are hardly the same motion
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,6 +50,19 @@ class Alignment:
     measured: NDArray[np.float64]
     computed: NDArray[np.float64]
     agreement: Agreement
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why this may not be the motion that was measured, in sentences."""
+        found = []
+        if not self.orbit.stable:
+            found.append("the computed motion is unstable, so it is hardly what was measured")
+        if self.agreement.correlation < _ALIKE:
+            found.append(
+                f"record and motion hardly correlate ({self.agreement.correlation:.2f}): perhaps another motion of the system "
+                "was measured, from another start or of another period, or the signal or a scale is wrong"
+            )
+        return tuple(found)
 
     def plot(self, title: str | None = None, **options: Any):
         """Draw the record over the computed motion, and their lines; see `gapwalk.plot.plot_alignment`."""

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.measurement.estimate import moving
 from gapwalk.measurement.misfit import Misfit
 from gapwalk.orbit.carry import carry
 from gapwalk.orbit.orbit import Orbit
 
-_TOLERANCE = 1e-12  # of cost, step and gradient
+_SETTLED = 1e-4  # change of the sum of squares, in units of the noise's square, that no error bar shows
+_TOLERANCE = 1e-12  # of step and gradient
 _INDEPENDENT = 1e-7  # what a slope must have of its own, relative to its size, to be followed
 _ROUNDS = 3
 
@@ -56,11 +58,12 @@ def descend(
     """Minimise the sum of squares of a misfit; a ConvergenceError if that takes too many evaluations."""
     trial = _Trial(misfit, orbit, names, phase)
     values, slopes, evaluations = first, trial.slopes(first), 0
-    free = _independent(slopes)
+    size = float(np.linalg.norm(misfit.measured))
+    free = _independent(slopes, values, size)
     for _ in range(_ROUNDS):
         values, count = _minimise(trial, values, free, bounds, max_evaluations)
         slopes, evaluations = trial.slopes(values), evaluations + count
-        now = _independent(slopes)
+        now = _independent(slopes, values, size)
         if np.count_nonzero(now) <= np.count_nonzero(free):
             break
         free = now  # what changed nothing at the start may do so here, as a gap that is met only now
@@ -82,13 +85,15 @@ def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tupl
         lambda part: trial.slopes(whole(part))[:, free],
         bounds=(bounds[0][free], bounds[1][free]),
         x_scale="jac",
-        ftol=_TOLERANCE,
+        ftol=_SETTLED / len(trial.misfit.measured),
         xtol=_TOLERANCE,
         gtol=_TOLERANCE,
         max_nfev=max_evaluations,
     )
     if found.status == 0:
-        raise ConvergenceError(f"no minimum was found with {found.nfev} orbits; begin nearer to it, or allow for more")
+        raise ConvergenceError(
+            f"no minimum was found with {found.nfev} orbits; begin nearer to it, or allow for more (FitOptions)"
+        )
     return whole(found.x), found.nfev
 
 
@@ -96,17 +101,17 @@ class _Trial:
     """Trial values: each orbit is carried from the best one so far."""
 
     def __init__(self, misfit: Misfit, orbit: Orbit, names: tuple[str, ...], phase: float | None) -> None:
-        self._misfit, self._names, self._phase = misfit, names, phase
+        self.misfit, self._names, self._phase = misfit, names, phase
         self._base, self._cost, self.lost = orbit, np.inf, ""
 
     def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """The residual at trial values; infinite where the branch does not lead, so that the step is shortened."""
         try:
             orbit = self.orbit_at(x)
-            values = self._misfit.residual(orbit, self._phase_at(x))
+            values = self.misfit.residual(orbit, self._phase_at(x))
         except (NumericalError, ModelError) as error:
             self.lost = str(error)
-            return np.full(len(self._misfit.measured), np.inf)
+            return np.full(len(self.misfit.measured), np.inf)
         cost = float(values @ values)
         if cost < self._cost:
             self._base, self._cost = orbit, cost
@@ -114,7 +119,7 @@ class _Trial:
 
     def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of the residual at values to which the branch leads."""
-        return self._misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names)[:, : len(x)]
+        return self.misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names)[:, : len(x)]
 
     def orbit_at(self, x: NDArray[np.float64]) -> Orbit:
         """The orbit at trial values."""
@@ -125,15 +130,15 @@ class _Trial:
         return float(x[-1]) if self._phase is None else self._phase
 
 
-def _independent(slopes: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _independent(slopes: NDArray[np.float64], values: NDArray[np.float64], size: float) -> NDArray[np.bool_]:
     """Which parameters have an effect that others do not make up, shape (k,)."""
     from scipy.linalg import qr  # imported late, as above
 
-    sizes = np.linalg.norm(slopes, axis=0)
-    moving = sizes > 0.0
-    free = np.zeros(len(sizes), dtype=bool)
-    if moving.any():
-        table, order = qr(slopes[:, moving] / sizes[moving], mode="r", pivoting=True)
+    free = np.zeros(len(values), dtype=bool)
+    places = np.flatnonzero(moving(slopes, values, size))
+    if len(places):
+        columns = slopes[:, places]
+        table, order = qr(columns / np.linalg.norm(columns, axis=0), mode="r", pivoting=True)
         own = np.abs(np.diag(table)) > _INDEPENDENT
-        free[np.flatnonzero(moving)[order[: len(own)][own]]] = True
+        free[places[order[: len(own)][own]]] = True
     return free

@@ -92,7 +92,7 @@ def judge(
     scale = np.maximum(np.abs(values), np.abs(first))
     held = (values - bounds[0] <= _BOUND * scale) | (bounds[1] - values <= _BOUND * scale)
     sizes = np.linalg.norm(slopes, axis=0)
-    idle = ~held & (sizes * np.where(scale == 0.0, 1.0, scale) <= _IDLE * size)
+    idle = ~held & ~moving(slopes, scale, size)
     free = np.flatnonzero(~held & ~idle)
     covariance = np.full((count, count), np.nan)
     covariance[idle, idle] = np.inf
@@ -114,6 +114,12 @@ def judge(
         Estimate(*row) for row in zip(names, first.tolist(), values.tolist(), errors.tolist(), strict=True)
     )
     return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual)), tuple(undetermined))
+
+
+def moving(slopes: NDArray[np.float64], scale: NDArray[np.float64], size: float) -> NDArray[np.bool_]:
+    """Which parameters change the signal by more than rounding, if they change by all of themselves; shape (k,)."""
+    effects = np.linalg.norm(slopes, axis=0) * np.where(scale == 0.0, 1.0, np.abs(scale))
+    return effects > _IDLE * size
 
 
 def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):

@@ -190,9 +190,6 @@ def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]
 def _fit(names, phase, verdict: Verdict, before: Alignment, after: Alignment, evaluations: int, lost) -> Fit:
     count = len(names)
     fixed = Estimate("phase", after.phase, after.phase, 0.0)
-    notes = list(verdict.notes)
-    if not after.orbit.stable:
-        notes.append("the fitted motion is unstable, so it is hardly what was measured")
     return Fit(
         verdict.estimates[:count],
         verdict.estimates[count] if phase is None else fixed,
@@ -200,6 +197,6 @@ def _fit(names, phase, verdict: Verdict, before: Alignment, after: Alignment, ev
         before,
         after,
         evaluations,
-        tuple(notes),
+        (*verdict.notes, *after.doubts),
         (*verdict.failures, *lost),
     )

@@ -39,10 +39,7 @@ class Measured:
     @property
     def notes(self) -> tuple[str, ...]:
         """What else there is to say, in sentences."""
-        if self.fit is not None:
-            return self.fit.notes
-        stable = self.alignment.orbit.stable
-        return () if stable else ("the computed motion is unstable, so it is hardly what was measured",)
+        return self.alignment.doubts if self.fit is None else self.fit.notes
 
     @property
     def failures(self) -> tuple[str, ...]:
