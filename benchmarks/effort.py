@@ -23,6 +23,8 @@ class Effort:
         Lowest frequency of the diagram.
     mass_periods
         Forcing periods of each run of the mass flow.
+    cells
+        Columns and rows of a regime map.
     """
 
     repeats: int = 25
@@ -31,7 +33,8 @@ class Effort:
     walk_to: float = 0.8
     diagram_from: float = 0.15
     mass_periods: int = 1000
+    cells: int = 128
 
 
 FULL = Effort()
-QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85, diagram_from=1.0, mass_periods=50)
+QUICK = Effort(repeats=4, burst=0.003, sizes=(2, 10), walk_to=0.85, diagram_from=1.0, mass_periods=50, cells=32)

@@ -33,17 +33,17 @@ def texts(ax) -> list[str]:
 
 
 def test_every_point_is_drawn_and_every_band_is_named() -> None:
-    regimes = ["period 1"] * 40 + ["period 3"] * 20 + ["not periodic"] * 30 + ["ran away"] + [""] * 9
+    regimes = ["period 1"] * 40 + ["period 3"] * 20 + ["chaotic"] * 30 + ["runs away"] + [""] * 9
     figure = draw_sweep(sweep_of([regimes, ["period 1"] * 100]), title="A title")
     strips, ax = figure.axes
     assert [line.get_xdata().size for line in ax.lines] == [100 * 20, 91 * 20]  # up lies over down
     assert all(line.get_rasterized() for line in ax.lines)
-    assert texts(strips) == ["P1", "P3", "not periodic", "P1"]  # the last band is too narrow for words
+    assert texts(strips) == ["P1", "P3", "chaotic", "P1"]  # the last band is too narrow for words
     assert [tick.get_text() for tick in strips.get_yticklabels()] == ["up", "down"]
     assert strips.get_title(loc="left") == "A title"
     (legend,) = figure.legends
     labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == ["up", "down (beneath)", "period 1", "period 3", "not periodic", "ran away"]
+    assert labels == ["up", "down (beneath)", "period 1", "period 3", "chaotic", "runs away"]
     low, high = 0.2, 0.2 + 0.5 * (39 + 40) / 99
     first = strips.patches[0]
     assert (first.get_x(), first.get_x() + first.get_width()) == pytest.approx((low, high))
@@ -71,7 +71,7 @@ def test_long_periods_share_a_colour_and_many_starts_the_strips() -> None:
     few = draw_sweep(sweep_of([["period 1"] * 20] * 4)).axes[0]
     assert [tick.get_text() for tick in few.get_yticklabels()] == ["up 1", "down 1", "up 2", "down 2"]
     assert len({patch.get_facecolor() for patch in strips.patches if patch.get_fill()}) == 1
-    assert "period 8 and more" in [text.get_text() for text in strips.figure.legends[0].get_texts()]
+    assert "period 9 and more" in [text.get_text() for text in strips.figure.legends[0].get_texts()]
 
 
 def test_it_is_drawn_where_it_is_asked_for() -> None:

@@ -123,11 +123,11 @@ def test_ctrl_c_keeps_what_is_done():
         raise KeyboardInterrupt
 
     found = regimes(
-        linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (33, 64), options=in_process(), report=stop
+        linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (17, 64), options=in_process(), report=stop
     )
     assert not found.complete
-    assert found.cells == {"period 1": 2048, "undecided": 64}
-    assert found.notes == ("stopped when 2048 of 2112 cells were done",)
+    assert found.cells == {"period 1": 1024, "undecided": 64}
+    assert found.notes == ("stopped when 1024 of 1088 cells were done",)
 
 
 @pytest.mark.parametrize(

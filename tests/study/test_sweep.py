@@ -90,10 +90,10 @@ def test_section_points_in_a_window_are_those_of_the_orbit() -> None:
         assert np.abs(section[3:] - section[:-3]).max() < 1e-5
 
 
-def test_a_torus_is_not_periodic() -> None:
+def test_a_torus_is_named() -> None:
     found = gw.sweep(light(), "frequency", (1.13, 1.16), options=options(steps=4, ways="down", points=60, starts=2))
-    assert "not periodic" in found.regimes  # where the paper's figure 15 shows one
-    lane, place = np.argwhere(found.regimes == "not periodic")[0]
+    assert "quasi-periodic" in found.regimes  # where the paper's figure 15 shows one
+    lane, place = np.argwhere(found.regimes == "quasi-periodic")[0]
     distances = np.abs(found.sections[lane, place, 1:] - found.sections[lane, place, 0]).max(axis=1)
     assert distances.min() > 1e-3
 
@@ -212,13 +212,13 @@ def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), options=options(ways="up and down and afresh"))
     up, down, afresh = found.regimes
     assert found.complete  # there is nothing left to do
-    assert up[0] == "ran away"
+    assert up[0] == "runs away"
     assert set(up[1:]) == {""}
-    edge = int(np.flatnonzero(down == "ran away")[-1])
+    edge = int(np.flatnonzero(down == "runs away")[-1])
     assert set(down[:edge]) == {""}
     assert set(down[edge + 1 :]) == {"period 1"}
     assert found.values[edge] < 0.0 < found.values[edge + 3]
-    assert set(afresh[:20]) == {"ran away"}
+    assert set(afresh[:20]) == {"runs away"}
     assert np.isnan(found.sections[1, edge]).all()
     assert len(found.notes) == 4  # two stretches of the last lane
     assert found.notes[0].startswith("start 1, up: the motion could not be followed and was not carried on: stiffness")

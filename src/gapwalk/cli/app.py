@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from gapwalk.cli.outcome import BAD_INPUT, guard, report_error
+from gapwalk.study.work.threads import work_in_one_thread
 
 app = App(
     name="gapwalk",
@@ -28,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 130: interrupted.
     """
+    work_in_one_thread()
     words = sys.argv[1:] if arguments is None else list(arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):

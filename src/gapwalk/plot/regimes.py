@@ -8,25 +8,22 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, to_hex
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from gapwalk.attractor.regime import Regime
+from gapwalk.attractor.regime import Regime, regime_word
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
+from gapwalk.plot.regime_colors import NAMED, legend_words, period_of, regime_color
 from gapwalk.plot.style import BLACK, DPI, GREY, RC, SYMBOLS, diagram_size
 from gapwalk.plot.words import parameter_words
 
-_NAMED = 8  # periods with a colour of their own
-_FIRST = "#f6f2e4"  # of period 1
-_SEQUENCE = "YlGnBu"  # of the other periods, from light to dark
-_LONGER, _TORUS, _CHAOS, _UNDECIDED, _RUNAWAY = "#8b5a9e", "#e8702a", "#000000", "#b5b5b5", "#ffffff"
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
 
 
@@ -182,21 +179,14 @@ def _draw_cells(ax: Axes, found: Regimes, cells: NDArray, **options):
 
 def _entries(found: Regimes) -> Iterator[_Entry]:
     """What occurs in a map: the periods, then the other kinds of motion."""
-    scale = mpl.colormaps[_SEQUENCE]
-    periods = [m for m in range(1, _NAMED + 1) if np.any(found.periods == m)]
-    for m in periods:
-        color = _FIRST if m == 1 else to_hex(scale(0.22 + 0.78 * (m - 2) / (_NAMED - 2)))
-        yield _Entry(f"period {m}", color, found.periods == m)
-    others = (
-        (f"period {_NAMED + 1} and more", _LONGER, found.periods > _NAMED),
-        ("quasi-periodic", _TORUS, found.regimes == Regime.QUASI_PERIODIC),
-        ("chaotic", _CHAOS, found.regimes == Regime.CHAOTIC),
-        ("undecided", _UNDECIDED, found.regimes == Regime.UNDECIDED),
-        ("runs away", _RUNAWAY, found.regimes == Regime.RUNAWAY),
-    )
-    for text, color, cells in others:
-        if cells.any():
-            yield _Entry(text, color, cells)
+    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
+    for text, word in legend_words({regime_word(*pair) for pair in kinds.tolist()}).items():
+        m = period_of(word)
+        if m is None:
+            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
+        else:
+            cells = found.periods == m if m <= NAMED else found.periods > NAMED
+        yield _Entry(text, regime_color(word), cells)
 
 
 def _check_words(found: Regimes) -> str:

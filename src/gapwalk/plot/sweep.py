@@ -14,11 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gapwalk.errors import ModelError
+from gapwalk.plot.regime_colors import legend_words, regime_color
 from gapwalk.plot.style import BLACK, BLUE, DPI, RC, VERMILLION
 from gapwalk.plot.words import parameter_words, state_words
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import Sweep
-from gapwalk.study.sweep.regime import RAN_AWAY, Band
+from gapwalk.study.sweep.regime import Band
 
 AnyFigure = Figure | SubFigure
 
@@ -26,8 +27,6 @@ SIZE = (8.0, 5.4)
 """Width and height of the picture, in inches."""
 
 _WAYS = {Way.UP: ("up", BLUE), Way.DOWN: ("down", VERMILLION), Way.AFRESH: ("afresh", BLACK)}
-_PERIODS = ("#ffffff", "#9ecbea", "#0b56a4", "#009e73", "#f0e442", "#cc79a7", "#e69f00")
-_HIGHER, _NOT_PERIODIC, _AWAY = "#b9a7d6", "#4d4d4d", "#d55e00"
 _STRIP = 0.16  # height of a strip, in inches
 _MOST_STRIPS = 12
 _SPARSE = 6e4  # points up to which each is drawn boldly; more of them are fainter, so that crowds show their shape
@@ -135,7 +134,7 @@ def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
                 band.high - band.low,
                 left=band.low,
                 height=0.84,
-                color=_colour(band.regime),
+                color=regime_color(band.regime),
                 linewidth=0,
                 rasterized=False,
             )
@@ -186,24 +185,12 @@ def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
                     ha="center",
                     va="center_baseline",
                     fontsize=6.5,
-                    color="white" if _is_dark(_colour(band.regime)) else BLACK,
+                    color="white" if _is_dark(regime_color(band.regime)) else BLACK,
                 )
 
 
 def _short(band: Band) -> str:
     return f"P{band.regime.removeprefix('period ')}" if band.regime.startswith("period ") else band.regime
-
-
-def _period(regime: str) -> int | None:
-    digits = regime.removeprefix("period ")
-    return int(digits) if regime.startswith("period ") and digits.isdigit() else None
-
-
-def _colour(regime: str) -> str:
-    period = _period(regime)
-    if period is not None:
-        return _PERIODS[period - 1] if period <= len(_PERIODS) else _HIGHER
-    return _AWAY if regime == RAN_AWAY else _NOT_PERIODIC
 
 
 def _is_dark(colour: str) -> bool:
@@ -218,13 +205,10 @@ def _draw_legend(figure: AnyFigure, sweep: Sweep, shown: Sequence[int]) -> None:
         for way in ways
     ]
     regimes = {band.regime for lane in shown for band in sweep.bands(lane)}
-    periods = sorted(period for regime in regimes if (period := _period(regime)) is not None)
-    entries = [(f"period {period}", f"period {period}") for period in periods if period <= len(_PERIODS)]
-    if periods and periods[-1] > len(_PERIODS):
-        entries.append((f"period {periods[-1]}", f"period {len(_PERIODS) + 1} and more"))
-    entries += [(regime, regime) for regime in sorted(regimes) if _period(regime) is None]
+    entries = legend_words(regimes)
     handles += [
-        Patch(facecolor=_colour(regime), edgecolor="#8a8a8a", linewidth=0.5, label=text) for regime, text in entries
+        Patch(facecolor=regime_color(regime), edgecolor="#8a8a8a", linewidth=0.5, label=text)
+        for text, regime in entries.items()
     ]
     columns = len(handles) if len(handles) < 8 else (len(handles) + 1) // 2
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.4, handlelength=1.4)

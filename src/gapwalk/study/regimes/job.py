@@ -21,7 +21,7 @@ from gapwalk.study.store.cell_store import Arrays
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers
 
-CHUNK = 2048
+CHUNK = 1024
 """Cells in a chunk: one piece of work, and what a killed run loses at most."""
 
 ROWS = 64

@@ -63,7 +63,8 @@ class Sweep:
     settled : shape (lanes, steps), bool
         Whether the transient had settled by then, or the patience was used up.
     regimes : shape (lanes, steps), str
-        What each motion is, in words: ``period 3``, ``not periodic``, ``ran away``; empty where there is nothing.
+        What each motion is, in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``runs away``, or
+        ``not periodic`` where no more can be said of a large system; empty where there is nothing.
     complete
         False if the work was stopped before its end.
     notes

@@ -9,7 +9,9 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-NOT_PERIODIC, RAN_AWAY = "not periodic", "ran away"
+from gapwalk.attractor.regime import Regime, regime_word
+
+NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
 
 _SAME = 1e-4
 """Distance, in half-widths of the box of states, within which a motion has returned."""
@@ -50,7 +52,7 @@ def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period
     states = section / box
     for m in range(1, max_period + 1):
         if np.abs(states[m:] - states[:-m]).max() <= _SAME:
-            return f"period {m}"
+            return regime_word(Regime.PERIODIC, m)
     return NOT_PERIODIC
 
 

@@ -11,8 +11,9 @@ from gapwalk.errors import FlowError
 from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Flow, flow_of
-from gapwalk.study.sweep.regime import RAN_AWAY, regime_of
+from gapwalk.study.sweep.regime import NOT_PERIODIC, RUNS_AWAY, regime_of
 from gapwalk.study.sweep.transient import Patience, let_settle
+from gapwalk.study.sweep.wandering import wandering_words
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def sweep_stretch(task: Task) -> Stretch:
             found = let_settle(flow, coefficients, start, task.box, task.max_period, task.patience)
             sections[row] = _section(flow, coefficients, found.state, task.points)
         except FlowError as error:
-            regimes[row] = RAN_AWAY
+            regimes[row] = RUNS_AWAY
             note = note or f"{task.parameter} = {value:.10g}: {error}"
             if task.carried:
                 break
@@ -120,6 +121,10 @@ def sweep_stretch(task: Task) -> Stretch:
         transients[row], settled[row] = found.periods, found.is_settled
         regimes[row] = regime_of(sections[row], task.box, task.max_period)
         state = sections[row, -1]
+    rest = [row for row, regime in enumerate(regimes) if regime == NOT_PERIODIC]
+    words = wandering_words(task.system, task.parameter, task.values[rest], sections[rest, -1], task.max_period)
+    for row, word in zip(rest, words, strict=True):
+        regimes[row] = word
     return Stretch(task.lane, task.number, sections, transients, settled, tuple(regimes), note)
 
 

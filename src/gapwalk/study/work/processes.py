@@ -14,6 +14,8 @@ from multiprocessing import get_context
 from types import ModuleType
 from typing import Any
 
+from gapwalk.study.work.threads import children_in_one_thread
+
 
 def local_cores() -> int:
     """Number of cores that this process may use."""
@@ -95,16 +97,9 @@ def _live_on_a_leash(held: Any) -> None:
     threading.Thread(target=wait_for_the_end, daemon=True).start()
 
 
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables by which linear algebra is told how many threads to use."""
-
-
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Processes that are started inside do not see Ctrl-C, which is for this one; nor do they run the user's script.
-
-    Each works in one thread unless the user has said otherwise: together they fill all cores, and linear algebra in
-    many small matrices is twenty times slower where its threads wait for one another.
 
     Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
     pieces of work need nothing of it.
@@ -112,13 +107,10 @@ def _undisturbed() -> Iterator[None]:
     main, blocks = sys.modules["__main__"], hasattr(signal, "pthread_sigmask")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blocks else set()
     sys.modules["__main__"] = ModuleType("__main__")
-    unset = [name for name in _ONE_THREAD if name not in os.environ]
-    os.environ.update(dict.fromkeys(unset, "1"))
     try:
-        yield
+        with children_in_one_thread():
+            yield
     finally:
         sys.modules["__main__"] = main
-        for name in unset:
-            del os.environ[name]
         if blocks:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

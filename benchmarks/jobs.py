@@ -1,0 +1,50 @@
+"""Whole jobs on one and on two processes, in wall time, the start of the processes and compiling included."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+import gapwalk as gw
+from benchmarks.effort import Effort
+from benchmarks.row import Row, Target
+from gapwalk import System, paper
+from gapwalk.study.work.workers import Workers, workers
+
+GROUP = "Whole jobs of figure 15 on two processes, wall time"
+_BOX = {"q1": (-4.0, 4.0), "q1'": (-4.0, 4.0)}
+_PLANE = {"frequency": (0.3, 1.2), "harmonic1.amplitude": (0.2, 0.8)}
+
+
+def rows(effort: Effort) -> list[Row]:
+    """Measure all lines."""
+    system, size = paper.case("15"), effort.cells
+    slow, many = system.at(frequency=0.45), 4 * size
+    return [
+        _measure(f"regime map, {size} x {size} cells", lambda hands: gw.regimes(system, _PLANE, size, hands=hands)),
+        _measure(f"basins, {many} x {many} cells", lambda hands: gw.basins(slow, _BOX, many, hands=hands)),
+        _measure(f"sweep, {size} values, each from 8 starts", lambda hands: _sweep(system, size, hands)),
+    ]
+
+
+def _sweep(system: System, values: int, hands: Workers) -> object:
+    options = gw.SweepOptions(steps=values, ways="afresh", starts=8)
+    return gw.sweep(system, "frequency", (0.3, 1.2), options=options, hands=hands)
+
+
+def _measure(what: str, work: Callable[[Workers], object]) -> Row:
+    begun, waited = time.perf_counter(), os.getloadavg()[0]
+    one = _wall(work, 1)
+    two = _wall(work, 2)
+    load = max(waited, os.getloadavg()[0])
+    note = f"says something only while two cores are free (load before or after: {load:.1f})"
+    counts = {"load": round(load, 1), "took": round(time.perf_counter() - begun)}
+    return Row(GROUP, what, two, one, "one process", (Target(1.8, "ratio"),), counts, note)
+
+
+def _wall(work: Callable[[Workers], object], count: int) -> float:
+    begun = time.perf_counter()
+    with workers(count) as hands:
+        work(hands)
+    return time.perf_counter() - begun
