@@ -59,8 +59,8 @@ class Alignment:
             found.append("the computed motion is unstable, so it is hardly what was measured")
         if self.agreement.correlation < _ALIKE:
             found.append(
-                f"record and motion hardly correlate ({self.agreement.correlation:.2f}): perhaps another motion of the system "
-                "was measured, from another start or of another period, or the signal or a scale is wrong"
+                f"record and motion hardly correlate ({self.agreement.correlation:.2f}): perhaps another motion of the "
+                "system was measured, from another start or of another period, or the signal or a scale is wrong"
             )
         return tuple(found)
 
