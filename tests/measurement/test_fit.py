@@ -81,7 +81,7 @@ def test_derivatives_of_the_misfit_are_those_of_differences(rattle) -> None:
     """With the frequency, whose change turns every sample's angle too."""
     misfit = Misfit(rattle, record_of(rattle, periods=3.1), signal_of(rattle.system, "q1''"))
     names, step = ("mean.q1", "frequency"), 1e-6
-    slopes = misfit.slopes(rattle, 0.4, names)
+    slopes = misfit.slopes(rattle, 0.4, names).table
     for place, name in enumerate(names):
         moved = [
             gw.find_orbit(rattle.system.at({name: rattle.system[name] + sign * step}), start=rattle.state)
@@ -99,7 +99,14 @@ def test_a_clean_record_gives_its_parameters_to_rounding(rattle, guess) -> None:
         assert found[name].value == pytest.approx(value, abs=1e-7)
     assert found.after.agreement.rms < 1e-8 < found.before.agreement.rms
     assert found.orbit.system["stage2.clearance"] == found["stage2.clearance"].value
-    assert (found.failures, found.evaluations < 30) == ((), True)
+    assert (found.failures, found.notes, found.evaluations < 30) == ((), (), True)
+
+
+def test_a_guess_or_a_phase_of_zero_is_no_hindrance(rattle) -> None:
+    """What counts for an effect must not depend on where a parameter happens to begin."""
+    begun = carry(rattle, rattle.system.at({"stage2.impact_damping": 0.02, "mean.q1": 1e-14}))
+    found = gw.fit(begun, record_of(rattle, phase=1e-13), ["mean.q1", "stage2.impact_damping"], "q1''")
+    assert (found.failures, found["mean.q1"].value) == ((), pytest.approx(0.05, abs=1e-7))
 
 
 def test_standard_errors_are_those_of_repeated_measurements(rattle) -> None:

@@ -120,7 +120,7 @@ def found_phase(misfit: Misfit, orbit: Orbit) -> float:
     phase = misfit.best_phase(orbit)
     error = np.inf
     for _ in range(_STEPS):
-        residual, slope = misfit.residual(orbit, phase), misfit.slopes(orbit, phase, ())[:, 0]
+        residual, slope = misfit.residual(orbit, phase), misfit.slopes(orbit, phase, ()).table[:, 0]
         if residual @ residual >= error:  # as near as rounding lets it
             break
         error = residual @ residual

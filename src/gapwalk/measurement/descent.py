@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.measurement.estimate import moving
-from gapwalk.measurement.misfit import Misfit
+from gapwalk.measurement.misfit import Misfit, Slopes
 from gapwalk.orbit.carry import carry
 from gapwalk.orbit.orbit import Orbit
 
@@ -28,7 +27,7 @@ class Descent(NamedTuple):
         The parameters, and the phase if it is fitted too.
     orbit
         The orbit there.
-    slopes : shape (samples, k)
+    slopes
         Derivatives of the residual there.
     free : shape (k,)
         Which of them were changed; the others cannot be told apart from those, and kept their first values.
@@ -40,7 +39,7 @@ class Descent(NamedTuple):
 
     values: NDArray[np.float64]
     orbit: Orbit
-    slopes: NDArray[np.float64]
+    slopes: Slopes
     free: NDArray[np.bool_]
     evaluations: int
     lost: str
@@ -58,12 +57,11 @@ def descend(
     """Minimise the sum of squares of a misfit; a ConvergenceError if that takes too many evaluations."""
     trial = _Trial(misfit, orbit, names, phase)
     values, slopes, evaluations = first, trial.slopes(first), 0
-    size = float(np.linalg.norm(misfit.measured))
-    free = _independent(slopes, values, size)
+    free = _independent(slopes)
     for _ in range(_ROUNDS):
         values, count = _minimise(trial, values, free, bounds, max_evaluations)
         slopes, evaluations = trial.slopes(values), evaluations + count
-        now = _independent(slopes, values, size)
+        now = _independent(slopes)
         if np.count_nonzero(now) <= np.count_nonzero(free):
             break
         free = now  # what changed nothing at the start may do so here, as a gap that is met only now
@@ -82,7 +80,7 @@ def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tupl
     found = least_squares(
         lambda part: trial.residual(whole(part)),
         values[free],
-        lambda part: trial.slopes(whole(part))[:, free],
+        lambda part: trial.slopes(whole(part)).table[:, free],
         bounds=(bounds[0][free], bounds[1][free]),
         x_scale="jac",
         ftol=_SETTLED / len(trial.misfit.measured),
@@ -117,9 +115,9 @@ class _Trial:
             self._base, self._cost = orbit, cost
         return values
 
-    def slopes(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slopes(self, x: NDArray[np.float64]) -> Slopes:
         """Derivatives of the residual at values to which the branch leads."""
-        return self.misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names)[:, : len(x)]
+        return self.misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names).first(len(x))
 
     def orbit_at(self, x: NDArray[np.float64]) -> Orbit:
         """The orbit at trial values."""
@@ -130,14 +128,13 @@ class _Trial:
         return float(x[-1]) if self._phase is None else self._phase
 
 
-def _independent(slopes: NDArray[np.float64], values: NDArray[np.float64], size: float) -> NDArray[np.bool_]:
+def _independent(slopes: Slopes) -> NDArray[np.bool_]:
     """Which parameters have an effect that others do not make up, shape (k,)."""
     from scipy.linalg import qr  # imported late, as above
 
-    free = np.zeros(len(values), dtype=bool)
-    places = np.flatnonzero(moving(slopes, values, size))
+    free, places = np.zeros(len(slopes.moving), dtype=bool), np.flatnonzero(slopes.moving)
     if len(places):
-        columns = slopes[:, places]
+        columns = slopes.table[:, places]
         table, order = qr(columns / np.linalg.norm(columns, axis=0), mode="r", pivoting=True)
         own = np.abs(np.diag(table)) > _INDEPENDENT
         free[places[order[: len(own)][own]]] = True

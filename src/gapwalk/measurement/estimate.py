@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.measurement.misfit import Slopes
+
 _RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which nothing is determined
 _SHARE = 0.05  # of a parameter in a direction that nothing determines, from which on it is named
 _COLOURED = 0.2  # correlation of neighbouring residuals from which standard errors are too small
 _NOISE = 4.0  # the same, in its own standard errors
 _BOUND = 1e-4  # distance from a bound, relative to the parameter, at which it counts as held there
-_IDLE = 1e-9  # effect of a parameter as a whole, relative to the record, that is rounding
+_ROUNDING = 1e-6  # of a residual, relative to the record: what is left below has no meaning
 
 
 class Estimate(NamedTuple):
@@ -68,7 +70,7 @@ def judge(
     values: NDArray[np.float64],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
     residual: NDArray[np.float64],
-    slopes: NDArray[np.float64],
+    slopes: Slopes,
     size: float,
 ) -> Verdict:
     """What a record says of parameters.
@@ -83,7 +85,7 @@ def judge(
         Lowest and highest values.
     residual : shape (samples,)
         At the fitted values.
-    slopes : shape (samples, k)
+    slopes
         Its derivatives by the parameters.
     size
         Norm of the record.
@@ -91,8 +93,8 @@ def judge(
     count, samples = len(names), len(residual)
     scale = np.maximum(np.abs(values), np.abs(first))
     held = (values - bounds[0] <= _BOUND * scale) | (bounds[1] - values <= _BOUND * scale)
-    sizes = np.linalg.norm(slopes, axis=0)
-    idle = ~held & ~moving(slopes, scale, size)
+    sizes = np.linalg.norm(slopes.table, axis=0)
+    idle = ~held & ~slopes.moving
     free = np.flatnonzero(~held & ~idle)
     covariance = np.full((count, count), np.nan)
     covariance[idle, idle] = np.inf
@@ -101,7 +103,7 @@ def judge(
         for k in np.flatnonzero(idle).tolist()
     ]
     if len(free):
-        within, directions = _covariance(slopes[:, free], residual, samples - count - 1)
+        within, directions = _covariance(slopes.table[:, free], residual, samples - count - 1)
         covariance[np.ix_(free, free)] = within
         undetermined += [
             _sentence([names[k] for k in free.tolist()], direction / sizes[free]) for direction in directions
@@ -113,13 +115,7 @@ def judge(
     estimates = tuple(
         Estimate(*row) for row in zip(names, first.tolist(), values.tolist(), errors.tolist(), strict=True)
     )
-    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual)), tuple(undetermined))
-
-
-def moving(slopes: NDArray[np.float64], scale: NDArray[np.float64], size: float) -> NDArray[np.bool_]:
-    """Which parameters change the signal by more than rounding, if they change by all of themselves; shape (k,)."""
-    effects = np.linalg.norm(slopes, axis=0) * np.where(scale == 0.0, 1.0, np.abs(scale))
-    return effects > _IDLE * size
+    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual, size)), tuple(undetermined))
 
 
 def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):
@@ -151,14 +147,14 @@ def _sentence(names: Sequence[str], direction: NDArray[np.float64]) -> str:
     )
 
 
-def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64]) -> Iterator[str]:
+def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64], size: float) -> Iterator[str]:
     for each in estimates:
         if np.isnan(each.error):
             yield f"{each.name} ended at its bound {each.value:.6g}; the other errors hold for it there"
         elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
             yield f"{each.name} is hardly determined: its standard error is larger than its value"
-    size = float(residual @ residual)
-    near = float(residual[1:] @ residual[:-1]) / size if size else 0.0
+    squares = float(residual @ residual)
+    near = float(residual[1:] @ residual[:-1]) / squares if squares > (_ROUNDING * size) ** 2 else 0.0
     if near > max(_COLOURED, _NOISE / np.sqrt(len(residual))):
         yield (
             f"neighbouring residuals correlate ({near:.2f}): what is left is not only noise, so standard errors are "

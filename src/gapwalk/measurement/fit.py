@@ -177,7 +177,7 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
 
 def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:
     """That the fit ended where the branch does, if it is not a minimum."""
-    free = found.slopes[:, ~verdict.held & found.free]
+    free = found.slopes.table[:, ~verdict.held & found.free]
     residual = after.computed - after.measured
     sizes, size = np.linalg.norm(free, axis=0), np.linalg.norm(residual)
     if not found.lost or not size or not sizes.all():

@@ -7,6 +7,7 @@ phase of the excitation. Means are left out: an accelerometer does not see them.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,27 @@ from gapwalk.orbit.sensitivity import sensitivity, signal_along
 
 _HIGHEST = 20.0  # order of the lines that are compared
 _FEWEST = 8  # samples a forcing period
+_ROUNDING = 1e-9  # of a derivative, relative to what it is made of
 _GRID = 1024  # phases a forcing period that are tried
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the residual.
+
+    Attributes
+    ----------
+    table : shape (samples, k)
+        By each parameter, and by the phase.
+    moving : shape (k,)
+        Where they are more than rounding.
+    """
+
+    table: NDArray[np.float64]
+    moving: NDArray[np.bool_]
+
+    def first(self, count: int) -> Slopes:
+        """Those by the first parameters."""
+        return Slopes(self.table[:, :count], self.moving[:count])
 
 
 class Misfit:
@@ -85,13 +106,15 @@ class Misfit:
         """By how much the orbit exceeds the record, shape (samples,)."""
         return self.computed(orbit, phase) - self.measured
 
-    def slopes(self, orbit: Orbit, phase: float, names: tuple[str, ...]) -> NDArray[np.float64]:
-        """Derivatives of the residual by named parameters, and by the phase: shape (samples, k + 1)."""
+    def slopes(self, orbit: Orbit, phase: float, names: tuple[str, ...]) -> Slopes:
+        """Derivatives of the residual by named parameters, and by the phase."""
         along = sensitivity(orbit, names).signal(self.signal, self.angles(orbit.system.frequency) + phase)
         table = np.column_stack((along.by_parameters, along.by_angle))
         if "frequency" in names:  # then the angles change too
             table[:, names.index("frequency")] += self.times * along.by_angle
-        return table - table.mean(axis=0)
+        sizes = np.maximum(np.append(along.sizes, 0.0), np.sqrt(np.mean(table**2, axis=0)))
+        table -= table.mean(axis=0)
+        return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _ROUNDING * sizes)
 
     def best_phase(self, orbit: Orbit) -> float:
         """The phase of the record's first sample at which record and orbit correlate best, on a fine grid."""

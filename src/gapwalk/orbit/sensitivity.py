@@ -35,11 +35,15 @@ class SignalSlopes(NamedTuple):
         Its derivatives by the parameters, at the same angles.
     by_angle : shape (samples,)
         Its derivative by the angle.
+    sizes : shape (k,)
+        Rms of each derivative by a parameter before its two parts are added: what the state and what the parameter
+        itself contribute. Where they cancel, what is left is rounding.
     """
 
     values: NDArray[np.float64]
     by_parameters: NDArray[np.float64]
     by_angle: NDArray[np.float64]
+    sizes: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -94,12 +98,14 @@ class Sensitivity:
         """A signal at any angles, with its derivatives by the parameters and by the angle."""
         grid, back = _grid(self.orbit, theta)
         motion, states = self.vary(grid)
-        by_parameters = np.zeros((len(grid), len(self.names)))
+        by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):
+            through_state = signal.slope(motion, states[:, :, k])
             by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
+            sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
         rate = np.hstack((motion.v, motion.a)) / self.orbit.system.frequency
         by_angle = signal.slope(motion, rate, theta=1.0)
-        return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back])
+        return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
 
     @cached_property
     def _coefficients(self) -> NDArray[np.float64]:
