@@ -16,7 +16,8 @@ FIRST: dict[str, Any] = {"color": BLACK, "linewidth": 1.2, "solid_joinstyle": "r
 SECOND: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
 
 _DEPTH = 1e-3  # smallest line that is shown, relative to the largest
-_APART = 0.16  # distance of the two lines of one order, relative to that of two orders
+_APART, _WIDEST = 0.007, 0.16  # half the distance of two lines of one order: of the picture; at most, of two orders
+_LEAST = 5.0  # the lowest order up to which the picture reaches
 
 
 def draw_histories(
@@ -37,8 +38,10 @@ def draw_lines(ax: Axes, orders: NDArray[np.float64], first: ArrayLike, second: 
     largest = float(amplitudes.max(initial=0.0)) or 1.0
     floor = _DEPTH * largest
     notable = np.flatnonzero(amplitudes.max(axis=0) > 3.0 * floor)
-    shown = slice(0, int(notable[-1]) + 1 if len(notable) else 1)
-    gap = _APART * float(orders[0])
+    last = int(notable[-1]) if len(notable) else 0
+    shown = slice(0, max(last + 1, int(np.searchsorted(orders, _LEAST, side="right"))))
+    top = float(orders[shown][-1]) + 0.6 * max(1.0, float(orders[0]))
+    gap = min(_APART * top, _WIDEST * float(orders[0]))
     for shift, heights, style, marker in (
         (-gap, amplitudes[0, shown], FIRST, "o"),
         (gap, amplitudes[1, shown], SECOND, "s"),
@@ -50,7 +53,7 @@ def draw_lines(ax: Axes, orders: NDArray[np.float64], first: ArrayLike, second: 
         ax.plot(orders[shown] + shift, tops, linestyle="none", **options)
     ax.set_yscale("log")
     ax.set_ylim(floor, 2.5 * largest)
-    ax.set_xlim(0.0, float(orders[shown][-1]) + 0.6 * max(1.0, float(orders[0])))
+    ax.set_xlim(0.0, top)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("multiples of the excitation frequency Ω")
     ax.set_ylabel(f"amplitude of {signal}")
