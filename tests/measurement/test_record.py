@@ -1,11 +1,15 @@
 """Records, and their files: what is read, and what is refused with a sentence that helps."""
 
+import tracemalloc
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.measurement.mat import mat_variables
 from gapwalk.measurement.record import MAX_SAMPLES
 
 TIME = np.arange(40) * 0.1
@@ -76,9 +80,14 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ModelError, match="no text in UTF-8"):
         gw.read_measurement(tmp_path / "x.csv")
-    (tmp_path / "x.mat").write_bytes(b"MATLAB 5.0 MAT-file" + b"\x01" * 300)
-    with pytest.raises(ModelError, match="no MAT file that can be read"):
-        gw.read_measurement(tmp_path / "x.mat")
+    for content, told in (
+        (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "no MAT file of version 5 to 7"),
+        (b"MATLAB 7.3 MAT-file, by" + b" " * 300, r"of version 7.3; save it with save\(..., '-v7'\)"),
+        (b" " * 126 + b"IM" + b"\x0e\x00\x00\x00\x10\x00\x00\x00", "a damaged MAT file"),
+    ):
+        (tmp_path / "x.mat").write_bytes(content)
+        with pytest.raises(ModelError, match=told):
+            gw.read_measurement(tmp_path / "x.mat")
     with pytest.raises(ModelError, match="no column 'accelaration' of a record; did you mean acceleration"):
         gw.read_measurement(tmp_path / "x.csv", {"accelaration": "a"})
 
@@ -86,8 +95,8 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("value", "told"),
     [
-        (np.ones((5, 8)), r"of class double and shape \(5, 8\); it must be a vector of numbers"),
-        (np.ones(40) + 1j, "holds complex numbers"),
+        (np.ones((5, 8)), r"of class double and shape \(5, 8\); it must be a vector of real numbers"),
+        (np.ones(40) + 1j, "of class complex double"),
         ("words", "of class char"),
         ({"x": 1.0}, "of class struct"),
         (np.zeros(MAX_SAMPLES + 1, dtype=np.int8), "has 200,001 samples; give at most 200,000"),
@@ -99,6 +108,48 @@ def test_a_mat_file_with_something_else_is_refused_before_it_is_unpacked(tmp_pat
     savemat(path, {"time": TIME, "acceleration": value}, do_compression=True)
     with pytest.raises(ModelError, match=rf"^r\.mat: .*{told}"):
         gw.read_measurement(path)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_numbers_of_every_class_are_those_that_scipy_wrote(tmp_path, compressed) -> None:
+    """Its reader is the usual one, but damaged files make it crash."""
+    kinds = ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8")
+    written = {f"a_{kind}_{'x' * place}": np.arange(3 + place).astype(kind) for place, kind in enumerate(kinds)}
+    path = tmp_path / "r.mat"
+    savemat(path, {**written, "text": "words", "cell": np.array([1, "a"], dtype=object)}, do_compression=compressed)
+    found = mat_variables(path.read_bytes())
+    assert set(found) == {*written, "text", "cell"}
+    for name, values in written.items():
+        np.testing.assert_array_equal(found[name].values(), values)
+        assert (found[name].shape, found[name].is_complex) == ((1, len(values)), False)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_damaged_files_are_refused_and_nothing_worse(tmp_path, compressed) -> None:
+    path, random = tmp_path / "r.mat", np.random.default_rng(1)
+    savemat(path, {"time": TIME, "acceleration": np.sin(TIME), "more": {"x": 1}}, do_compression=compressed)
+    whole = path.read_bytes()
+    for _ in range(300):
+        content = bytearray(whole)
+        for place in random.integers(120, len(whole), random.integers(1, 4)):
+            content[place] = random.integers(256)
+        if random.random() < 0.2:
+            del content[int(random.integers(100, len(whole))) :]
+        path.write_bytes(content)
+        with suppress(ModelError):
+            assert len(gw.read_measurement(path)) == 40
+
+
+def test_a_small_file_cannot_fill_the_memory(tmp_path) -> None:
+    """Forty million zeros in forty thousand bytes are unpacked to their head, and no further."""
+    path = tmp_path / "r.mat"
+    savemat(path, {"time": np.zeros(5_000_000), "acceleration": TIME}, do_compression=True)
+    assert path.stat().st_size < 100_000
+    tracemalloc.start()
+    with pytest.raises(ModelError, match="time has 5,000,000 samples; give at most 200,000"):
+        gw.read_measurement(path)
+    assert tracemalloc.get_traced_memory()[1] < 3_000_000
+    tracemalloc.stop()
 
 
 def test_everything_that_is_wrong_with_a_record_is_said_at_once() -> None:

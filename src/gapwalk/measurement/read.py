@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import csv
-import io
+import math
 import os
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.measurement.mat import NUMERIC, damaged, mat_variables
 from gapwalk.measurement.record import MAX_SAMPLES, Record
 from gapwalk.model.problem import did_you_mean
 
@@ -20,7 +22,7 @@ MAX_BYTES = 100_000_000
 """A larger file is refused."""
 
 _MAX_COLUMNS = 1000
-_NUMERIC = ("double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
+_PIECE = 1 << 20
 FIELDS = ("time", "acceleration", "speed")
 
 
@@ -71,14 +73,16 @@ def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
 
 
 def _content(path: Path) -> bytes:
+    content = bytearray()
     try:
         with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # asked for all, it makes room for all
+                content += piece
     except (OSError, ValueError) as error:
         raise ModelError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
         raise ModelError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB; cut some tens of periods out of it")
-    return content
+    return bytes(content)
 
 
 def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
@@ -149,31 +153,21 @@ def _is_number(text: str) -> bool:
 
 
 def _read_mat(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
-    from scipy.io import loadmat, whosmat  # imported late: they take long
-
-    def inner(function: Any, **options: Any) -> Any:
-        try:
-            return function(io.BytesIO(content), **options)
-        except NotImplementedError:
-            raise ModelError("it is a MAT file of version 7.3; save it with save(..., '-v7')") from None
-        except Exception as error:  # whatever a damaged file leads SciPy to
-            raise ModelError(f"it is no MAT file that can be read: {error}") from None
-
-    held = {name: (shape, kind) for name, shape, kind in inner(whosmat)}
+    held = mat_variables(content)
     _require(list(held), wanted)
     names = dict(wanted)
     if "speed" not in names and "speed" in held:
         names["speed"] = "speed"
     for field, name in names.items():  # before anything is unpacked
-        shape, kind = held[name]
-        if kind not in _NUMERIC or sum(length != 1 for length in shape) > 1:
+        found = held[name]
+        if found.kind not in NUMERIC or found.is_complex or sum(length != 1 for length in found.shape) > 1:
+            kind = f"complex {found.kind}" if found.is_complex else found.kind
             raise ModelError(
-                f"{name} (for {field}) is of class {kind} and shape {shape}; it must be a vector of numbers"
+                f"{name} (for {field}) is of class {kind} and shape {found.shape}; it must be a vector of real numbers"
             )
-        if int(np.prod(shape)) > MAX_SAMPLES:
-            raise ModelError(f"{name} has {int(np.prod(shape)):,} samples; give at most {MAX_SAMPLES:,}")
-    found = inner(loadmat, variable_names=list(names.values()))
-    for name in names.values():
-        if np.iscomplexobj(found[name]):
-            raise ModelError(f"{name} holds complex numbers; a measured history is real")
-    return {field: np.asarray(found[name], dtype=float).ravel() for field, name in names.items()}
+        if math.prod(found.shape) > MAX_SAMPLES:
+            raise ModelError(f"{name} has {math.prod(found.shape):,} samples; give at most {MAX_SAMPLES:,}")
+    try:
+        return {field: held[name].values() for field, name in names.items()}
+    except (ValueError, KeyError, struct.error, zlib.error) as error:
+        raise damaged(error) from None
