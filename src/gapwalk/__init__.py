@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from gapwalk.measurement.read import read_measurement
     from gapwalk.measurement.record import Record
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
+    from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
@@ -96,9 +98,12 @@ __all__ = [
     "MapOptions",
     "MapStudyOptions",
     "MassOptions",
+    "ModalDamping",
     "Orbit",
     "Plane",
+    "ProportionalDamping",
     "Record",
+    "Reduction",
     "Regime",
     "RegimeMapOptions",
     "RegimeOptions",
@@ -152,6 +157,7 @@ __all__ = [
     "read_measurement",
     "read_studies",
     "read_study",
+    "reduce",
     "regimes",
     "run",
     "search",
@@ -196,9 +202,12 @@ _HOMES = {
     "MapOptions": "study.map",
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
+    "ModalDamping": "model.damping",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "ProportionalDamping": "model.damping",
     "Record": "measurement.record",
+    "Reduction": "reduction",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",
     "RegimeOptions": "attractor.judge",
@@ -249,6 +258,7 @@ _HOMES = {
     "read_measurement": "measurement.read",
     "read_studies": "study.file",
     "read_study": "study.file",
+    "reduce": "reduction",
     "regimes": "study.regimes.mapping",
     "run": "study.run",
     "search": "bifurcation.search",

@@ -180,6 +180,13 @@ def test_a_file_without_the_table_says_what_to_add(files) -> None:
         read_measured_model("rattle.toml")
 
 
+def test_a_reduction_is_not_passed_over_in_silence(files) -> None:
+    with open("rattle.toml", "a", encoding="utf-8") as file:
+        file.write('[reduction]\nkeep = ["q1"]\n')
+    with pytest.raises(ModelFileError, match="reduction is for studies; a record is compared with the full system"):
+        read_measured_model("rattle.toml")
+
+
 def test_without_speed_the_model_gives_the_frequency(files, capsys) -> None:
     text = Path("rattle.csv").read_text(encoding="utf-8").replace("acceleration,speed", "acceleration,n")
     Path("rattle.csv").write_text(text, encoding="utf-8")

@@ -23,6 +23,7 @@ from gapwalk.study.options import Start
 from gapwalk.study.tables import StartOrState, Surroundings, check_parameter, plain_start
 
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
+_NO_REDUCTION = "is for studies; a record is compared with the full system, so leave it out (in Python, `reduce` gives a smaller one)"
 
 
 def _not_zero(factor: float) -> float:
@@ -163,6 +164,8 @@ def read_measured_model(path: str | os.PathLike[str], changes: Mapping[str, obje
     problems += found
     if "measurement" not in source.data:
         problems.append(source.problem(f"is missing; {_EXAMPLE}", ("measurement",)))
+    if "reduction" in source.data:
+        problems.append(source.problem(_NO_REDUCTION, ("reduction",)))
     if part is None or system is None or table is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
     return MeasuredModel(
