@@ -23,7 +23,10 @@ from gapwalk.study.options import Start
 from gapwalk.study.tables import StartOrState, Surroundings, check_parameter, plain_start
 
 _EXAMPLE = """add [measurement] with signal = "q1''" (what the record measures)"""
-_NO_REDUCTION = "is for studies; a record is compared with the full system, so leave it out (in Python, `reduce` gives a smaller one)"
+_NO_REDUCTION = (
+    "is for studies; a record is compared with the full system, so leave it out "
+    "(in Python, `gapwalk.reduce` gives a smaller one)"
+)
 
 
 def _not_zero(factor: float) -> float:
