@@ -40,7 +40,10 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
+    from gapwalk.model.modes import Modes, modes_of
+    from gapwalk.model.rest import Equilibrium, Rest, rest_of
     from gapwalk.model.system import System
+    from gapwalk.model.train import Gear, Inertia, Shaft, Train, chain
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
@@ -51,6 +54,8 @@ if TYPE_CHECKING:
     from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
+    from gapwalk.study.compare import compare_results
+    from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
@@ -87,10 +92,13 @@ __all__ = [
     "Diagram",
     "DiagramOptions",
     "DiagramStudyOptions",
+    "Equilibrium",
     "Fit",
     "FitOptions",
+    "Gear",
     "Harmonic",
     "Hysteresis",
+    "Inertia",
     "Kind",
     "Limb",
     "Locus",
@@ -99,6 +107,7 @@ __all__ = [
     "MapStudyOptions",
     "MassOptions",
     "ModalDamping",
+    "Modes",
     "Orbit",
     "Plane",
     "ProportionalDamping",
@@ -109,12 +118,15 @@ __all__ = [
     "RegimeOptions",
     "Regimes",
     "ResponseOptions",
+    "Rest",
     "Result",
+    "ResultComparison",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
     "SettleOptions",
     "Settled",
+    "Shaft",
     "Shooting",
     "Side",
     "SpecialPoint",
@@ -123,6 +135,7 @@ __all__ = [
     "Sweep",
     "SweepOptions",
     "System",
+    "Train",
     "WalkOptions",
     "__version__",
     "align",
@@ -130,8 +143,10 @@ __all__ = [
     "basin_shares",
     "basins",
     "bifurcation_map",
+    "chain",
     "classify",
     "compare",
+    "compare_results",
     "contrast",
     "diagram",
     "errors",
@@ -151,6 +166,7 @@ __all__ = [
     "mass_flow_of",
     "match",
     "match_impact_damping",
+    "modes_of",
     "on_cluster",
     "paper",
     "rattle",
@@ -159,6 +175,7 @@ __all__ = [
     "read_study",
     "reduce",
     "regimes",
+    "rest_of",
     "run",
     "search",
     "section",
@@ -191,10 +208,13 @@ _HOMES = {
     "Diagram": "bifurcation.diagram",
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
+    "Equilibrium": "model.rest",
     "Fit": "measurement.fit",
     "FitOptions": "measurement.fit",
+    "Gear": "model.train",
     "Harmonic": "model.excitation",
     "Hysteresis": "motion.hysteresis",
+    "Inertia": "model.train",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
     "Locus": "bifurcation.locus",
@@ -203,6 +223,7 @@ _HOMES = {
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
     "ModalDamping": "model.damping",
+    "Modes": "model.modes",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
@@ -213,12 +234,15 @@ _HOMES = {
     "RegimeOptions": "attractor.judge",
     "Regimes": "attractor.regimes",
     "ResponseOptions": "study.options",
+    "Rest": "model.rest",
     "Result": "study.result",
+    "ResultComparison": "study.comparison",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
     "SettleOptions": "attractor.settle",
     "Settled": "attractor.settled",
+    "Shaft": "model.train",
     "Shooting": "orbit.shooting",
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
@@ -227,14 +251,17 @@ _HOMES = {
     "Sweep": "study.sweep.record",
     "SweepOptions": "study.sweep.options",
     "System": "model.system",
+    "Train": "model.train",
     "WalkOptions": "continuation.options",
     "align": "measurement.alignment",
     "backlash": "model.contact",
     "basin_shares": "study.basins.basins",
     "basins": "study.basins.basins",
     "bifurcation_map": "study.map",
+    "chain": "model.train",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
+    "compare_results": "study.compare",
     "contrast": "attractor.contrast",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
@@ -253,6 +280,7 @@ _HOMES = {
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
     "match_impact_damping": "measurement.damping",
+    "modes_of": "model.modes",
     "on_cluster": "study.work.workers",
     "rattle": "attractor.rattle",
     "read_measurement": "measurement.read",
@@ -260,6 +288,7 @@ _HOMES = {
     "read_study": "study.file",
     "reduce": "reduction",
     "regimes": "study.regimes.mapping",
+    "rest_of": "model.rest",
     "run": "study.run",
     "search": "bifurcation.search",
     "section": "attractor.section",

@@ -43,7 +43,7 @@ def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
     if system.structure != origin.structure:
         raise ModelError("an orbit can be carried only to other values of the parameters of its own system")
     known = origin.structure.names
-    differing = [known[place] for place in np.flatnonzero(origin.values != system.values)]
+    differing = [known[place] for place in np.flatnonzero(origin.values != system.values).tolist()]
     names = list(names) or differing
     if not set(differing) <= set(names):
         raise ModelError(f"the systems differ by {', '.join(differing)}, but only {', '.join(names)} may change")

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from gapwalk.plot.alignment import plot_alignment
     from gapwalk.plot.basins import draw_basins, plot_basins
     from gapwalk.plot.branch import plot_branch
+    from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
     from gapwalk.plot.history import plot_history, plot_loop
@@ -28,6 +29,7 @@ __all__ = [
     "plot_alignment",
     "plot_basins",
     "plot_branch",
+    "plot_comparison",
     "plot_contact_figures",
     "plot_contrast",
     "plot_diagram",
@@ -51,6 +53,7 @@ _HOMES = {
     "plot_alignment": "alignment",
     "plot_basins": "basins",
     "plot_branch": "branch",
+    "plot_comparison": "comparison",
     "plot_contact_figures": "regimes",
     "plot_contrast": "contrast",
     "plot_diagram": "diagram",
