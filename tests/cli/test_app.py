@@ -7,8 +7,8 @@ import sys
 import pytest
 
 import gapwalk as gw
-from gapwalk.cli import main
 from gapwalk.cli import files as cli_files
+from gapwalk.cli import main
 from tests.study.studies import stop_study
 
 HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
