@@ -12,8 +12,8 @@ from typing import NamedTuple
 from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
 from gapwalk.cli.screen import console
-from gapwalk.paper.claims import CLAIMS, Claim, Outcome, Verdict, claims_about
-from gapwalk.paper.compute import Computed, compute
+from gapwalk.paper.claims import CLAIMS, Claim, claims_about
+from gapwalk.paper.compute import compute
 from gapwalk.paper.document import Checked, claim_document, figure_document, notes
 from gapwalk.paper.figure import Figure
 from gapwalk.paper.figures import FIGURES, find_figure
@@ -114,16 +114,8 @@ def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
     with CountProgress("paper", len(work.jobs), show=show) as progress:
         computed = compute(work.jobs, folder, force=force, report=progress)
     results = {key: result for key in work.jobs if (result := computed.result(key)) is not None}
-    checked = [(claim, _check(claim, results, computed)) for claim in work.claims]
+    checked = [(claim, claim.check(results, computed.failures)) for claim in work.claims]
     return _Found(results, dict(computed.failures), checked)
-
-
-def _check(claim: Claim, results: dict[str, Result], computed: Computed) -> Outcome:
-    missing = [key for key in claim.jobs if key not in results]
-    if missing:
-        why = "; ".join(f"{key}: {computed.failures.get(key, 'no result')}" for key in missing)
-        return Outcome(Verdict.NOT_REPRODUCED, f"could not be computed: {why}")
-    return claim.check([results[key] for key in claim.jobs])
 
 
 def _draw_all(work: _Work, found: _Found, folder: Path, *, show: bool) -> dict[str, list[str]]:

@@ -33,6 +33,13 @@ class Reading:
         pairs = ((self.slope, usual.slope), (self.damping, usual.damping))
         return "".join(f"-{own.value}" for own, other in pairs if own != other)
 
+    @property
+    def differs(self) -> str:
+        """What is read otherwise than by default, such as ``slope literal``; empty for the default reading."""
+        usual = Reading()
+        pairs = (("slope", self.slope, usual.slope), ("damping", self.damping, usual.damping))
+        return ", ".join(f"{word} {own.value.replace('-', ' ')}" for word, own, other in pairs if own != other)
+
     def __str__(self) -> str:
         return f"slope {self.slope.value}, damping {self.damping.value}"
 

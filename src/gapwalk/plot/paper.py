@@ -27,6 +27,7 @@ from gapwalk.study.result import Result
 MEASURE = "half.q1"
 _WIDTH = {1: 8.0, 2: 7.2}  # of a panel in inches, by the number of columns
 _HEIGHT = 4.3
+_ABOVE = 31.0  # of a title above its panel in points: the legend stands between them
 _OVERLAY = ((BLACK, "-"), (VERMILLION, (0, (4.5, 1.6))), (BLUE, (0, (1.3, 1.3))))
 
 
@@ -62,8 +63,7 @@ def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str 
         picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
         axes = picture.subplots(rows, columns, squeeze=False)
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
-            ax.text(0.012, 0.975, panel.letter, transform=ax.transAxes, va="top", weight="bold", zorder=7)
-            ax.set_title(panel.title, fontsize="small")
+            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=_ABOVE)
         finish: list[Callable[[], None] | None] = [
             _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
             for ax, panel in zip(axes.flat, figure.panels, strict=False)

@@ -8,8 +8,9 @@ from gapwalk.bifurcation.compare import compare
 from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
 from gapwalk.paper.balance import HARMONICS, balanced
-from gapwalk.paper.claims.claim import Claim, Outcome, Verdict, holds
+from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds
 from gapwalk.paper.claims.look import Range, beating, flipped, main_branch, values, words
+from gapwalk.paper.reading import AS_PRINTED
 from gapwalk.study.result import Result
 
 _CLOSE = 0.002  # share of the picture by which two curves may differ and still lie on each other
@@ -52,7 +53,8 @@ def _spacing(first: Result, second: Result, mended: Result) -> Outcome:
     pairs = [resonances(result.system) for result in (first, second, mended)]
     apart = [high - low for low, high in pairs]
     evidence = (
-        f"with what can be read of the scan they are {apart[0]:.3f} and {apart[1]:.3f} apart, not 0.6 and 0.8; set a with "
+        f"with what can be read of the scan they are {apart[0]:.3f} and {apart[1]:.3f} apart, not 0.6 and "
+        "0.8; set a with "
         f"K12 = 0.6 and n2 = 0.6 n1 = 0.42, the proportions of all other sets, has {apart[2]:.3f}"
     )
     return holds(abs(apart[0] - 0.6) < 0.05 and abs(apart[1] - 0.8) < 0.05, evidence)
@@ -74,9 +76,12 @@ def _second_resonance(first: Result, second: Result, mended: Result) -> Outcome:
 
 def _wider_beats(first: Result, second: Result, mended: Result) -> Outcome:
     found = [beating(main_branch(result)) for result in (first, second, mended)]
-    inside = [sum(min(each.high, 0.7) - max(each.low, 0.5) for each in ranges if each.meets(0.5, 0.7)) for ranges in found]
+    inside = [
+        sum(min(each.high, 0.7) - max(each.low, 0.5) for each in ranges if each.meets(0.5, 0.7)) for ranges in found
+    ]
     evidence = (
-        f"unstable by a complex pair between 0.5 and 0.7: {inside[0]:.3f} in set a, {inside[1]:.3f} in set b; anywhere: "
+        f"unstable by a complex pair between 0.5 and 0.7: {inside[0]:.3f} in set a, {inside[1]:.3f} in set b; "
+        "anywhere: "
         f"a {words(found[0])}; b {words(found[1])}"
     )
     return holds(inside[1] > inside[0], evidence)
@@ -88,25 +93,24 @@ def _heavy_folds(result: Result) -> Outcome:
     return holds(bool(folds) and not flips, f"folds at {words(folds)}; doubled periods: {words(flips)}")
 
 
-def _heavy_beats(usual: Result, literal: Result, printed: Result) -> Outcome:
-    found = [beating(main_branch(result)) for result in (usual, literal, printed)]
-    evidence = (
-        f"unstable by a complex pair: {words(found[0])}; slope literal: {words(found[1])}; damping as printed: "
-        f"{words(found[2])}"
-    )
-    if found[0]:
-        return holds(sum(each.width for each in found[0]) < 0.05, evidence)
-    for reading, ranges in (("slope literal", found[1]), ("damping as printed", found[2])):
-        if ranges and sum(each.width for each in ranges) < 0.05:
-            return Outcome(Verdict.OTHER_READING, evidence, reading)
-    return Outcome(Verdict.NOT_REPRODUCED, evidence)
+def _heavy_beats(result: Result) -> Outcome:
+    found = beating(main_branch(result))
+    few = bool(found) and sum(each.width for each in found) < 0.05
+    return holds(few, f"unstable by a complex pair: {words(found)}")
 
 
 CLAIMS = (
-    Claim("9-balance", "Shooting and harmonic balance with many harmonics give the same responses.", ("9a", "9b"), _balance),
+    Claim(
+        "9-balance",
+        "Shooting and harmonic balance with many harmonics give the same responses.",
+        ("9a", "9b"),
+        _balance,
+    ),
     Claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", ("4a", "10b"), _shrinks),
-    Claim("10-gone", "With n1 = 0.8 it is gone altogether.", ("10b", "10b-softer"), _disappears),
-    Claim("11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", ("11a", "11b", "11a-mended"), _spacing),
+    Claim("10-gone", "With n1 = 0.8 it is gone altogether.", ("10b", "10b-softer"), _disappears, (AS_PRINTED,)),
+    Claim(
+        "11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", ("11a", "11b", "11a-mended"), _spacing
+    ),
     Claim(
         "11-second",
         "Periods double about the second resonance in set b, but not in set a.",
@@ -123,7 +127,8 @@ CLAIMS = (
     Claim(
         "12-beats",
         "Under a heavy load quasi-periodic motion takes a small range only, near the first resonance.",
-        ("12", "12-literal", "12-as-printed"),
+        ("12",),
         _heavy_beats,
+        BOTH,
     ),
-)  # fmt: skip
+)
