@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
@@ -65,8 +65,8 @@ def list_figures(*, json: bool) -> int:
     return DONE
 
 
-def _line(figure: Figure) -> dict[str, object]:
-    words = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
+def _line(figure: Figure) -> dict[str, Any]:
+    words: dict[str, Any] = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
     return words | {"drawn": figure.drawn, "notes": notes(figure)}
 
 

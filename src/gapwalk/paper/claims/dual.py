@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gapwalk.continuation.branch import Branch, Kind
-from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, Verdict, holds
+from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds
 from gapwalk.paper.claims.look import (
     MEASURE,
     Peak,
@@ -59,13 +59,12 @@ def _near(found: list[Range], within: tuple[float, float]) -> list[Range]:
 
 
 def _moved_folds(zero: Result, turned: Result) -> Outcome:
-    first = [_jump(main_branch(each), _FIRST) for each in (zero, turned)]
-    lower = [_jump(main_branch(each), _SUPER) for each in (zero, turned)]
-    evidence = f"first resonance: {first[0]} in phase, {first[1]} at 120°; superharmonic: {lower[0]}, {lower[1]}"
-    if None in (*first, *lower):
-        return Outcome(Verdict.NOT_REPRODUCED, evidence)
-    a, b, c, d = *first, *lower
-    return holds(b.high > a.high and d.low < c.low and b.width > a.width and d.width > c.width, evidence)
+    branches = [main_branch(each) for each in (zero, turned)]
+    first = [jump for branch in branches if (jump := _jump(branch, _FIRST))]
+    lower = [jump for branch in branches if (jump := _jump(branch, _SUPER))]
+    evidence = f"in phase, and at 120°: first resonance {words(first)}; superharmonic {words(lower)}"
+    both = len(first) == len(lower) == 2
+    return holds(both and all(after.width > before.width for before, after in (first, lower)), evidence)
 
 
 def _antiphase_flips(result: Result) -> Outcome:
@@ -75,20 +74,18 @@ def _antiphase_flips(result: Result) -> Outcome:
 
 
 def _wider(zero: Result, turned: Result, antiphase: Result) -> Outcome:
-    jumps = [_jump(main_branch(each), _SUPER) for each in (zero, turned, antiphase)]
-    whole = [_nonlinear(main_branch(each)) for each in (zero, turned, antiphase)]
+    branches = [main_branch(each) for each in (zero, turned, antiphase)]
+    jumps, whole = [_jump(branch, _SUPER) for branch in branches], [_nonlinear(branch) for branch in branches]
     evidence = (
         f"folds at 0°, 120°, 180°: {words(jumps)}; from the lowest fold to the highest flip there: {words(whole)}"
     )
-    if None in jumps:
-        return Outcome(Verdict.NOT_REPRODUCED, evidence)
     return holds(whole[2].width > whole[1].width > whole[0].width, evidence)
 
 
 def _nonlinear(branch: Branch) -> Range:
     """From the lowest fold to the highest fold or flip about the superharmonic resonance."""
     found = [*values(branch, Kind.FOLD, *_SUPER), *values(branch, Kind.FLIP, *_SUPER)]
-    return Range(min(found), max(found))
+    return Range(min(found), max(found)) if found else Range(0.0, 0.0)
 
 
 def _order_peaks(branch: Branch) -> dict[int, Peak | None]:
