@@ -17,6 +17,7 @@ from gapwalk.paper.compute import compute
 from gapwalk.paper.document import Checked, claim_document, figure_document, notes
 from gapwalk.paper.figure import Figure
 from gapwalk.paper.figures import FIGURES, find_figure
+from gapwalk.paper.jobs import find_job
 from gapwalk.paper.markdown import claims_page
 from gapwalk.paper.page import report_page
 from gapwalk.paper.reading import USUAL, Reading
@@ -97,6 +98,7 @@ def write_claims(path: Path, output: Path | None, *, force: bool = False) -> int
     found = _compute(work, (output or _FOLDER) / "results", force=force, show=True)
     write_whole(path, claims_page(found.checked).encode())
     console().print(f"written: {printable(str(path))}", soft_wrap=True)
+    _say_what_failed(work, found)
     return _code(work, found)
 
 
@@ -178,8 +180,7 @@ def _print(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: P
         if figure.name in pictures and folder is not None:
             files = ", ".join(str(folder / name) for name in pictures[figure.name])
             screen.print(f"  written: {printable(files)}", soft_wrap=True)
-    for key, text in found.failures.items():
-        print(f"gapwalk: {key}: {printable(text)}", file=sys.stderr)
+    _say_what_failed(work, found)
     if work.whole and folder is not None:
         screen.print(f"all of it as a page: {folder / f'index{work.reading.suffix}.html'}", soft_wrap=True)
 
@@ -190,8 +191,18 @@ def _sentence(result: Result) -> str:
     return repr(result)
 
 
+def _failures(work: _Work, found: _Found) -> dict[str, str]:
+    """What failed of that which was asked for; a reading that a claim looks at besides may fail: that is a finding."""
+    return {key: text for key, text in found.failures.items() if find_job(key).reading == work.reading}
+
+
+def _say_what_failed(work: _Work, found: _Found) -> None:
+    for key, text in _failures(work, found).items():
+        print(f"gapwalk: {key}: {printable(text)}", file=sys.stderr)
+
+
 def _code(work: _Work, found: _Found) -> int:
-    if found.failures:
+    if _failures(work, found):
         return FAILED
     pending = not work.whole and any(not figure.drawn for figure in work.figures)
     return BAD_INPUT if pending else DONE

@@ -77,12 +77,13 @@ def _grow(first: Result, second: Result) -> Outcome:
 
 def _overlap(result: Result, further: Result) -> Outcome:
     found, beyond = ([each for each in _extents(each) if each.high > 0.0] for each in (result, further))
-    evidence = f"at Ω = 0.255: {words(found)}; at 0.258: {words(beyond)}"
-    return holds(_meet(found), evidence + ("; there they do" if _meet(beyond) else ""))
-
-
-def _meet(found: list[Range]) -> bool:
-    return len(found) == 2 and found[0].meets(found[1].low, found[1].high)
+    evidence = f"at Ω = 0.255: {words(found)}; at 0.2576: {words(beyond)}"
+    if len(beyond) == 1:
+        folds = values(main_branch(further), Kind.FOLD, low=0.0)
+        evidence += (
+            f", for the smaller one hangs together there with the branch that runs through; its folds: {words(folds)}"
+        )
+    return holds(len(found) == 2 and found[0].meets(found[1].low, found[1].high), evidence)
 
 
 def _throughout(result: Result) -> Outcome:
