@@ -18,7 +18,7 @@ EXPECTED = {
     "10-gone": "not reproduced",
     "11-spacing": "not reproduced",
     "11-second": "not reproduced",
-    "11-beats": "reproduced",
+    "11-beats": "not reproduced",
     "12-folds": "reproduced",
     "12-beats": "reproduced under another reading (damping as printed)",
     "13-flips": "reproduced",

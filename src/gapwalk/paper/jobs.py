@@ -62,7 +62,10 @@ _MORE = (
     BranchJob(case="23b", name="23b-120", changes=(("harmonic2.phase", math.radians(120)),), max_period=1),
     BranchJob(case="23b", name="23b-180", changes=(("harmonic2.phase", math.pi),), max_period=1),
     replace(_OVER_AMPLITUDE, case="28", name="28-overlap", changes=(("frequency", 0.2576),), max_period=1),
-    *(MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),)) for value in (0.16, 0.2, 0.27, 0.36)),
+    *(
+        MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),), effort=3.0)
+        for value in (0.16, 0.2, 0.27, 0.36)
+    ),
     *(MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),)) for value in (0.65, 0.8, 0.95)),
 )
 
