@@ -18,6 +18,9 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import flow_of
 from gapwalk.motion.mass import MassOptions, mass_flow_of
 from gapwalk.motion.mass import kernel as kernels
+from gapwalk.motion.mass.crowd import crowd_of
+from gapwalk.motion.mass.form import Form
+from gapwalk.motion.mass.source import Source
 
 GROUP = "Mass flow of figure 15 at W = 0.45, a trajectory and forcing period"
 _TRAJECTORIES = 1024
@@ -36,6 +39,7 @@ def rows(effort: Effort) -> list[Row]:
         measure_parameters(system, states, effort),
         measure_threads(system, states, effort),
         measure_compiling(system),
+        measure_loading(system),
     ]
 
 
@@ -98,14 +102,30 @@ def measure_threads(system: System, states: NDArray[np.float64], effort: Effort)
 
 def measure_compiling(system: System) -> Row:
     """The kernel, made anew."""
-    flow = mass_flow_of(system, MassOptions(threads=1, steps=100, sample=1))
+    text = Source(_form(system)).text
 
     def ours() -> None:
-        kernels._compile.cache_clear()
-        flow.run(np.zeros((1, 4)), 1)
+        kernels._machine_code(text)
 
     ours()
     return Row(GROUP, "compiling the kernel", min(cpu_seconds(ours) for _ in range(3)), targets=(Target(3.0),))
+
+
+def measure_loading(system: System) -> Row:
+    """The kernel from the disk, as in the second process that needs it."""
+    form = _form(system)
+
+    def ours() -> None:
+        kernels._compile.cache_clear()
+        kernels.kernel_of(form)
+
+    ours()
+    return Row(GROUP, "loading a kernel that is kept", min(cpu_seconds(ours) for _ in range(5)))
+
+
+def _form(system: System) -> Form:
+    crowd = crowd_of(system, np.zeros((1, 2 * system.size)), {})
+    return Form(system.structure, crowd.pattern, crowd.linear.basis is not None, True, False)
 
 
 def _least_wall(work: Callable[[], object], effort: Effort) -> float:

@@ -20,6 +20,7 @@ ORDER = (
     "orbit",
     "continuation",
     "bifurcation",
+    "reduction",
     "attractor",
     "study",
     "paper",

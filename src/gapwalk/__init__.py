@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.system import System
     from gapwalk.motion.mass import MassOptions, mass_flow_of
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
+    from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
@@ -83,8 +85,11 @@ __all__ = [
     "MapOptions",
     "MapStudyOptions",
     "MassOptions",
+    "ModalDamping",
     "Orbit",
     "Plane",
+    "ProportionalDamping",
+    "Reduction",
     "Regime",
     "RegimeMapOptions",
     "RegimeOptions",
@@ -131,6 +136,7 @@ __all__ = [
     "rattle",
     "read_studies",
     "read_study",
+    "reduce",
     "regimes",
     "run",
     "search",
@@ -169,8 +175,11 @@ _HOMES = {
     "MapOptions": "study.map",
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
+    "ModalDamping": "model.damping",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
+    "ProportionalDamping": "model.damping",
+    "Reduction": "reduction",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",
     "RegimeOptions": "attractor.judge",
@@ -214,6 +223,7 @@ _HOMES = {
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
+    "reduce": "reduction",
     "regimes": "study.regimes.mapping",
     "run": "study.run",
     "search": "bifurcation.search",

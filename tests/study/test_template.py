@@ -134,5 +134,5 @@ def test_the_diagrams_are_those_of_the_paper() -> None:
 
 
 def test_there_are_examples() -> None:
-    names = ("basins", "clutch", "diagram", "gear", "map", "regimes", "settle", "stop", "sweep")
+    names = ("basins", "clutch", "diagram", "gear", "map", "regimes", "rod", "settle", "stop", "sweep")
     assert set(FILES) >= {f"{name}.toml" for name in names}

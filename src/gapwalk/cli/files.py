@@ -22,6 +22,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
     from gapwalk.cli.run import read_changed
     from gapwalk.cli.screen import console
+    from gapwalk.study.reduced.origin import plain_reduced
     from gapwalk.study.store.plain import plain_system
     from gapwalk.study.store.plain_options import plain_options
 
@@ -34,6 +35,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
                 "name": study.name or None,
                 "system": plain_system(study.system),
                 "study": plain_options(study.options),
+                **({"reduction": plain_reduced(study.reduced)} if study.reduced else {}),
             }
             for study in studies
         ]
@@ -45,6 +47,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         f"  coordinates: {', '.join(structure.coordinates)}",
         f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
         f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",
+        *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         "nothing is wrong with it",
     ]

@@ -38,6 +38,10 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 
     What a study without branches has found is printed in the way of its kind.
     """
+    if result.study.reduced is not None:
+        screen.print(result.study.reduced.words, soft_wrap=True)
+    for check in result.checks:
+        screen.print(printable(check.words), soft_wrap=True)
     if result.finding is not None:
         print_finding(screen, result.finding)
         return

@@ -1,6 +1,7 @@
 """What vibrates: contacts, excitation, and the system that they make up."""
 
 from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+from gapwalk.model.damping import ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.problem import ModelFileError, Problem
 from gapwalk.model.structure import Structure
@@ -11,8 +12,10 @@ __all__ = [
     "Contact",
     "DampingLaw",
     "Harmonic",
+    "ModalDamping",
     "ModelFileError",
     "Problem",
+    "ProportionalDamping",
     "Side",
     "Stage",
     "Structure",

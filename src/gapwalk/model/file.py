@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, fie
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, DampingLaw, Side, Stage
+from gapwalk.model.damping_table import DampingField, DampingPart
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.fields import (
     MAX_COORDINATES,
@@ -29,6 +30,7 @@ from gapwalk.model.fields import (
     one_of,
     without_repeats,
 )
+from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Problem, given
 from gapwalk.model.schema import Part, refusal, validate
 from gapwalk.model.source import Source, read_source
@@ -170,7 +172,7 @@ def _tables(study: object) -> object:
 
 
 class SystemPart(Part):
-    """A model file. The table ``[study]``, or tables ``[[study]]``, are not read here but by `gapwalk.study.file`."""
+    """A model file. Its tables ``[study]`` (or ``[[study]]``) and ``[reduction]`` are read by `gapwalk.study`."""
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
@@ -180,19 +182,20 @@ class SystemPart(Part):
     )
     mass: RegularMatrix | None = None
     stiffness: Matrix = Field(description="write the matrix K, a list of rows")
-    damping: Matrix | None = None
+    damping: DampingField | None = None
     mean: Vector = Field(default={})
     frequency: Positive | None = None
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
     study: Annotated[Any, AfterValidator(_tables)] = None
+    reduction: Any = None  # read by `gapwalk.study.reduced`
 
     def system(self, frequency: float | None = None) -> System:
         """The system that the file describes, at `frequency` if the file gives none."""
         return System(
             coordinates=self.coordinates,
             stiffness=self.stiffness,
-            damping=self.damping,
+            damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
             mass=self.mass,
             contacts=[part.contact() for part in self.contact],
             mean=self.mean,
@@ -211,13 +214,16 @@ def check_system(source: Source) -> tuple[SystemPart | None, list[Problem]]:
     problems : list of Problem
         Everything that is wrong with it.
     """
+    source, unread = expand(source)
     part, problems = validate(SystemPart, source.data, source, context=lambda: Names.of(source.data))
-    if part:
+    missing = {problem.path for problem in unread}
+    problems = unread + [problem for problem in problems if problem.path not in missing]
+    if part and not problems:
         try:
             part.system()
         except ModelError as error:
             return None, [source.problem(refusal(error))]
-    return part, problems
+    return (None if problems else part), problems
 
 
 def read_system(path: str | os.PathLike[str]) -> System:

@@ -76,7 +76,7 @@ def validate(
         return model.model_validate(data, context=context()), []
     except ValidationError as error:
         errors = error.errors(include_url=False)
-    unknown = [error["loc"] for error in errors if error["type"] == "extra_forbidden"]
+    unknown = [_keys(error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
     if unknown:  # pydantic checks a table as a whole only when it finds no unknown key in it
         try:
             model.model_validate(_without(data, unknown), context=context())
@@ -110,11 +110,10 @@ def _pruned(data: Any, path: Path) -> Any:
 
 def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem:
     kind, value = error["type"], error["input"]
-    path: Path = error["loc"]
+    path = _keys(error["loc"])
     if kind == "extra_forbidden":
         message = _unknown_key(str(path[-1]), _owner(model, path), model, at)
         return source.problem(message, (*at, *path))
-    path = tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
     owner = _owner(model, path)
     if owner and path and path[-1] in owner.model_fields:  # of a default, pydantic tells the name and not the alias
         path = (*path[:-1], owner.model_fields[str(path[-1])].alias or path[-1])
@@ -133,6 +132,11 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
         if kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value):
             message += ", without quotes"
     return source.problem(message, (*at, *path))
+
+
+def _keys(path: Path) -> Path:
+    """A path without the tags of unions."""
+    return tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
 
 
 def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path]:

@@ -12,6 +12,7 @@ from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
+from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
 
@@ -30,7 +31,8 @@ class System:
     coordinates
         Names of the n degrees of freedom.
     stiffness, damping, mass : array_like or sparse, shape (n, n)
-        The matrices K, C and M; mass is the identity by default, damping zero.
+        The matrices K, C and M; mass is the identity by default, damping zero. The damping may be given otherwise:
+        `ProportionalDamping`, or `ModalDamping` by its ratios.
     contacts
         The contacts, any number.
     mean
@@ -54,7 +56,7 @@ class System:
         self,
         coordinates: Sequence[str],
         stiffness: ArrayLike,
-        damping: ArrayLike | None = None,
+        damping: ArrayLike | Damping | None = None,
         mass: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
         mean: Mapping[str, float] | None = None,
@@ -64,14 +66,20 @@ class System:
         names = tuple(coordinates)
         n = len(names)
         problems: list[str] = list(_name_problems(names, contacts, harmonics))
+        law = damping if isinstance(damping, ProportionalDamping | ModalDamping) else None
         matrices = [
             _matrix(what, given, n, default, problems)
             for what, given, default in (
                 ("mass", mass, np.eye(n)),
-                ("damping", damping, np.zeros((n, n))),
+                ("damping", None if law else damping, np.zeros((n, n))),
                 ("stiffness", stiffness, np.zeros((n, n))),
             )
         ]
+        if law and not problems and all(np.isfinite(matrix).all() for matrix in matrices):
+            try:
+                matrices[1] = law.matrix(matrices[0], matrices[2])
+            except ModelError as error:
+                problems.append(f"damping: {error}")
         parts: list[ArrayLike] = [[frequency], *(matrix.ravel() for matrix in matrices)]
         parts.append(_vector("mean", mean or {}, names, problems))
         for harmonic in harmonics:

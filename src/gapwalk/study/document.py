@@ -14,6 +14,8 @@ from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
+from gapwalk.study.reduced.full_check import plain_checks
+from gapwalk.study.reduced.origin import plain_reduced
 from gapwalk.study.result import Result
 
 KINDS = ("half", "max", "min")
@@ -33,6 +35,9 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "versions": dict(result.versions),
         "parameters": dict(result.system.parameters),
     }
+    if result.study.reduced is not None:
+        head["reduction"] = plain_reduced(result.study.reduced)
+        head["checks"] = plain_checks(result.checks)
     if result.finding is not None:
         finding = result.finding
         told = {"notes": list(finding.notes), "failures": list(finding.failures)}

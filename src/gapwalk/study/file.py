@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from gapwalk.errors import ModelError
 from gapwalk.model.fields import Names
 from gapwalk.model.file import SystemPart, check_system, in_order
+from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
@@ -16,6 +17,8 @@ from gapwalk.model.system import System
 from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.study.kinds import KINDS, all_keys
 from gapwalk.study.options import BranchOptions, StudyOptions
+from gapwalk.study.reduced.origin import ReducedFrom, reduce_for
+from gapwalk.study.reduced.table import ReductionPart, reduction_part
 from gapwalk.study.tables import StudyPart, Surroundings
 
 
@@ -37,6 +40,8 @@ class Study:
         What was changed after reading it, by name.
     name
         What tells it from the other studies of its file; may be empty.
+    reduced
+        What the system was reduced from, if the file says so.
     """
 
     system: System
@@ -45,6 +50,7 @@ class Study:
     text: str = ""
     changes: tuple[tuple[str, object], ...] = ()
     name: str = ""
+    reduced: ReducedFrom | None = None
 
     @property
     def walked(self) -> BranchOptions:
@@ -92,6 +98,8 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
     source, rest, problems = change_source(source, asked)
     part, found = check_system(source)
     problems += found
+    reduction, found = reduction_part(source)
+    problems += found
     system = part.system() if part else _sketch(source)
     tables = study_tables(source)
     if source.data.get("study") is None:
@@ -100,7 +108,7 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
         problems += change_system(system, source, {}, rest)[1] if system else []
     studies = []
     for at in tables:
-        study, found = _check_table(source, at, part, system, rest, asked)
+        study, found = _check_table(source, at, None if problems else part, system, rest, asked, reduction)
         studies.append(study)
         problems += found
     if part is None or problems:
@@ -115,6 +123,7 @@ def _check_table(
     system: System | None,
     changes: Mapping[str, object],
     asked: Mapping[str, object],
+    reduction: ReductionPart | None,
 ) -> tuple[Study | None, list[Problem]]:
     """The study of one table; None if something is wrong with it."""
     own, problems = study_changes(source, at, system)
@@ -122,6 +131,10 @@ def _check_table(
         # what is given from outside of the file has the last word
         system, found = change_system(system, source, {key: own[key] for key in own if key not in asked}, changes)
         problems += found
+    reduced = None
+    if reduction and part and system and not problems:
+        reduced, problems = reduce_for(source, at, reduction, system)
+        system = reduced.reduction.system if reduced and reduced.reduction else system
     has_frequency = "frequency" in source.data or "frequency" in own
     table, found = _validated(source, at, system, has_frequency)
     problems += found
@@ -131,7 +144,7 @@ def _check_table(
         return None, problems
     title = table.title or (f"{part.title}: {table.name}" if part.title and table.name else part.title)
     options, changed = table.options(system), tuple(asked.items())
-    return Study(table.system(system), options, title, source.text, changed, table.name or ""), []
+    return Study(table.system(system), options, title, source.text, changed, table.name or "", reduced), []
 
 
 def _validated(
@@ -184,6 +197,7 @@ def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
 
 def _sketch(source: Source) -> System | None:
     """A system with the parameters of the file, where only their values are wrong: the study can be checked."""
+    source, _ = expand(source)
     names = {key: source.data[key] for key in ("coordinates", "contact", "harmonic") if key in source.data}
     coordinates = Names.of(source.data).coordinates or []
     names["stiffness"] = [0.0] * len(coordinates)

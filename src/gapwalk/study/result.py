@@ -12,6 +12,7 @@ from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
 from gapwalk.study.map.chart import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
+from gapwalk.study.reduced.full_check import FullCheck
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Result:
     finding
         What was found, if the study is of a kind without branches: settle, sweep, basins, regimes; its `record` is what
         the Python function of that name returns.
+    checks
+        What the full system says of each branch, if the system is a reduced one (see `Study.reduced`).
     """
 
     study: Study
@@ -44,6 +47,7 @@ class Result:
     diagram: Diagram | None = None
     map: Map | None = None
     finding: Finding | None = None
+    checks: tuple[FullCheck, ...] = ()
 
     @property
     def title(self) -> str:

@@ -9,9 +9,12 @@ from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
 from gapwalk.study.jobs import JOBS
 from gapwalk.study.map.study import run_map
+from gapwalk.study.reduced.before import as_before
+from gapwalk.study.reduced.check import with_checks
 from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
 from gapwalk.study.run_job import run_job
+from gapwalk.study.store.stored import read
 
 _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
@@ -64,4 +67,7 @@ def run(
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section.
     """
-    return _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
+    if resume and output is not None and study.reduced is not None and os.path.lexists(output):
+        study = as_before(study, read(output).study)
+    result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
+    return with_checks(result, output)

@@ -1,15 +1,17 @@
-"""Kernels: the source text compiled to machine code, once for each form, and kept."""
+"""Kernels: the source text compiled to machine code, once for each form, and kept: in this process, and on disk."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
+from gapwalk.motion.mass.cache import forget, kernel_file, seal
 from gapwalk.motion.mass.form import Form
 from gapwalk.motion.mass.source import Source
 
@@ -37,18 +39,33 @@ class Kernel:
 
 
 def kernel_of(form: Form) -> Kernel:
-    """The kernel of a form, compiled when it is first asked for (about a second)."""
+    """The kernel of a form, compiled when it is first asked for ever (about a second), or loaded from the cache."""
     with _compiling:
         return _compile(form)
 
 
 @lru_cache(maxsize=64)
 def _compile(form: Form) -> Kernel:
+    source = Source(form)
+    file = kernel_file(source.text)
+    if file is None:
+        return Kernel(source, _machine_code(source.text))
+    try:
+        code = _machine_code(source.text, file)
+        seal(file)
+        return Kernel(source, code)
+    except Exception:  # whatever damaged files lead to: they are made again when they are next asked for
+        forget(file)
+        return Kernel(source, _machine_code(source.text))
+
+
+def _machine_code(text: str, file: Path | None = None) -> Callable[..., bool]:
+    """Compile a kernel; or load it, if it is kept beside a file with its text."""
     import numba  # takes longer to load than all the rest
 
-    source = Source(form)
-    names: dict[str, Any] = {"np": np}
-    exec(compile(source.text, "<mass flow>", "exec"), names)
+    names: dict[str, Any] = {"np": np, "__name__": __name__}
+    exec(compile(text, "<mass flow>" if file is None else str(file), "exec"), names)
     # NumPy's rules for division: a check for zero in every lane would forbid SIMD
-    compiler = numba.njit(_SIGNATURE, nogil=True, error_model="numpy", fastmath=_FAST)
-    return Kernel(source, compiler(names["advance"]))
+    keep = file is not None
+    compiler = numba.njit(_SIGNATURE, nogil=True, error_model="numpy", fastmath=_FAST, cache=keep)
+    return compiler(names["advance"])

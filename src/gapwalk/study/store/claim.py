@@ -7,6 +7,7 @@ from dataclasses import fields
 
 from gapwalk.errors import StoreError
 from gapwalk.study.file import Study
+from gapwalk.study.reduced.before import as_before
 from gapwalk.study.store.database import APPLICATION, explained, tidy
 from gapwalk.study.store.stored import Stored, read
 
@@ -58,6 +59,7 @@ def _looks_like_result(path: str | os.PathLike[str]) -> bool:
 def _check_same(name: str, study: Study, stored: Study) -> None:
     """A StoreError that lists the differences between the study to be run and that of a result."""
     differences = []
+    study = as_before(study, stored)
     if study.system.structure != stored.system.structure:
         differences.append("the system is made of other parts")
     else:

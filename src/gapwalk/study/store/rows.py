@@ -14,6 +14,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.file import Study
+from gapwalk.study.reduced.origin import plain_reduced
 from gapwalk.study.store.codec import PointCodec
 from gapwalk.study.store.database import checksum, create, explained, remove
 from gapwalk.study.store.plain import plain_end, plain_origin, plain_system
@@ -73,6 +74,8 @@ def begin_file(
         "study": plain_options(study.options),
         "versions": versions,
     }
+    if study.reduced is not None:
+        about["reduction"] = plain_reduced(study.reduced)
     new = f"{os.fspath(path)}-new"
     with explained(path):
         remove(new)

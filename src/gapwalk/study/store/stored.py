@@ -6,6 +6,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
@@ -21,6 +22,8 @@ from gapwalk.study.finding import Finding
 from gapwalk.study.jobs import JOBS
 from gapwalk.study.map.read import StoredMap, read_map
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions
+from gapwalk.study.reduced.full_check import FullCheck, checks_of
+from gapwalk.study.reduced.origin import reduced_of
 from gapwalk.study.result import Result
 from gapwalk.study.store.database import reading
 from gapwalk.study.store.plain import Progress, system_of
@@ -87,14 +90,18 @@ Found = StoredWalk | StoredDiagram | StoredMap | StoredParts
 
 
 class Stored(NamedTuple):
-    """All that a result file holds: the study, what was found, and the versions."""
+    """All that a result file holds: the study, what was found, the versions, and what a full system says of it."""
 
     study: Study
     found: Found
     versions: dict[str, str]
+    checks: tuple[FullCheck, ...] = ()
 
     def result(self) -> Result:
         """The same as a user sees it."""
+        return replace(self._result(), checks=self.checks)
+
+    def _result(self) -> Result:
         if isinstance(self.found, StoredMap):
             chart, finished = self.found
             return Result(self.study, chart.branches, finished, self.versions, map=chart)
@@ -145,9 +152,11 @@ def _read(connection: sqlite3.Connection) -> Stored:
         str(about["text"]),
         tuple((str(name), value) for name, value in about["changes"]),
         str(about["name"]),
+        reduced_of(about.get("reduction")),
     )
     found = _found(connection, study, about)
-    return Stored(study, found, {str(name): str(version) for name, version in about["versions"].items()})
+    versions = {str(name): str(version) for name, version in about["versions"].items()}
+    return Stored(study, found, versions, checks_of(about.get("checks", ())))
 
 
 def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) -> Found:

@@ -1,0 +1,115 @@
+"""Damping that is given otherwise than by its matrix: in proportion to mass and stiffness, or by modal ratios."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+
+_ROUNDING = 1e-10  # relative size of what counts as a rounding error of a matrix or of a square of a frequency
+
+
+@dataclass(frozen=True, slots=True)
+class ProportionalDamping:
+    """Damping ``C = mass * M + stiffness * K`` (Rayleigh's).
+
+    Parameters
+    ----------
+    mass
+        What is multiplied by the mass matrix, in 1/time.
+    stiffness
+        What is multiplied by the stiffness matrix, in units of time.
+
+    Raises
+    ------
+    ModelError
+        If one of them is no finite number.
+    """
+
+    mass: float = 0.0
+    stiffness: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("mass", self.mass), ("stiffness", self.stiffness)):
+            if not _is_number(value):
+                raise ModelError(
+                    f"{name} of a proportional damping is {value!r}; it must be a number, as in {name}=0.02"
+                )
+
+    def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The damping matrix, shape (n, n)."""
+        return self.mass * mass + self.stiffness * stiffness
+
+
+@dataclass(frozen=True, slots=True)
+class ModalDamping:
+    """Damping ratios of the undamped modes of the system with open contacts.
+
+    Parameters
+    ----------
+    ratios
+        Of each mode, from the lowest frequency on, as shares of the critical damping; the last ratio serves all higher
+        modes, too, so one number is that of all modes. A motion without stiffness stays undamped.
+
+    Raises
+    ------
+    ModelError
+        If there is no ratio, or one is negative or no number.
+    """
+
+    ratios: float | Sequence[float]
+
+    def __post_init__(self) -> None:
+        given: Any = (self.ratios,) if _is_number(self.ratios) else self.ratios
+        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+            raise ModelError(
+                f"ratios is {self.ratios!r}; write one number, as in ModalDamping(0.02), or one for each mode"
+            )
+        for ratio in given:
+            if not _is_number(ratio) or ratio < 0.0:
+                raise ModelError(f"ratios has {ratio!r}; a damping ratio must be a number >= 0, as in 0.02 for 2 %")
+        object.__setattr__(self, "ratios", tuple(float(ratio) for ratio in given))
+
+    def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The damping matrix ``sum of 2 zeta_k w_k (M phi_k) (M phi_k)^T``, with ``phi_k^T M phi_k = 1``.
+
+        Raises
+        ------
+        ModelError
+            If a matrix is not symmetric, the mass is not positive definite, or a mode grows by itself.
+        """
+        for name, matrix in (("mass", mass), ("stiffness", stiffness)):
+            if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max(initial=0.0)):
+                raise ModelError(
+                    f"the {name} matrix is not symmetric, so there are no modes to damp; write the damping matrix"
+                )
+        from scipy.linalg import eigh  # only now: a check of a file need not wait for it
+
+        try:
+            squares, modes = eigh(stiffness, mass)
+        except np.linalg.LinAlgError:
+            raise ModelError("the mass matrix is not positive definite, so there are no modes to damp") from None
+        if squares[0] < -_ROUNDING * np.abs(squares).max():
+            raise ModelError(
+                f"the stiffness has a mode with the square {squares[0]:.3g} of a frequency: it grows by itself, and "
+                "has no damping ratio; write the damping matrix"
+            )
+        given = np.atleast_1d(np.asarray(self.ratios, dtype=float))[: len(squares)]
+        ratios = np.append(given, np.full(len(squares) - len(given), given[-1]))
+        acting = mass @ modes
+        squares[squares < _ROUNDING * np.abs(squares).max()] = 0.0
+        return (acting * (2.0 * ratios * np.sqrt(squares))) @ acting.T
+
+
+Damping = ProportionalDamping | ModalDamping
+"""The ways to give a damping without its matrix."""
+
+
+def _is_number(value: object) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | float | np.number) and math.isfinite(float(value))

@@ -1,0 +1,125 @@
+"""The linear part of a system in sparse matrices, with the places at which contacts and loads act on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+
+_SPARSE = 0.1  # share of entries that are not zero, below which a matrix counts as sparse
+_ROUNDING = 1e-10  # relative size of what counts as a rounding error in a symmetric matrix
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """The linear part of a system of n degrees of freedom.
+
+    Attributes
+    ----------
+    mass, damping, stiffness : sparse, shape (n, n)
+        M, C and K; M and K are symmetric.
+    deflections : shape (contacts, n)
+        The e_k.
+    forces : shape (n, contacts)
+        The d_k.
+    loads : shape (n, loads)
+        The constant load, and the shape of each harmonic, as far as they are not zero.
+    springs : shape (contacts,)
+        Stiffness of each contact with all stages of one side closed.
+    """
+
+    mass: Any
+    damping: Any
+    stiffness: Any
+    deflections: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    loads: NDArray[np.float64]
+    springs: NDArray[np.float64]
+
+    @property
+    def size(self) -> int:
+        """Number n of degrees of freedom."""
+        return self.deflections.shape[1]
+
+    @cached_property
+    def ports(self) -> NDArray[np.float64]:
+        """Everything by which contacts and loads act, shape (n, ports)."""
+        return np.hstack((self.deflections.T, self.forces, self.loads))
+
+    @cached_property
+    def scale(self) -> float:
+        """Largest ratio of stiffness to inertia of a coordinate: about the square of the highest frequency."""
+        return float(np.abs(self.stiffness.diagonal() / self.mass.diagonal()).max())
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """Whether it pays to factor the matrices as sparse ones."""
+        return max(self.mass.nnz, self.damping.nnz, self.stiffness.nnz) < _SPARSE * self.size**2
+
+    def projected(self, basis: NDArray[np.float64]) -> Matrices:
+        """The same for motions ``q = basis z``."""
+        mass, damping, stiffness = (
+            sp.csc_array(basis.T @ (each @ basis)) for each in (self.mass, self.damping, self.stiffness)
+        )
+        deflections, forces, loads = self.deflections @ basis, basis.T @ self.forces, basis.T @ self.loads
+        return Matrices(mass, damping, stiffness, deflections, forces, loads, self.springs)
+
+
+def matrices_of(system: System) -> Matrices:
+    """The linear part of a system.
+
+    Raises
+    ------
+    ModelError
+        If mass or stiffness is not symmetric.
+    """
+    n, structure, values = system.size, system.structure, system.values
+    for which in ("mass", "stiffness"):
+        matrix = system.matrix(which)
+        if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max()):
+            raise ModelError(
+                f"the {which} matrix is not symmetric, and a modal reduction rests on its symmetry; write the "
+                "equations of motion as Lagrange's equations give them, or solve the system as it is, with "
+                "method=Balance()"
+            )
+
+    def vector(prefix: str) -> NDArray[np.float64]:
+        return values[structure.block(prefix, n)]
+
+    deflections = [vector(f"{form.name}.deflection") for form in structure.contacts]
+    forces = [
+        deflection if form.reciprocal else vector(f"{form.name}.force")
+        for form, deflection in zip(structure.contacts, deflections, strict=True)
+    ]
+    loads = [load for load in (vector("mean"), *map(vector, _shapes(system))) if load.any()]
+    mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
+    return Matrices(
+        mass,
+        damping,
+        stiffness,
+        np.array(deflections).reshape(-1, n),
+        np.array(forces).reshape(-1, n).T,
+        np.array(loads).reshape(-1, n).T,
+        np.array([_spring(system, index) for index in range(len(structure.contacts))]),
+    )
+
+
+def _shapes(system: System) -> list[str]:
+    return [f"{harmonic.name}.acts_on" for harmonic in system.structure.harmonics]
+
+
+def _spring(system: System, index: int) -> float:
+    """Stiffness of one contact with all stages of its stiffer side closed."""
+    contact = system.structure.contacts[index]
+    sides = {1: 0.0, -1: 0.0}
+    for stage in contact.stages:
+        for sign in stage.side.signs:
+            sides[sign] += system[f"{contact.stage_prefix(stage)}.stiffness"]
+    return max(sides.values(), key=abs)

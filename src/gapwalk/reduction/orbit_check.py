@@ -1,0 +1,52 @@
+"""How far an orbit of a reduced system is from that of the full one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.balance import Balance
+from gapwalk.orbit.newton import solve
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.reduction.pair import Pair, method_for
+
+if TYPE_CHECKING:
+    from gapwalk.reduction.reduction import Reduction
+
+
+@dataclass(frozen=True)
+class OrbitCheck:
+    """What the full system's equation says of an orbit of the reduced one.
+
+    Attributes
+    ----------
+    orbit
+        The orbit.
+    error
+        Estimated error of the deflections of the contacts: the largest sum of the errors of the amplitudes of all
+        harmonics, relative to the largest sum of amplitudes. inf where the full system has no such motion near by.
+    harmonics
+        Harmonics with which it was checked.
+    """
+
+    orbit: Orbit
+    error: float
+    harmonics: int
+
+    def __repr__(self) -> str:
+        return f"OrbitCheck(deflections within {self.error:.2g} of the full system's, by {self.harmonics} harmonics)"
+
+
+def check_orbit(reduction: Reduction, orbit: Orbit, method: Balance | None = None) -> OrbitCheck:
+    """Check an orbit; see `Reduction.check`."""
+    pair = Pair(reduction, orbit.system, None, orbit.period, method_for(orbit, method))
+    full = pair.full  # a system that is none of the reduction's is refused here
+    unknowns, _ = solve(pair.reduced, pair.reduced.unknowns(orbit), 0.0)
+    try:
+        error = pair.correct(unknowns).change
+    except (NumericalError, np.linalg.LinAlgError):
+        error = float("inf")
+    return OrbitCheck(orbit, error, full.harmonics)

@@ -1,0 +1,140 @@
+"""Between a full system and its reduced one: which parameter stands for which, and systems from one to the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.reduction.basis import Basis
+from gapwalk.reduction.matrices import Matrices
+
+_MODES = "mode"
+_ROUNDING = 1e-13  # of a change of a parameter that stands for a difference
+MATRICES = ("mass", "damping", "stiffness")
+
+
+def structure_of(full: Structure, basis: Basis) -> Structure:
+    """The structure of the reduced system: the kept coordinates by their names, then mode1, mode2, ..."""
+    kept = tuple(full.coordinates[place] for place in basis.kept)
+    taken = {*kept, *(contact.name for contact in full.contacts), *(harmonic.name for harmonic in full.harmonics)}
+    prefix, count = _MODES, basis.size - len(kept)
+    while any(f"{prefix}{number}" in taken for number in range(1, count + 1)):
+        prefix += "_"
+    names = (*kept, *(f"{prefix}{number}" for number in range(1, count + 1)))
+    return Structure(names, full.contacts, full.harmonics)
+
+
+def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
+    """The reduced system with all values of the full one.
+
+    Parameters
+    ----------
+    full
+        The full system.
+    basis
+        The basis.
+    small
+        Its matrices in the basis.
+    """
+    structure = structure_of(full.structure, basis)
+    n, r = full.size, basis.size
+    count = 1 + 3 * r * r + r + sum(2 + r for _ in structure.harmonics)
+    count += sum(
+        r * (2 - form.reciprocal) + 3 * len(form.stages) + bool(form.damping_name) for form in full.structure.contacts
+    )
+    values = np.zeros(count)
+    for which in MATRICES:
+        values[structure.block(which, r, r)] = getattr(small, which).toarray()
+    for prefix in vectors_of(structure):
+        values[structure.block(prefix, r)] = full.values[full.structure.block(prefix, n)] @ basis.vectors
+    for name in scalars_of(structure):
+        values[structure.place(name)] = full[name]
+    return System.from_values(structure, values).at()  # `at` checks what `from_values` does not
+
+
+def vectors_of(structure: Structure) -> list[str]:
+    """What the names of parameters that belong to one coordinate each begin with."""
+    found = ["mean", *(f"{harmonic.name}.acts_on" for harmonic in structure.harmonics)]
+    for contact in structure.contacts:
+        found += [f"{contact.name}.deflection"] + [f"{contact.name}.force"] * (not contact.reciprocal)
+    return found
+
+
+def scalars_of(structure: Structure) -> list[str]:
+    """The names of the parameters that belong to no coordinate: they are the same in both systems."""
+    found = ["frequency"]
+    for harmonic in structure.harmonics:
+        found += [f"{harmonic.name}.amplitude", f"{harmonic.name}.phase"]
+    for contact in structure.contacts:
+        for stage in contact.stages:
+            found += [f"{contact.stage_prefix(stage)}.{what}" for what in ("clearance", "stiffness", "cubic")]
+        found += [f"{contact.name}.{contact.damping_name}"] * bool(contact.damping_name)
+    return found
+
+
+@dataclass(frozen=True)
+class Translation:
+    """From the reduced system with other values to the full one with the same.
+
+    Parameters
+    ----------
+    full, reduced
+        Both systems as they were when one was made of the other.
+    kept : shape (kept,)
+        Places of the kept coordinates in the full system.
+    """
+
+    full: System
+    reduced: System
+    kept: NDArray[np.intp]
+
+    def full_at(self, reduced: System) -> System:
+        """The full system with the values of a reduced one.
+
+        Raises
+        ------
+        ModelError
+            If that is not the reduced system at other values, or differs by what has no meaning in the full one.
+        """
+        if reduced.structure != self.reduced.structure:
+            raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
+        values = self.full.values.copy()
+        own, theirs = self._scalars
+        values[theirs] = reduced.values[own]
+        change = reduced.values - self.reduced.values
+        change[np.abs(change) <= _ROUNDING * np.abs(self.reduced.values)] = 0.0
+        change[own] = 0.0
+        own, theirs = self._kept
+        values[theirs] += change[own]
+        change[own] = 0.0
+        if change.any():
+            name = reduced.structure.names[int(np.flatnonzero(change)[0])]
+            raise ModelError(
+                f"{name} has been changed, and concerns a mode: the full system has no such parameter; change it there "
+                "and reduce again"
+            )
+        return System.from_values(self.full.structure, values)
+
+    @cached_property
+    def _scalars(self) -> tuple[list[int], list[int]]:
+        """Places of the parameters that belong to no coordinate, in the reduced and in the full system."""
+        names = scalars_of(self.reduced.structure)
+        return [self.reduced.structure.place(name) for name in names], [
+            self.full.structure.place(name) for name in names
+        ]
+
+    @cached_property
+    def _kept(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Places of the parameters of kept coordinates alone, in both; a change of one is that of the other."""
+        sides = []
+        for structure, at in ((self.reduced.structure, np.arange(len(self.kept))), (self.full.structure, self.kept)):
+            n = structure.size
+            squares = [structure.block(which, n, n)[np.ix_(at, at)].ravel() for which in MATRICES]
+            sides.append(np.concatenate(squares + [structure.block(prefix, n)[at] for prefix in vectors_of(structure)]))
+        return sides[0], sides[1]

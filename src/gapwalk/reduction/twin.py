@@ -1,0 +1,180 @@
+"""A branch in two systems, the reduced and the full one: points and special points of one near those of the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.functions import value
+from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import Range, scales_of
+from gapwalk.errors import NumericalError
+from gapwalk.motion.flow import PERIOD
+from gapwalk.orbit.balance import BalanceEquation
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.reduction.pair import Pair
+
+_FIRST = 1e-5  # first step of the secant method, in arclength
+_FARTHEST = 0.1  # a special point farther off is not the same one
+_SHARP = 1e-9  # last step of the secant method
+_STEPS = 12
+_ASIDE = 2e-3  # arclength beside a branch point, at which the Jacobian is regular
+
+Test = Callable[[BranchPoint], float]
+
+
+@dataclass(frozen=True)
+class Twin:
+    """The equations of a reduced and of the full system along one parameter, in the same scaled variables.
+
+    Parameters
+    ----------
+    pair
+        The equations.
+    orbit
+        An orbit of the reduced system, whose size gives the scales.
+    width
+        Range of the parameter that counts as one.
+    """
+
+    pair: Pair
+    orbit: Orbit
+    width: float
+
+    @cached_property
+    def offset(self) -> float:
+        """What the parameter of the full system is more; entries of matrices contain what the others give at rest."""
+        name = self.pair.parameter or ""
+        return self.pair.full.system[name] - self.pair.system[name]
+
+    @cached_property
+    def scales(self) -> NDArray[np.float64]:
+        """Scales of the unknowns and of the parameter."""
+        return scales_of(self.pair.reduced, self.orbit, Range(0.0, self.width))
+
+    @cached_property
+    def reduced(self) -> Corrector:
+        """Corrects onto the branch of the reduced system."""
+        return Corrector(self.pair.reduced, self.scales, iterations=15)
+
+    @cached_property
+    def full(self) -> Corrector:
+        """Corrects onto the branch of the full system."""
+        return Corrector(self.pair.full, self.scales, iterations=15)
+
+    def start(self, orbit: Orbit, along: BranchPoint) -> BranchPoint | None:
+        """An orbit as a point of the reduced system's branch in harmonic balance; None if it is not balanced so."""
+        equation: BalanceEquation = self.pair.reduced
+        x = np.append(equation.unknowns(orbit), along.value) / self.scales
+        border = np.zeros(len(x))
+        border[-1] = np.sign(along.tangent[-1]) or 1.0
+        try:
+            tangent, _ = self.reduced.tangent(equation.evaluate(x[:-1] * self.scales[:-1], along.value), border)
+        except NumericalError:
+            return None
+        return onto(self.reduced, x, tangent)
+
+    def image(self, point: BranchPoint) -> BranchPoint | None:
+        """The point of the full system's branch across one of the reduced system's; None if there is none."""
+        return onto(self.full, self.shifted(point.x), point.tangent)
+
+    def shifted(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A point of the reduced system's branch with the full system's value of the parameter."""
+        moved = x.copy()
+        moved[-1] += self.offset / self.scales[-1]
+        return moved
+
+    def change(self, one: BranchPoint, other: BranchPoint) -> float:
+        """How far two motions are apart, relative to the size of the first."""
+        u, v = (point.x[:-1] * self.scales[:-1] for point in (one, other))
+        return self.pair.size(v - u, mean=True) / self.pair.size(u)
+
+
+def onto(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64]) -> BranchPoint | None:
+    """The point of a branch on the plane through x with that normal."""
+    correction = corrector.correct(x, normal)
+    return None if correction is None else corrector.point(correction, normal, 0.0)
+
+
+def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64], test: Test, kind: Kind):
+    """The zero of a test function on a branch near x, and its last step in arclength; None if there is none.
+
+    By the secant method along the normal. By a branch point the planes are not cut at one place; there the zero is
+    interpolated between points on either side.
+    """
+
+    def at(s: float) -> tuple[BranchPoint, float]:
+        point = onto(corrector, x + s * normal, normal)
+        if point is None:
+            raise NumericalError("the branch was lost")
+        return point, test(point)
+
+    try:
+        if kind is Kind.BRANCH_POINT:
+            return _between(at)
+        return _secant(at)
+    except NumericalError:
+        return None
+
+
+def _secant(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoint, float] | None:
+    before, now = 0.0, _FIRST
+    (point, old), (_, new) = at(before), at(now)
+    for _ in range(_STEPS):
+        if new == old:
+            return None
+        step = -new * (now - before) / (new - old)
+        before, old, now = now, new, now + step
+        if abs(now) > _FARTHEST:
+            return None
+        point, new = at(now)
+        if abs(step) < _SHARP:
+            return point, abs(step)
+    return None
+
+
+def _between(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoint, float] | None:
+    (one, low), (other, high) = at(-_ASIDE), at(_ASIDE)
+    share = low / (low - high) if low != high else np.inf
+    if not abs(2.0 * share - 1.0) * _ASIDE < _FARTHEST:
+        return None
+    x = one.x + share * (other.x - one.x)
+    return BranchPoint(one.value + share * (other.value - one.value), one.orbit, x, one.tangent, 0.0, 0.0), 0.0
+
+
+def test_of(special: SpecialPoint, point: BranchPoint) -> Test | None:
+    """The test function of a special point, as a function of a point of either branch; None if it has none.
+
+    Parameters
+    ----------
+    special
+        The special point.
+    point
+        The same motion in harmonic balance.
+    """
+    kind = special.kind
+    if kind is not Kind.GRAZING:
+        return lambda other: value(kind, other)
+    switches = [k for k in range(len(point.orbit.closings)) if describe_switch(point.orbit, k) == special.contact]
+    if not switches:
+        return None
+    switch, full = switches[0], PERIOD * point.orbit.period
+    thetas, depths = point.orbit.turning_depths[switch]
+    if not thetas:
+        return None
+    near = [thetas[int(np.argmin(np.abs(depths)))]]
+
+    def depth(other: BranchPoint) -> float:
+        turns = other.orbit.turning_depths[switch]
+        if not turns.thetas:
+            raise NumericalError("the extremum was lost")
+        return turns.values[turns.nearest(near[0], full)]
+
+    return depth

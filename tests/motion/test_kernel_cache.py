@@ -1,0 +1,87 @@
+"""Machine code that is kept on disk: it is loaded again, and never if it may be somebody else's or damaged."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gapwalk.motion.mass import MassOptions, kernel, mass_flow_of
+from gapwalk.motion.mass.cache import kernel_file
+from tests.systems import clutch
+
+STATES = np.array([[0.5, 0.1, 1.0, -0.2], [-2.0, 0.0, 0.3, 0.4]])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "gapwalk" / "kernels"
+
+
+def run() -> tuple[np.ndarray, int]:
+    """The ends of a run in what is like a new process, and how many kernels were loaded from the disk."""
+    kernel._compile.cache_clear()
+    made = []
+    compiled = kernel._machine_code
+
+    def watched(*arguments):
+        made.append(compiled(*arguments))
+        return made[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel, "_machine_code", watched)
+        states = mass_flow_of(clutch(), MassOptions(threads=1, steps=64)).run(STATES, 3).states
+    kernel._compile.cache_clear()
+    return states, sum(sum(code.stats.cache_hits.values()) for code in made)
+
+
+def test_the_next_process_loads_what_the_first_one_compiled(folder: Path) -> None:
+    first, loaded = run()
+    assert loaded == 0
+    again, loaded = run()
+    assert loaded == 1
+    np.testing.assert_array_equal(again, first)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "index", "text", "seal"])
+def test_damaged_files_are_made_again(folder: Path, damage: str) -> None:
+    first, _ = run()
+    suffix = {"cut": ".nbc", "flipped": ".nbc", "index": ".nbi", "text": ".py", "seal": ".sha256"}[damage]
+    (file,) = folder.rglob(f"k*{suffix}")
+    data = bytearray(file.read_bytes())
+    if damage == "flipped":
+        data[len(data) // 2] ^= 0x40
+    file.write_bytes(data if damage == "flipped" else data[:7])
+    again, loaded = run()
+    assert loaded == 0 or damage == "text"  # the machine code is as it was
+    np.testing.assert_array_equal(again, first)
+    assert run()[1] == 1
+
+
+def test_a_folder_that_others_can_write_to_is_not_trusted(folder: Path) -> None:
+    run()
+    for each in (folder / "__pycache__", folder):
+        each.chmod(0o777)
+        assert kernel_file("text", folder=folder) is None
+        assert run()[1] == 0
+        each.chmod(0o700)
+    assert run()[1] == 1
+
+
+def test_a_folder_that_cannot_be_made_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert kernel_file("text") is None
+    assert np.isfinite(run()[0]).all()
+
+
+def test_only_so_many_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gapwalk.motion.mass.cache._MOST", 2)
+    files = []
+    for number in range(4):
+        file = kernel_file(f"text {number}", folder=tmp_path / "kernels")
+        assert file is not None
+        os.utime(file, (number, number))
+        files.append(file)
+    assert [file.exists() for file in files] == [False, False, True, True]
