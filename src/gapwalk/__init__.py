@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
+    from gapwalk.model.modes import Modes, modes_of
+    from gapwalk.model.rest import Equilibrium, Rest, rest_of
     from gapwalk.model.system import System
+    from gapwalk.model.train import Gear, Inertia, Shaft, Train, chain
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.balance import Balance
@@ -44,6 +47,8 @@ if TYPE_CHECKING:
     from gapwalk.reduction import Reduction, reduce
     from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
     from gapwalk.study.basins.store import load_basins
+    from gapwalk.study.compare import compare_results
+    from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
@@ -77,7 +82,10 @@ __all__ = [
     "Diagram",
     "DiagramOptions",
     "DiagramStudyOptions",
+    "Equilibrium",
+    "Gear",
     "Harmonic",
+    "Inertia",
     "Kind",
     "Limb",
     "Locus",
@@ -86,6 +94,7 @@ __all__ = [
     "MapStudyOptions",
     "MassOptions",
     "ModalDamping",
+    "Modes",
     "Orbit",
     "Plane",
     "ProportionalDamping",
@@ -95,12 +104,15 @@ __all__ = [
     "RegimeOptions",
     "Regimes",
     "ResponseOptions",
+    "Rest",
     "Result",
+    "ResultComparison",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
     "SettleOptions",
     "Settled",
+    "Shaft",
     "Shooting",
     "Side",
     "SpecialPoint",
@@ -109,14 +121,17 @@ __all__ = [
     "Sweep",
     "SweepOptions",
     "System",
+    "Train",
     "WalkOptions",
     "__version__",
     "backlash",
     "basin_shares",
     "basins",
     "bifurcation_map",
+    "chain",
     "classify",
     "compare",
+    "compare_results",
     "diagram",
     "errors",
     "find_orbit",
@@ -131,6 +146,7 @@ __all__ = [
     "lyapunov",
     "mass_flow_of",
     "match",
+    "modes_of",
     "on_cluster",
     "paper",
     "rattle",
@@ -138,6 +154,7 @@ __all__ = [
     "read_study",
     "reduce",
     "regimes",
+    "rest_of",
     "run",
     "search",
     "section",
@@ -167,7 +184,10 @@ _HOMES = {
     "Diagram": "bifurcation.diagram",
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
+    "Equilibrium": "model.rest",
+    "Gear": "model.train",
     "Harmonic": "model.excitation",
+    "Inertia": "model.train",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
     "Locus": "bifurcation.locus",
@@ -176,6 +196,7 @@ _HOMES = {
     "MapStudyOptions": "study.options",
     "MassOptions": "motion.mass",
     "ModalDamping": "model.damping",
+    "Modes": "model.modes",
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
@@ -185,12 +206,15 @@ _HOMES = {
     "RegimeOptions": "attractor.judge",
     "Regimes": "attractor.regimes",
     "ResponseOptions": "study.options",
+    "Rest": "model.rest",
     "Result": "study.result",
+    "ResultComparison": "study.comparison",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
     "SettleOptions": "attractor.settle",
     "Settled": "attractor.settled",
+    "Shaft": "model.train",
     "Shooting": "orbit.shooting",
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
@@ -199,13 +223,16 @@ _HOMES = {
     "Sweep": "study.sweep.record",
     "SweepOptions": "study.sweep.options",
     "System": "model.system",
+    "Train": "model.train",
     "WalkOptions": "continuation.options",
     "backlash": "model.contact",
     "basin_shares": "study.basins.basins",
     "basins": "study.basins.basins",
     "bifurcation_map": "study.map",
+    "chain": "model.train",
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
+    "compare_results": "study.compare",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
     "follow": "bifurcation.follow",
@@ -219,12 +246,14 @@ _HOMES = {
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
+    "modes_of": "model.modes",
     "on_cluster": "study.work.workers",
     "rattle": "attractor.rattle",
     "read_studies": "study.file",
     "read_study": "study.file",
     "reduce": "reduction",
     "regimes": "study.regimes.mapping",
+    "rest_of": "model.rest",
     "run": "study.run",
     "search": "bifurcation.search",
     "section": "attractor.section",

@@ -5,9 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk import Balance, Kind, WalkOptions, compare, find_orbit, follow, switch
+from gapwalk import (
+    Balance,
+    Contact,
+    Harmonic,
+    Kind,
+    Stage,
+    System,
+    WalkOptions,
+    compare,
+    find_orbit,
+    follow,
+    switch,
+)
 from gapwalk.bifurcation.follow import walk_out
-from gapwalk.bifurcation.membership import lies_on
+from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.paper import case
@@ -64,6 +76,25 @@ def test_special_points_of_one_branch_alone_are_named(by_shooting) -> None:
     assert f"only in the first: {fold!r}" in str(comparison)
 
 
+def test_the_mean_of_a_symmetric_motion_is_rounding_and_does_not_count() -> None:
+    """A mass between two stops, and one that nothing moves."""
+    gap = Contact("gap", {"x": 1.0}, (Stage(1.0, 20.0),))
+    system = System(
+        ["x", "y"],
+        [[1.0, 0.0], [0.0, 1.0]],
+        [[0.05, 0.0], [0.0, 0.05]],
+        contacts=[gap],
+        harmonics=[Harmonic(0.2, {"x": 1.0})],
+        frequency=0.7,
+    )
+    shot, few = (
+        follow(find_orbit(system, method=method), "frequency", to=1.1, method=method, walk=WALK)
+        for method in (None, Balance(error=1e-4))
+    )
+    assert np.abs(shot.measure("mean.x")).max() < 1e-12
+    assert compare(shot, few).within(1e-3)
+
+
 def test_branches_of_different_parameters_are_refused(by_shooting) -> None:
     with pytest.raises(ModelError, match=r"one branch follows frequency, the other stage2\.clearance"):
         compare(by_shooting, replace(by_shooting, parameter="stage2.clearance"))
@@ -91,6 +122,14 @@ def test_flips_are_located_with_their_nature(by_shooting) -> None:
     assert all(match.first.nature == match.second.nature != "" for match in flips)
     assert all(match.first.change == match.second.change for match in flips)
     assert comparison.within(1e-4)
+
+
+def test_natures_are_right_with_few_harmonics() -> None:
+    """They are read off the doubled branch, which the truncated equation has leave at a place of its own."""
+    shot = follow(find_orbit(case("13"), frequency=1.4), "frequency", to=0.38)
+    few = balanced(Balance(8, error=1.0), "13", 1.4, 0.38)
+    assert [flip.nature for flip in few.special(Kind.FLIP)] == [flip.nature for flip in shot.special(Kind.FLIP)]
+    assert [flip.nature[:3] for flip in shot.special(Kind.FLIP)] == ["sup", "sub", "sup", "sup", "sup", "sub"]
 
 
 def test_the_doubled_branch_is_walked_from_one_flip_to_the_other() -> None:
@@ -127,10 +166,35 @@ def test_a_flip_is_left_with_as_many_harmonics_as_it_was_found_with() -> None:
     assert len(departure.first.x) == 2 * len(flip.point.x) - 2
 
 
-def test_orbits_are_not_looked_up_on_a_balanced_branch() -> None:
-    branch = balanced(Balance(10, error=1.0), to=0.75)
-    with pytest.raises(ModelError, match=r"compare others with gapwalk\.compare"):
-        lies_on(branch, branch.points[0].orbit)
+def test_orbits_are_looked_up_on_a_balanced_branch_of_growing_harmonics(by_shooting) -> None:
+    branch = balanced(Balance(error=1e-4))
+    curve = Curve(branch)
+    assert len({point.orbit.harmonics for point in branch.points}) > 1
+    between = follow(branch.points[30].orbit, "frequency", to=0.55, method=Balance(error=1e-4)).points[3].orbit
+    assert curve.holds(between)
+    exact = by_shooting.points[len(by_shooting.points) // 2].orbit
+    assert curve.holds(exact)  # to the truncation
+    assert not Curve(by_shooting).holds(replace(exact, state=exact.state + 1e-4))
+    assert not curve.holds(replace(exact, state=exact.state + 0.1))
+    nearest = min(
+        curve.orbits_at(exact.system.frequency), key=lambda orbit: float(np.abs(orbit.state - exact.state).max())
+    )
+    assert nearest.state == pytest.approx(exact.state, abs=5e-3)
+    assert nearest.harmonics == max(point.orbit.harmonics for point in branch.points)
+
+
+def test_a_doubled_balanced_branch_holds_its_motions_begun_a_period_later() -> None:
+    method = Balance(12, error=1e-3)
+    flip = balanced(method, "9b", 1.45, 1.1).special(Kind.FLIP)[0]
+    child = walk_out(switch(flip, "frequency", (1.1, 1.45), method), WALK)
+    orbit = child.points[len(child.points) // 2].orbit
+    start = child.points[len(child.points) // 2 + 1].orbit.strobes(2)[1]  # a forcing period later
+    there = child.points[len(child.points) // 2 + 1].orbit.system
+    later = find_orbit(there, 2, start, method=method)
+    assert not np.allclose(later.state, child.points[len(child.points) // 2 + 1].orbit.state, atol=1e-2)
+    assert lies_on(child, later)
+    assert lies_on(child, orbit)
+    assert not lies_on(child, find_orbit(orbit.system, 1, "rest", method=method))
 
 
 def test_a_balanced_branch_can_be_drawn(tmp_path) -> None:
@@ -144,7 +208,7 @@ def test_too_few_harmonics_end_the_branch_with_what_to_change() -> None:
     end = branch.ends[-1]
     assert end.reason is EndReason.COARSE
     assert end.reason.is_failure
-    assert "write Balance(harmonics=16) or more" in str(end)
+    assert "take harmonics = 16 or more" in str(end)
     assert all(point.orbit.truncation <= 2e-4 for point in branch.points)
     assert 0.6 < branch.points[-1].value < 0.78
 

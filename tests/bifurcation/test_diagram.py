@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gapwalk.attractor.strobe import Strobe
 from gapwalk.bifurcation import Trail, follow, switch, walk_out
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.follow import join
@@ -129,5 +130,7 @@ def test_an_end_is_tied_to_the_flip_whose_orbit_it_shares_and_to_no_other_nearby
     assert min(abs(flip.value - fourth.branch.points[-1].value) for flip in third.branch.special(Kind.FLIP)) < 0.002
     beyond = fourth.branch.ends[-1].value  # on the piece of its parent that was not walked
     assert third.branch.ends[-1].value < beyond < third.branch.points[-1].value
-    flip = find_orbit(case("15"), 4, fourth.branch.points[-1].orbit.state, frequency=beyond)
+    last = fourth.branch.points[-1].orbit
+    later = Strobe(last.system).arc(last.state, 4).state  # the flip's orbit lies between the two halves of the last one
+    flip = find_orbit(case("15"), 4, 0.5 * (last.state + later), frequency=beyond)
     assert np.abs(flip.multipliers + 1.0).min() < 1e-6

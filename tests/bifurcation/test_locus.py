@@ -341,7 +341,7 @@ def test_bad_requests_are_refused_with_one_line():
         (flip, "frequency", "mean.q1", ((2.0, 0.2), (0.0, 1.0)), {}, "its first value must be the smaller one"),
         (flip, "frequency", "mean.q1", (0.2, 2.0), {}, "write a range for each parameter"),
         (flip, "frequency", "mean.q1", ((-1.0, 2.0), (0.0, 1.0)), {}, "frequency is -1.0; it must be > 0"),
-        (flip, "frequency", "mean.q1", WIDE, {"shooting": Shooting(3)}, "a locus is followed with one"),
+        (flip, "frequency", "mean.q1", WIDE, {"method": Shooting(3)}, "a locus is followed with one"),
     ):
         with pytest.raises(ModelError) as raised:
             follow_locus(special, first, second, to, **options)

@@ -196,7 +196,7 @@ def test_as_many_harmonics_are_taken_as_the_error_needs() -> None:
 
 
 def test_too_few_harmonics_are_refused_with_what_to_change() -> None:
-    with pytest.raises(ConvergenceError, match=r"beyond H = 3 amount to .* write Balance\(harmonics=6\) or more"):
+    with pytest.raises(ConvergenceError, match=r"beyond H = 3 amount to .* take harmonics = 6 or more"):
         find_orbit(case("12"), frequency=0.62, method=Balance(3))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.study.diagram.search_result import plain_search
 
 
@@ -79,6 +80,12 @@ def assert_same_orbit(one: Orbit, other: Orbit) -> None:
     assert (one.period, one.events, one.steps) == (other.period, other.events, other.steps)
     for name in ("state", "multipliers", "residual", "extremes"):
         assert_same(getattr(one, name), getattr(other, name))
+    assert type(one) is type(other)
+    if isinstance(one, BalancedOrbit) and isinstance(other, BalancedOrbit):
+        assert_same(one.truncation, other.truncation)
+        assert_same(one.series.lines, other.series.lines)
+        assert_same(one.deflections.lines, other.deflections.lines)
+        assert one.series.frequency == other.series.frequency
 
 
 def assert_same(one, other) -> None:

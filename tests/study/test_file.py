@@ -78,7 +78,7 @@ def test_a_file_becomes_the_study_it_describes(tmp_path: Path) -> None:
         period=2,
         start=(0.1, 0.2, 0.3, 0.4),
         walk=WalkOptions(initial_step=0.01, max_points=500),
-        shooting=Shooting(segments=4),
+        method=Shooting(segments=4),
     )
     assert study.system == read_system(path).at(frequency=2.0)
     assert (study.title, study.text, study.changes) == ("Two stages", GOOD, ())

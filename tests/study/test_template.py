@@ -9,7 +9,8 @@ import pytest
 from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.source import parse_source
-from gapwalk.orbit import find_orbit
+from gapwalk.orbit import Shooting, find_orbit
+from gapwalk.orbit.balance import Balance
 from gapwalk.paper import case
 from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.file import check_study, read_studies, read_study
@@ -96,6 +97,21 @@ def test_the_islands_of_the_example_are_those_of_figures_27_and_28() -> None:
     assert load.system.at({"mean.q1": 0.25, "frequency": 1.9}).parameters.items() >= case("13").parameters.items()
 
 
+def test_the_example_of_harmonic_balance_is_figure_9b_by_both_methods() -> None:
+    shot, balanced = read_studies(EXAMPLES / "balance.toml")
+    assert shot.system == balanced.system == case("9b").at(frequency=2.0)
+    assert (shot.options.method, balanced.options.method) == (Shooting(), Balance(error=1e-3))
+    assert shot.options == dataclasses.replace(balanced.options, method=Shooting())
+
+
+def test_what_the_comments_of_the_template_offer_of_harmonic_balance_is_right() -> None:
+    text = template()
+    offered = text[text.index("# [study.balance]") : text.index("# ---- More")]
+    bare = "".join(line.removeprefix("# ") + "\n" for line in offered.splitlines())
+    text = text.replace(offered, bare).replace("period = 1 ", 'method = "harmonic-balance"\nperiod = 1 ')
+    assert check_study(parse_source(text)).options.method == Balance(harmonics=20)
+
+
 def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "model.toml"
     path.write_text("mine")
@@ -134,5 +150,18 @@ def test_the_diagrams_are_those_of_the_paper() -> None:
 
 
 def test_there_are_examples() -> None:
-    names = ("basins", "clutch", "diagram", "gear", "map", "regimes", "rod", "settle", "stop", "sweep")
+    names = {
+        "balance",
+        "basins",
+        "clutch",
+        "diagram",
+        "gear",
+        "map",
+        "regimes",
+        "rod",
+        "settle",
+        "stop",
+        "sweep",
+        "train",
+    }
     assert set(FILES) >= {f"{name}.toml" for name in names}

@@ -91,7 +91,7 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
     stages = [stage for stage in form.stages if side in stage.side.signs]
     if not stages:
         raise ModelError(f"no stage of {contact!r} acts on the side {side!r}; a side is +1 or -1")
-    vector = system.values[system.structure.block(f"{contact}.deflection", system.size)].tolist()
+    vector = system.vector(f"{contact}.deflection").tolist()
     level = side * system[f"{form.stage_prefix(stages[0])}.clearance"]
     upwards = (side > 0) is closes
     normal = {name: factor for name, factor in zip(system.coordinates, vector, strict=True) if factor}

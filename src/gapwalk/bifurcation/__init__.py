@@ -4,7 +4,7 @@ from gapwalk.bifurcation.departure import Departure, depart, directions
 from gapwalk.bifurcation.detect import Detector
 from gapwalk.bifurcation.follow import follow, join, walk_out
 from gapwalk.bifurcation.switch import switch
-from gapwalk.bifurcation.trail import Trail, TrailState
+from gapwalk.bifurcation.trail import Trail, TrailState, resumed_trail
 
 __all__ = [
     "Departure",
@@ -15,6 +15,7 @@ __all__ = [
     "directions",
     "follow",
     "join",
+    "resumed_trail",
     "switch",
     "walk_out",
 ]

@@ -7,19 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 
+from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import ModelError
 
-_DENSE = 12  # samples of a curve between two of its points, from which the nearest place is looked for
 _NEAR = 0.05  # distance, in sizes of the whole picture, beyond which two special points are not the same
 _FAR = 1e3
-_ITERATIONS = 8
-_STEADY = 1e-6  # range of a measure, relative to its size, below which it does not vary
-_CLOSEST = 1e-4  # distance, in sizes of the whole picture, between points of a curve that are told apart
+_STEADY = 1e-6  # range of a measure, relative to the size of its signal, below which it does not vary
+_NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ class Comparison:
     parameter, measures
         What is compared: each branch is a curve over the parameter, in the space of these measures.
     width
-        Range of the parameter that both cover, in its units.
+        Range of the parameter, in its units.
     values, distances : shape (points,)
         For each point of the first branch within that range its parameter, and its distance from the second branch.
     resolution
@@ -76,7 +73,7 @@ class Comparison:
     @property
     def largest(self) -> float:
         """The largest distance along the branch, as a share of the ranges."""
-        return float(self.distances.max())
+        return float(self.distances.max(initial=0.0))
 
     @property
     def largest_shift(self) -> float:
@@ -111,8 +108,8 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     first, second
         The branches. Where only one has points, nothing is compared.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default half the peak-to-peak and the mean of each
-        coordinate.
+        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
+        which have no corners along a branch, as extremes have.
 
     Raises
     ------
@@ -129,20 +126,25 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
         raise ModelError(
             f"one branch follows {first.parameter}, the other {second.parameter}; compare branches over one parameter"
         )
-    low = max(first.values.min(), second.values.min())
-    high = min(first.values.max(), second.values.max())
+    low, high = common_range(first, second)
     if not low < high:
         raise ModelError(f"the branches have no range of {first.parameter} in common")
-    names = _names(first, measures)
-    ranges = _ranges((first, second), names, float(low), float(high))
-    curve = _Curve(_knots(second, names) / ranges)
+    names = measures_of(first, measures)
+    return compare_in(first, second, names, np.append(high - low, measure_ranges((first, second), names)))
+
+
+def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: NDArray[np.float64]) -> Comparison:
+    """Compare two branches with lengths relative to given ranges, of the parameter and of each measure."""
+    low, high = common_range(first, second)
+    curve = SplineCurve(_knots(second, names) / ranges)
     inside = [point for point in first.points if low <= point.value <= high]
-    places = np.array([[point.value, *(point.measure(name) for name in names)] for point in inside]) / ranges
-    matches, only_first, only_second = _match(first, second, names, ranges, (float(low), float(high)))
+    values = [[point.value, *(point.measure(name) for name in names)] for point in inside]
+    places = np.array(values).reshape(-1, len(ranges)) / ranges
+    matches, only_first, only_second = _match(first, second, names, ranges, (low, high))
     return Comparison(
         first.parameter,
         names,
-        float(high - low),
+        float(ranges[0]),
         np.array([point.value for point in inside]),
         curve.distances(places),
         curve.resolution,
@@ -152,47 +154,10 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     )
 
 
-class _Curve:
-    """A curve in space through points, shape (points, dimensions)."""
-
-    def __init__(self, points: NDArray[np.float64]) -> None:
-        lengths = _lengths(points)
-        # points that nearly coincide would bend the spline by their rounding
-        cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]
-        points = points[cells]
-        lengths = _lengths(points)
-        self._spline = CubicSpline(lengths, points)
-        self._tangent = self._spline.derivative()
-        shares = np.arange(_DENSE) / _DENSE
-        samples = (lengths[:-1, None] + shares * np.diff(lengths)[:, None]).ravel()
-        self._samples = np.append(samples, lengths[-1])
-        self._tree = cKDTree(self._spline(self._samples))
-        coarse = CubicSpline(lengths[::2], points[::2]) if len(points) > 4 else self._spline
-        middle = (lengths > lengths[1]) & (lengths < lengths[::2][-1])
-        off = np.linalg.norm(coarse(lengths[middle]) - points[middle], axis=1)
-        self.resolution = float(off.max(initial=0.0)) / 8.0  # as where a contact grazes; 16 elsewhere
-
-    def distances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of each place from the curve."""
-        nearest = self._tree.query(places)[1]
-        last = len(self._samples) - 1
-        low, high = self._samples[np.maximum(nearest - 1, 0)], self._samples[np.minimum(nearest + 1, last)]
-        at = self._samples[nearest]
-        for _ in range(_ITERATIONS):
-            tangent = self._tangent(at)
-            at = at + ((places - self._spline(at)) * tangent).sum(axis=1) / (tangent * tangent).sum(axis=1)
-            at = np.clip(at, low, high)
-        return np.linalg.norm(places - self._spline(at), axis=1)
-
-
-def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths of the polygon from its beginning to each of its points."""
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-
-
-def _names(branch: Branch, measures: str | Sequence[str] | None) -> tuple[str, ...]:
+def measures_of(branch: Branch, measures: str | Sequence[str] | None = None) -> tuple[str, ...]:
+    """The measures by which branches are compared; those of `compare` by default."""
     if measures is None:
-        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("half", "mean"))
+        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("mean", "rms"))
     return (measures,) if isinstance(measures, str) else tuple(measures)
 
 
@@ -203,35 +168,65 @@ def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
     return np.array([[point.value, *(point.measure(name) for name in names)] for point in points])
 
 
-def _ranges(branches: Sequence[Branch], names: tuple[str, ...], low: float, high: float) -> NDArray[np.float64]:
-    """The range of the parameter, and of each measure over both branches; the size of one that hardly varies."""
+def value_range(branch: Branch) -> tuple[float, float]:
+    """The range of the parameter over a branch, folds included."""
+    values = [*branch.values.tolist(), *(special.value for special in branch.special_points)]
+    return min(values), max(values)
+
+
+def common_range(first: Branch, second: Branch) -> tuple[float, float]:
+    """The range of the parameter that two branches have in common; its bounds are exchanged if there is none."""
+    (a, b), (c, d) = value_range(first), value_range(second)
+    return max(a, c), min(b, d)
+
+
+def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """The range of each measure over some branches; of one that hardly varies, the size of its signal.
+
+    So the mean of a symmetric motion, which is nothing but rounding, is set against the motion; and a signal that is
+    nothing but rounding itself against the others.
+    """
     measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
+    signals = [name.partition(".")[2] for name in names]
+    own = [float(np.abs(each).max()) for each in measured]
+    sizes = [max(size for size, other in zip(own, signals, strict=True) if other == signal) for signal in signals]
+    largest = max(sizes, default=0.0) or 1.0
+    sizes = [size if size > _NOTHING * largest else largest for size in sizes]
     ranges = [float(np.ptp(each)) for each in measured]
-    sizes = [float(np.abs(each).max()) or 1.0 for each in measured]
-    varied = (width if width > _STEADY * size else size for width, size in zip(ranges, sizes, strict=True))
-    return np.array([high - low, *varied])
+    return np.array([width if width > _STEADY * size else size for width, size in zip(ranges, sizes, strict=True)])
 
 
 def _match(
     first: Branch, second: Branch, names: tuple[str, ...], ranges: NDArray[np.float64], within: tuple[float, float]
 ) -> tuple[tuple[Match, ...], tuple[SpecialPoint, ...], tuple[SpecialPoint, ...]]:
-    """Pairs of special points of one kind (and contact) that are near each other, and those left over."""
-    low, high = within
-    ours, theirs = (
-        [special for special in branch.special_points if low <= special.value <= high] for branch in (first, second)
-    )
+    """Pairs of special points of one kind (and contact) that are near each other, and those left over in a range."""
+    ours, theirs = first.special_points, second.special_points
     places = [
         np.array([[s.value, *(s.orbit.measure(name) for name in names)] for s in points]).reshape(-1, len(ranges))
         / ranges
         for points in (ours, theirs)
     ]
-    apart = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
-    alike = np.array([[(a.kind, a.contact) == (b.kind, b.contact) for b in theirs] for a in ours], dtype=bool)
-    apart = np.where(alike.reshape(apart.shape) & (apart <= _NEAR), apart, _FAR)
-    pairs = [(i, j) for i, j in zip(*linear_sum_assignment(apart), strict=True) if apart[i, j] < _FAR]
-    taken = {i for i, _ in pairs}, {j for _, j in pairs}
+    labels = [[(each.kind, each.contact) for each in points] for points in (ours, theirs)]
+    pairs = match_places(places[0], labels[0], places[1], labels[1])
+    low, high = within
     left, right = (
-        tuple(special for index, special in enumerate(points) if index not in used)
-        for points, used in zip((ours, theirs), taken, strict=True)
+        tuple(s for index, s in enumerate(points) if index not in used and low <= s.value <= high)
+        for points, used in ((ours, {i for i, _ in pairs}), (theirs, {j for _, j in pairs}))
     )
     return tuple(Match(ours[i], theirs[j]) for i, j in pairs), left, right
+
+
+def match_places(
+    first: NDArray[np.float64],
+    first_labels: Sequence[object],
+    second: NDArray[np.float64],
+    second_labels: Sequence[object],
+) -> list[tuple[int, int]]:
+    """Pairs of places with one label that are near each other, such that the sum of their distances is least.
+
+    Places have shape (places, dimensions), in units in which the whole picture has a size of about 1.
+    """
+    apart = np.linalg.norm(first[:, None] - second[None], axis=2)
+    alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)
+    apart = np.where(alike & (apart <= _NEAR), apart, _FAR)
+    return [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(apart), strict=True) if apart[i, j] < _FAR]

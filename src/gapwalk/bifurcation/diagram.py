@@ -12,6 +12,7 @@ from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -151,12 +152,22 @@ class Diagram:
         ]
         return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
 
-    def with_branch(self, branch: Branch, begins: Origin | None = None) -> Diagram:
-        """The diagram with one more branch, its end tied to the special point at which it joins another."""
+    def with_branch(self, branch: Branch, begins: Origin | None = None, method: Method | None = None) -> Diagram:
+        """The diagram with one more branch, its end tied to the special point at which it joins another.
+
+        Parameters
+        ----------
+        branch
+            The branch.
+        begins
+            Where it begins on another branch.
+        method
+            How its orbits were found.
+        """
         count = sum(limb.period == branch.period for limb in self.limbs) + 1
         limb = Limb(f"P{branch.period}-{count}", branch, begins)
         if branch.ends[-1].reason is EndReason.JOINED:
-            limb = _tied(self, limb)
+            limb = _tied(self, limb, method)
         return replace(self, limbs=(*self.limbs, limb))
 
     def plot(self, measure: str = "half", **options: Any):
@@ -177,7 +188,7 @@ def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
     return sum(each == origin for limb in diagram.limbs for each in limb.origins) >= needed
 
 
-def _tied(diagram: Diagram, limb: Limb) -> Limb:
+def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
     """The limb with its end tied to the special point that it joins, if that is on a known branch.
 
     It is tied where both have one and the same orbit, never to what is merely near: the branch that it joins may not
@@ -185,7 +196,7 @@ def _tied(diagram: Diagram, limb: Limb) -> Limb:
     """
     branch = limb.branch
     origin, value = _shared(diagram, limb, branch.points[-1].orbit), branch.ends[-1].value
-    if origin is None and (flip := parent_flip(branch, diagram.within)) is not None:
+    if origin is None and (flip := parent_flip(branch, diagram.within, method)) is not None:
         origin, value = _shared(diagram, limb, flip), flip.system[branch.parameter]
     detail = branch.ends[-1].detail
     if origin is not None:
@@ -204,14 +215,12 @@ def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
         for index, special in enumerate(other.branch.special_points)
         if special.kind is kinds.get(other.period)
     )
-    return next(
-        (
-            origin
-            for origin, special in candidates
-            if origin != limb.begins and meets(orbit, special, diagram.parameter)
-        ),
-        None,
-    )
+    shared = [
+        (abs(special.value - orbit.system[diagram.parameter]), origin)
+        for origin, special in candidates
+        if origin != limb.begins and meets(orbit, special, diagram.parameter)
+    ]
+    return min(shared, key=lambda each: each[0])[1] if shared else None
 
 
 def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:

@@ -4,49 +4,79 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk.bifurcation.departure import depart
+from gapwalk.bifurcation.departure import Departure, depart
 from gapwalk.bifurcation.trail import Trail
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
-from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import SAME, stroboscopic
 from gapwalk.orbit.orbit import Orbit
 
-_BESIDE = WalkOptions(initial_step=1e-4, largest_step=2e-3, max_points=15)  # how far along its parent a flip is sought
+_STEPS = (1e-4, 2e-5, 4e-6)  # with which first step a flip is sought along its parent: smaller where one went astray
+_LARGEST, _POINTS = 2e-3, 15  # and how far
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Whether an orbit is that of a special point, begun at another forcing period or gone round twice perhaps."""
+    """Whether an orbit is that of a special point, begun at another forcing period or gone round twice perhaps.
+
+    Balanced, a doubled branch meets its parent where the truncated equation has it, and the parent's flip is where its
+    multipliers have it: the two differ by the truncation.
+    """
     value, wanted = orbit.system[parameter], special.value
-    if abs(value - wanted) > SAME * (1.0 + abs(wanted)):
+    same = max(SAME, _truncation(orbit), _truncation(special.orbit))
+    if abs(value - wanted) > same * (1.0 + abs(wanted)):
         return False
     off = np.abs(stroboscopic(special.orbit) - orbit.state).max(axis=1)
-    return bool(off.min() <= SAME * (1.0 + float(np.abs(orbit.state).max())))
+    return bool(off.min() <= same * (1.0 + float(np.abs(orbit.state).max())))
 
 
-def parent_flip(branch: Branch, within: tuple[float, float]) -> Orbit | None:
+def parent_flip(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
     """The flip at which a period-doubled branch ends; None if there is none on its parent beside its last point.
 
     A walk may end just before its parent, where a contact grazes so close to the flip that its steps grow too small.
     The parent's orbit is found from the mean of the two halves, and followed both ways within the range given.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    within
+        Range of its parameter.
+    method
+        How orbits are posed.
     """
     last = branch.points[-1].orbit
     if last.period % 2:
         return None
-    flow, coefficients = flow_of(last.system), coefficients_of(last.system)
-    found: list[SpecialPoint] = []
     try:
-        later = flow.integrate(coefficients, last.state, 0.0, 0.5 * PERIOD * last.period).state
-        parent = find_orbit(last.system, last.period // 2, 0.5 * (last.state + later))
-        for way in (-1, 1):
-            trail = Trail(depart(parent, branch.parameter, within, way), _BESIDE)
-            found += next((flips for _, special in trail if (flips := _flips(special))), [])[:1]
+        states = last.strobes(last.period // 2 + 1)
+        parent = find_orbit(last.system, last.period // 2, 0.5 * (states[0] + states[-1]), method=method)
+        departures = [depart(parent, branch.parameter, within, way, method) for way in (-1, 1)]
+        found = [flip for departure in departures if (flip := _first_flip(departure)) is not None]
     except NumericalError:
         return None
     return min(found, key=lambda flip: flip.point.arclength).orbit if found else None
+
+
+def _first_flip(departure: Departure) -> SpecialPoint | None:
+    """The first flip one way along a branch, which may itself end at its parent just beyond."""
+    for step in _STEPS:
+        trail = Trail(departure, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
+        flips = next((flips for _, special in trail if (flips := _flips(special))), [])
+        if flips:
+            return flips[0]
+        if trail.end is None or trail.end.reason is not EndReason.JOINED:
+            break
+    return None
+
+
+def _truncation(orbit: Orbit) -> float:
+    """Relative error of a balanced orbit; 0 for others, which are exact to rounding."""
+    return orbit.truncation if isinstance(orbit, BalancedOrbit) else 0.0
 
 
 def _flips(special: list[SpecialPoint]) -> list[SpecialPoint]:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.space import Knot, space_of
 from gapwalk.continuation.branch import Branch, Kind
-from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.orbit.identity import SAME, stroboscopic
+from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _BULGE = 0.15  # how far a segment may reach beyond the values at its ends, as a share of its length
 _BESIDE = 0.1  # distance from a segment's cubic, as a share of its length, beyond which an orbit is not on it
@@ -56,12 +52,11 @@ class Curve:
     """
 
     def __init__(self, branch: Branch) -> None:
-        if any(isinstance(point.orbit, BalancedOrbit) for point in branch.points):
-            raise ModelError("orbits are looked up on branches by shooting; compare others with gapwalk.compare")
         self.branch = branch
         points = _knots(branch)
-        self._scales = _scales(points)
-        knots = [(point.x, point.tangent, point.arclength) for point in points]
+        self._space = space_of(branch, points)
+        self._scales = self._space.scales
+        knots = [self._space.knot(point) for point in points]
         if len(knots) > 1:
             beyond = [_meeting(knots[-2:], branch.ends[-1], self._scales[-1])]
             before = [_meeting(knots[1::-1], branch.ends[0], self._scales[-1])]
@@ -69,9 +64,6 @@ class Curve:
         self._x, self._tangents = np.array([knot[0] for knot in knots]), np.array([knot[1] for knot in knots])
         self._lengths = np.diff([knot[2] for knot in knots])
         self._values = self._x[:, -1]
-        segments = (self._x.shape[1] - 1) // (2 * branch.system.size)
-        equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(segments))
-        self._corrector = Corrector(equation, self._scales)
 
     def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
         """Whether an orbit lies on the branch; see `lies_on`.
@@ -85,10 +77,11 @@ class Curve:
         near = self._bracketing(value)
         if not len(near):
             return False
-        states = stroboscopic(orbit)
-        if any(self._has_knot(state, value, tolerance) for state in states):
+        places = self._space.places(orbit)
+        if any(self._has_knot(place, value, tolerance) for place in places):
             return True
-        return any(self._passes(orbit, state, value, near, tolerance) for state in states)
+        tolerance = max(tolerance, self._space.tolerance(orbit))
+        return any(self._passes(orbit, place, value, near, tolerance) for place in places)
 
     def orbits_at(self, value: float) -> list[Orbit]:
         """The orbits of the branch at one value of its parameter, in the order of the walk.
@@ -100,11 +93,9 @@ class Curve:
         for segment in self._bracketing(scaled):
             for share in self._crossings(int(segment), scaled):
                 guess = self._cubic(int(segment), np.array([share]))[0][0]
-                correction = self._corrector.at_value(guess, value)
-                if correction is None:
+                orbit = self._space.orbit_at(guess, value)
+                if orbit is None:
                     continue
-                equation = self._corrector.equation
-                orbit = equation.orbit(correction.x[:-1] * self._scales[:-1], value, correction.evaluation)
                 if not any(_distance(orbit.state, other.state) <= SAME for other in found):
                     found.append(orbit)
         return found
@@ -124,43 +115,38 @@ class Curve:
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
 
-    def _has_knot(self, state: NDArray[np.float64], value: float, tolerance: float) -> bool:
-        """Whether a state at a value is one of the points from which the curve is made.
+    def _has_knot(self, place: NDArray[np.float64], value: float, tolerance: float) -> bool:
+        """Whether a place at a value is one of the points from which the curve is made.
 
         Nothing is corrected there: where a branch begins on another or joins it, solutions of both lie beside each
         other, and the corrector's way to them is a matter of rounding.
         """
-        size = len(state)
-        off = np.abs(self._x[:, :size] * self._scales[:size] - state).max(axis=1)
-        return bool(np.any((off <= tolerance * _size(state)) & (np.abs(self._values - value) <= tolerance)))
+        size = len(place)
+        off = np.abs(self._x[:, :size] * self._scales[:size] - place).max(axis=1)
+        return bool(np.any((off <= tolerance * _size(place)) & (np.abs(self._values - value) <= tolerance)))
 
     def _passes(
-        self, orbit: Orbit, state: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
+        self, orbit: Orbit, place: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
     ) -> bool:
-        """Whether one of the segments passes through a state at a value."""
-        size = len(state)
-        target = np.append(state / self._scales[:size], value)
+        """Whether one of the segments passes through a place at a value."""
+        size = len(place)
+        target = np.append(place / self._scales[:size], value)
         for segment in segments:
             curve, slopes = self._cubic(int(segment), _SHARES)
             away = np.linalg.norm(np.hstack((curve[:, :size], curve[:, -1:])) - target, axis=1)
             nearest = int(np.argmin(away))
             if away[nearest] > (_BESIDE + 0.5 / len(_SHARES)) * self._lengths[segment]:
                 continue
-            goal = target if len(curve[0]) == size + 1 else self._spread(orbit, state, value)
+            goal = self._space.goal(orbit, place, value)
             normal = slopes[nearest] / np.linalg.norm(slopes[nearest])
             guess = curve[nearest] + ((goal - curve[nearest]) @ normal) * normal
-            correction = self._corrector.correct(guess, normal)
-            if correction is None:
+            found = self._space.correct(orbit, guess, normal)
+            if found is None:
                 continue
-            off = (correction.x - goal) * self._scales
-            if abs(correction.x[-1] - value) <= tolerance and np.abs(off[:size]).max() <= tolerance * _size(state):
+            off = (found - goal) * self._scales
+            if abs(found[-1] - value) <= tolerance and np.abs(off[:size]).max() <= tolerance * _size(place):
                 return True
         return False
-
-    def _spread(self, orbit: Orbit, state: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """The point of the curve's space that belongs to a state, where shooting is done in segments."""
-        unknowns = self._corrector.equation.unknowns(replace(orbit, state=state, period=self.branch.period))
-        return np.append(unknowns / self._scales[:-1], value)
 
     def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Points of a segment's cubic at some shares of its length, and the slopes there (not of unit length)."""
@@ -175,10 +161,6 @@ class Curve:
         roots = np.roots([2 * a - 2 * b + p + q, -3 * a + 3 * b - 2 * p - q, p, a - value])
         shares = np.sort(roots[np.abs(roots.imag) < 1e-6].real)
         yield from shares[(shares >= -1e-9) & (shares <= 1.0 + 1e-9)].tolist()
-
-
-Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
-"""A point of the curve, the unit tangent there, and its arclength."""
 
 
 def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
@@ -211,15 +193,6 @@ def _knots(branch: Branch) -> list[BranchPoint]:
         if point.arclength - knots[-1].arclength > 1e-12:
             knots.append(point)
     return knots
-
-
-def _scales(points: list[BranchPoint]) -> NDArray[np.float64]:
-    """The scales with which a branch was walked: unknowns and parameter divided by their scaled values."""
-    size = len(points[0].orbit.state)
-    physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
-    scaled = np.abs([np.append(point.x[:size], point.x[-1]) for point in points]).sum(axis=0)
-    scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
-    return np.append(np.tile(scales[:-1], (len(points[0].x) - 1) // size), scales[-1])
 
 
 def _size(state: NDArray[np.float64]) -> float:

@@ -12,9 +12,15 @@ from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, check_range, scales_of
-from gapwalk.errors import ModelError
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
+
+_SINGULAR = 1e-8  # size of a singular value that is zero but for rounding
+_BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is first seen to change
+_STEPS = 6  # of the secant method, at most
+_FAR = 0.05  # scaled distance beyond which its branch point is not that of the flip
 
 
 def switch(
@@ -52,24 +58,86 @@ def switch(
 
 
 def _from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
-    orbit = special.orbit
-    equation = _posed(special, parameter, 2 * orbit.period, method)
-    corrector = Corrector(equation, scales_of(equation, orbit, within))
-    start = np.append(equation.unknowns(replace(orbit, period=2 * orbit.period)), special.value)
-    return Departure(corrector, _first(corrector, start, _flip_direction(corrector, start)), within, singular=True)
+    found, equation = _posed(special, parameter, 2 * special.orbit.period, method)
+    corrector = Corrector(equation, scales_of(equation, special.orbit, within))
+    doubled = _Doubled(corrector, Corrector(found, scales_of(found, special.orbit, within)), special)
+    start, across = doubled.start()
+    return Departure(corrector, _first(corrector, start, np.append(across, 0.0)), within, singular=True)
 
 
-def _flip_direction(corrector: Corrector, start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The null vector of the doubled equation at a flip, with the parameter held: it exists to second order only."""
-    evaluation = corrector.equation.evaluate(start[:-1], float(start[-1]))
-    scaled = evaluation.by_unknowns * corrector.scales[:-1]
-    vector = np.linalg.svd(scaled)[2][-1]
-    vector *= np.sign(vector[np.argmax(np.abs(vector))])  # the same one each time
-    return np.append(vector, 0.0)
+class _Doubled:
+    """The doubled equation along the parent of a flip, near to it.
+
+    Parameters
+    ----------
+    corrector, parent
+        Correct onto solutions of the doubled equation, and onto the parent.
+    special
+        The flip.
+    """
+
+    def __init__(self, corrector: Corrector, parent: Corrector, special: SpecialPoint) -> None:
+        self.corrector, self.parent, self.special = corrector, parent, special
+
+    def start(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where the doubled equation has its branch point, not scaled, and its null vector there, the parameter held.
+
+        By shooting that is the flip. The multipliers of a balanced motion are more exact than its truncated equation,
+        which has its own flip nearby: the secant method along the parent leads there.
+        """
+        start = self._doubled(self.special.orbit)
+        here, across = self._singular(start)
+        if abs(here) < _SINGULAR:
+            return start, across
+        x = np.append(self.parent.equation.unknowns(self.special.orbit), self.special.value) / self.parent.scales
+        evaluation = self.parent.equation.evaluate(x[:-1] * self.parent.scales[:-1], self.special.value)
+        tangent, _ = self.parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0))
+        least, places, values = abs(here), [0.0, _BESIDE], [here]
+        try:
+            for _ in range(_STEPS):
+                beside = self._along(x, tangent, places[-1])
+                value, vector = self._singular(beside)
+                values.append(value)
+                if abs(value) < least:
+                    least, start, across = abs(value), beside, vector
+                rise = values[-1] - values[-2]
+                if least < _SINGULAR or rise == 0.0:
+                    break
+                places.append(places[-1] - value * (places[-1] - places[-2]) / rise)
+                if abs(places[-1]) > _FAR:
+                    break
+        except NumericalError:
+            pass  # the nearest place so far serves
+        return start, across
+
+    def _singular(self, start: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        """The smallest singular value of the Jacobian by the scaled unknowns, with the sign of its determinant.
+
+        And its right vector, the same one each time.
+        """
+        evaluation = self.corrector.equation.evaluate(start[:-1], float(start[-1]))
+        left, values, right = np.linalg.svd(evaluation.by_unknowns * self.corrector.scales[:-1])
+        sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
+        vector = right[-1] * np.sign(right[-1][np.argmax(np.abs(right[-1]))])
+        return float(sign * values[-1]), vector
+
+    def _along(self, x: NDArray[np.float64], tangent: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+        """The unknowns and the parameter of the doubled equation at a scaled distance along the parent."""
+        correction = self.parent.correct(x + step * tangent, tangent)
+        if correction is None:
+            raise ConvergenceError("the branch of the flip could not be followed beside it")
+        value = float(correction.x[-1] * self.parent.scales[-1])
+        unknowns = correction.x[:-1] * self.parent.scales[:-1]
+        return self._doubled(self.parent.equation.orbit(unknowns, value, correction.evaluation))
+
+    def _doubled(self, orbit: Orbit) -> NDArray[np.float64]:
+        equation = self.corrector.equation
+        unknowns = equation.unknowns(replace(orbit, period=2 * orbit.period))
+        return np.append(unknowns, orbit.system[equation.parameter or ""])
 
 
 def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
-    equation = _posed(special, parameter, special.orbit.period, method)
+    _, equation = _posed(special, parameter, special.orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, special.orbit, within))
     start = np.append(equation.unknowns(special.orbit), special.value)
     evaluation = corrector.equation.evaluate(start[:-1], float(start[-1]))
@@ -93,15 +161,15 @@ def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Correct
     return rescaled / np.linalg.norm(rescaled)
 
 
-def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> OrbitEquation:
-    """The equation for a period, as finely resolved as that with which the special point was found."""
+def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> tuple[OrbitEquation, OrbitEquation]:
+    """The equation with which a special point was found, and one for another period that is as finely resolved."""
     found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
     while len(found.scales(1.0)) < len(special.point.x) - 1:
         finer, other = equation.finer(), found.finer()
         if finer is None or other is None:
             break
         equation, found = finer, other
-    return equation
+    return found, equation
 
 
 def _first(corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64]) -> BranchPoint:

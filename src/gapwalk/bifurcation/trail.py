@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
 
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
+from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
@@ -15,6 +19,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 
+_GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -26,6 +31,30 @@ class TrailState(NamedTuple):
 
     walk: WalkState
     detector: DetectorState
+
+
+def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
+    """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
+
+    Parameters
+    ----------
+    departure
+        From which the trail departed.
+    walk
+        Options of the walk.
+    state
+        `Trail.state` when it was stopped; but its points are as they were yielded, so that the one before the last may
+        be from before a refinement.
+    """
+    previous, size = state.walk.previous, len(state.walk.point.x)
+    while len(departure.first.x) < size:
+        finer = refined(departure)
+        if finer is None:
+            break
+        if previous is not None and len(previous.x) < len(finer.first.x):
+            previous = lift(previous, finer.corrector, finer.equation)
+        departure = finer
+    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)))
 
 
 class Trail(Iterator[Step]):
@@ -74,10 +103,11 @@ class Trail(Iterator[Step]):
             try:
                 point = next(self.walk)
             except StopIteration:
-                if self._refine():
+                if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 self._end_at_parent(before, first)
+                self._explain_small_step(first)
                 raise
             doubt = self.departure.equation.doubt(point.orbit)
             if doubt:
@@ -97,18 +127,20 @@ class Trail(Iterator[Step]):
                 continue
             return self._until_parent(first, step)
 
-    def _refine(self) -> bool:
-        """Go on with a finer resolution where the walk ended for want of one; whether there is one."""
+    def _refine(self, count: int) -> bool:
+        """Go on more finely where the walk ended for want of it, after `count` points; whether that can be done."""
         if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
             return False
         finer = refined(self.departure)
         point = None if finer is None else lift(self.walk.point, finer.corrector, finer.equation)
         if finer is None or point is None:
             return False
-        state = WalkState(None, point, self.walk.step, self.walk.count)
+        state = WalkState(None, point, self.walk.step, count)
         walk = self.walk
         self.departure = finer
-        self.walk = Walk(finer.equation, finer.first, walk.within, finer.corrector, walk.options, state)
+        self.walk = Walk(
+            finer.equation, finer.first, walk.within, finer.corrector, walk.options, state, branched=finer.singular
+        )
         self.walk.rejected = walk.rejected
         self.detector = Detector(finer.corrector)
         return True
@@ -157,6 +189,18 @@ class Trail(Iterator[Step]):
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
+
+    def _explain_small_step(self, last: BranchPoint) -> None:
+        """Say so where a walk got stuck because a contact grazes: a stiff one turns the branch within a step."""
+        end = self.walk.end
+        if end is None or end.reason is not EndReason.STEP:
+            return
+        size = 1.0 + float(np.abs(last.orbit.extremes[:, :2]).max())
+        depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
+        if depths and min(depths) <= _GRAZES * size:
+            contact = describe_switch(last.orbit, depths.index(min(depths)))
+            advice = "the branch turns there too sharply to be followed: begin beyond, or with a softer contact"
+            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
 
     def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
         """Give a walk that got stuck just before its parent its true reason."""

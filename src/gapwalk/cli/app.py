@@ -27,7 +27,8 @@ Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (by default those of the process), and return its exit code.
 
-    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 130: interrupted.
+    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
+    compared differs; 130: interrupted.
     """
     work_in_one_thread()
     words = sys.argv[1:] if arguments is None else list(arguments)
@@ -88,6 +89,40 @@ def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: 
 
 
 @app.command(sort_key=3)
+def modes(
+    file: Path,
+    /,
+    *,
+    changes: Changes = None,
+    picture: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Show where a system rests under its mean load, which clearances are open there, and its natural vibrations.
+
+    Parameters
+    ----------
+    file
+        The model file; a study in it is not looked at.
+    changes
+        Another value, as in --set stage2.clearance=0.5; may be repeated.
+    picture
+        Draw the slowest modes into this file, PNG or SVG.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.modes import show_modes
+
+        return show_modes(file, changes or [], picture, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=4)
 def run(
     file: Path,
     /,
@@ -142,7 +177,7 @@ def run(
     return guard(job, json=json, debug=debug)
 
 
-@app.command(sort_key=4)
+@app.command(sort_key=5)
 def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
     """Show what a result file holds: branches, why they end, and special points; or what else its study found.
 
@@ -166,7 +201,7 @@ def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Fl
     return guard(job, json=json, debug=debug)
 
 
-@app.command(sort_key=5)
+@app.command(sort_key=6)
 def export(
     result: Path,
     /,
@@ -202,6 +237,51 @@ def export(
 
 
 @app.command(sort_key=6)
+def compare(
+    first: str,
+    second: str,
+    /,
+    *,
+    tolerance: float = 1e-3,
+    output: Path | None = None,
+    measure: str | None = None,
+    changes: Changes = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compare two results, found by two methods perhaps: how far apart they are, and what only one of them has.
+
+    The exit code is 0 if they agree within the tolerance, and 4 if they do not.
+
+    Parameters
+    ----------
+    first, second
+        Result files; or model files, whose study is then run (name one of several as in model.toml:light).
+    tolerance
+        The largest distance, location of a special point, or missing part of a range that counts as agreement: a share
+        of the range of the parameter and of the motions' measures.
+    output
+        A picture to write, PNG or SVG, with both results overlaid and their distance.
+    measure
+        What the picture shows, as in max.q1; by default what the first study says.
+    changes
+        Another value in model files, as in --set stage2.clearance=0.5; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.compare import compare_files
+
+        options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
+        return compare_files(first, second, tolerance, **options)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=7)
 def paper(
     *figures: str,
     list_: Annotated[bool, Parameter(name="--list", negative=(), show_default=False)] = False,

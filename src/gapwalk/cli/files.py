@@ -20,6 +20,7 @@ def new_file(file: Path) -> int:
 
 def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
+    from gapwalk.cli.modes import train_lines
     from gapwalk.cli.run import read_changed
     from gapwalk.cli.screen import console
     from gapwalk.study.reduced.origin import plain_reduced
@@ -44,6 +45,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     screen, structure = console(), studies[0].system.structure
     lines = [
         (len(studies) == 1 and printable(studies[0].title)) or str(file),
+        *train_lines(studies[0].system),
         f"  coordinates: {', '.join(structure.coordinates)}",
         f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
         f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",

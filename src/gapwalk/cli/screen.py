@@ -14,6 +14,7 @@ from gapwalk.cli.findings import print_finding
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol
 from gapwalk.study.result import Result
 
@@ -45,6 +46,8 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
     if result.finding is not None:
         print_finding(screen, result.finding)
         return
+    if result.walked.balanced:
+        screen.print(_balance_words(result), soft_wrap=True)
     if result.map is not None:
         print_map(screen, result.map, result.walked.measure, points=points)
         return
@@ -58,6 +61,18 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
         screen.print(special_point_table(result))
     else:
         screen.print("no special points")
+
+
+def _balance_words(result: Result) -> str:
+    """How finely the orbits of branches were balanced, and what that lacks."""
+    points = (point.orbit for branch in result.branches for point in branch.points)
+    orbits = [orbit for orbit in points if isinstance(orbit, BalancedOrbit)]
+    fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
+    count = f"{most}" if fewest == most else f"{fewest} to {most}"
+    return (
+        f"by harmonic balance with {count} harmonics: those beyond amount to "
+        f"{max(orbit.truncation for orbit in orbits):.2g} of a motion at most"
+    )
 
 
 def special_point_table(result: Result) -> Table:

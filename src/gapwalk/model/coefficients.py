@@ -52,7 +52,12 @@ class ContactSlots:
 class CoefficientLayout:
     """Where each coefficient of the flow stands in its flat vector, and how the vector is made."""
 
-    structure: Structure
+    assembled: Structure
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The structure whose numbers are those of the equations of motion."""
+        return self.assembled.equations
 
     @cached_property
     def orders(self) -> tuple[int, ...]:
@@ -116,22 +121,26 @@ class CoefficientLayout:
     @cached_property
     def _harmonic_places(self):
         s, n = self.structure, self.structure.size
-        first = np.array([s.place(f"{h.name}.amplitude") for h in s.harmonics], dtype=np.intp)
+        first = np.array([s.place(f"{harmonic.name}.amplitude") for harmonic in s.harmonics], dtype=np.intp)
         shapes = (first[:, None] + 2 + np.arange(n)).astype(np.intp)
         select = np.array([[h.order == order for h in s.harmonics] for order in self.orders], dtype=float)
         return first, first + 1, shapes, select.reshape(len(self.orders), len(s.harmonics))
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """The coefficients of the flow from the (real or complex) vector of parameter values."""
-        n = self.structure.size
-        mass = values[self.structure.block("mass", n, n)]
-        loads = [values[self._linear_places]]
-        if self.structure.harmonics:
-            amplitude, phase, shapes, select = self._harmonic_places
-            size, angle = values[amplitude], values[phase]
-            loads.append(((select * (size * np.cos(angle))) @ values[shapes]).T)
-            loads.append((-(select * (size * np.sin(angle))) @ values[shapes]).T)
-        accelerations = np.linalg.solve(mass, np.concatenate(loads, axis=1))
+        assembly, own = self.assembled.assembly, values
+        values, n = self.assembled.expand(values), self.structure.size
+        amplitude, phase, shapes, select = self._harmonic_places
+        if assembly:
+            table = assembly.accelerations(own)
+        else:
+            mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
+            table = np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
+        linear, shape = np.split(table, [table.shape[1] - len(self.structure.harmonics)], axis=1)
+        size, angle = values[amplitude], values[phase]
+        cosines = shape @ (select * (size * np.cos(angle))).T
+        sines = shape @ (select * (size * -np.sin(angle))).T
+        accelerations = np.concatenate((linear, cosines, sines), axis=1)
         return np.concatenate(([1.0 / values[0]], accelerations.ravel(), values[self._contact_places]))
 
 

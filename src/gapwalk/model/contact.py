@@ -54,8 +54,8 @@ class Stage:
     side
         The side on which it acts.
     name
-        Needed only in contacts of more than one stage: the parameters are then called
-        ``contact.name.clearance`` instead of ``contact.clearance``.
+        The parameters of a stage with a name are called ``contact.name.clearance`` instead of
+        ``contact.clearance``. Only one that is alone may have none.
     """
 
     clearance: float

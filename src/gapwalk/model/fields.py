@@ -28,6 +28,7 @@ class Names:
     """What the validators of one pass know of the names in a file, whatever else is wrong with it."""
 
     coordinates: list[str] | None
+    what: str = "coordinate"
     taken: set[str] = field(
         # First parts of the names of other parameters: a contact of that name would make them ambiguous.
         default_factory=lambda: {"frequency", "mass", "damping", "stiffness", "mean", "study"}
@@ -42,6 +43,14 @@ class Names:
         if not all(isinstance(name, str) for name in names):
             return cls(None)
         return cls(list(dict.fromkeys(names)))  # a name that stands twice by mistake is no second coordinate
+
+    @classmethod
+    def of_train(cls, data: Any) -> Names:
+        """The names of the inertias of a train, which stand in place of coordinates."""
+        tables = data.get("inertia") if isinstance(data, Mapping) else None
+        tables = tables if isinstance(tables, list) else []
+        names = [table.get("name") for table in tables if isinstance(table, Mapping)]
+        return cls([*dict.fromkeys(name for name in names if isinstance(name, str))] or None, "inertia")
 
 
 def one_of(choices: type[Choice], otherwise: str = "") -> Callable[[object], Choice]:
@@ -83,7 +92,7 @@ def _word(name: str) -> str:
 def _coordinate(name: str, info: ValidationInfo[Names]) -> str:
     known = info.context.coordinates
     if known and name not in known:
-        raise ValueError(f"names no coordinate; {did_you_mean(name, known)}")
+        raise ValueError(f"names no {info.context.what}; {did_you_mean(name, known)}")
     return name
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
@@ -11,17 +10,14 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, fie
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, DampingLaw, Side, Stage
 from gapwalk.model.damping_table import DampingField, DampingPart
-from gapwalk.model.excitation import Harmonic
 from gapwalk.model.fields import (
     MAX_COORDINATES,
-    Angle,
     Direction,
     Matrix,
     Name,
     Names,
     NonNegative,
     Number,
-    Order,
     Positive,
     RegularMatrix,
     Text,
@@ -35,8 +31,9 @@ from gapwalk.model.problem import ModelFileError, Problem, given
 from gapwalk.model.schema import Part, refusal, validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
+from gapwalk.model.tables import HarmonicPart, SideName, StagePart, study_tables
+from gapwalk.model.train.file import TrainPart, describes_train, train_problems
 
-_SideName = Annotated[Side, BeforeValidator(one_of(Side))]
 _LawName = Annotated[DampingLaw, BeforeValidator(one_of(DampingLaw))]
 
 # The key that gives the coefficient of each law.
@@ -46,16 +43,6 @@ _COEFFICIENTS = {
     DampingLaw.HUNT_CROSSLEY: "impact_damping",
     DampingLaw.HUNT_CROSSLEY_AS_PRINTED: "impact_damping",
 }
-
-
-class StagePart(Part):
-    """One spring of a contact: ``[[contact.stage]]``."""
-
-    name: Name | None = None
-    clearance: NonNegative = Field(description="it is half the width of the gap")
-    stiffness: Number = Field(description="it is what this spring adds to the slope of the force")
-    cubic: Number = 0.0
-    side: _SideName = Side.BOTH
 
 
 class ContactPart(Part):
@@ -68,7 +55,7 @@ class ContactPart(Part):
     clearance: NonNegative | None = Field(default=None, validate_default=True)
     stiffness: Number | None = Field(default=None, validate_default=True)
     cubic: Number | None = Field(default=None, validate_default=True)
-    side: _SideName | None = Field(default=None, validate_default=True)
+    side: SideName | None = Field(default=None, validate_default=True)
     damping: _LawName | None = None
     impact_damping: NonNegative | None = Field(default=None, validate_default=True)
     viscous_damping: NonNegative | None = Field(default=None, validate_default=True)
@@ -138,39 +125,6 @@ class ContactPart(Part):
         return Contact(self.name, self.deflection, stages, self.force, damping, *coefficients)
 
 
-class HarmonicPart(Part):
-    """A term of the excitation: ``[[harmonic]]``."""
-
-    order: Order = 1
-    amplitude: Number = Field(description="it is the size of the load")
-    phase: Angle = 0.0
-    acts_on: Direction = Field(description="write on which coordinates it acts, as in { q1 = 1.0 }")
-    name: Name | None = Field(default=None, validate_default=True)
-
-    @field_validator("name")
-    @classmethod
-    def _is_free(cls, name: str | None, info: ValidationInfo[Names]) -> str | None:
-        if name is not None:
-            claim(name, info)
-        elif "order" in info.data:
-            name = f"harmonic{info.data['order']}"
-            if name in info.context.taken:
-                raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
-            info.context.taken.add(name)
-        return name
-
-    def harmonic(self) -> Harmonic:
-        """The harmonic that the table describes."""
-        return Harmonic(self.amplitude, self.acts_on, self.order, self.phase, self.name or "")
-
-
-def _tables(study: object) -> object:
-    tables = study if isinstance(study, list) and study else [study]
-    if not all(isinstance(table, Mapping) for table in tables):
-        raise ValueError(f"is {given(study)}; it must be a table [study], or several tables [[study]]")
-    return study
-
-
 class SystemPart(Part):
     """A model file. Its tables ``[study]`` (or ``[[study]]``) and ``[reduction]`` are read by `gapwalk.study`."""
 
@@ -187,7 +141,7 @@ class SystemPart(Part):
     frequency: Positive | None = None
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
-    study: Annotated[Any, AfterValidator(_tables)] = None
+    study: Annotated[Any, AfterValidator(study_tables)] = None
     reduction: Any = None  # read by `gapwalk.study.reduced`
 
     def system(self, frequency: float | None = None) -> System:
@@ -204,16 +158,22 @@ class SystemPart(Part):
         )
 
 
-def check_system(source: Source) -> tuple[SystemPart | None, list[Problem]]:
+ModelPart = SystemPart | TrainPart
+"""What a model file says of the system, in one of its two forms: equations of motion, or a drive train."""
+
+
+def check_system(source: Source) -> tuple[ModelPart | None, list[Problem]]:
     """Check the system part of a model file.
 
     Returns
     -------
-    part : SystemPart or None
+    part : SystemPart, TrainPart or None
         What the file says, if nothing is wrong with it.
     problems : list of Problem
         Everything that is wrong with it.
     """
+    if describes_train(source.data):
+        return _check_train(source)
     source, unread = expand(source)
     part, problems = validate(SystemPart, source.data, source, context=lambda: Names.of(source.data))
     missing = {problem.path for problem in unread}
@@ -224,6 +184,16 @@ def check_system(source: Source) -> tuple[SystemPart | None, list[Problem]]:
         except ModelError as error:
             return None, [source.problem(refusal(error))]
     return (None if problems else part), problems
+
+
+def _check_train(source: Source) -> tuple[TrainPart | None, list[Problem]]:
+    part, problems = validate(TrainPart, source.data, source, context=lambda: Names.of_train(source.data))
+    if part:
+        try:
+            part.system()
+        except ModelError as error:
+            return None, [*train_problems(error, source)]
+    return part, problems
 
 
 def read_system(path: str | os.PathLike[str]) -> System:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
 from gapwalk.model.contact import DampingLaw, Side
+from gapwalk.model.names import NameBlock, ParameterNames
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,7 @@ class ContactForm:
 
     def stage_prefix(self, stage: StageForm) -> str:
         """What the names of the stage's parameters begin with."""
-        return f"{self.name}.{stage.name}" if len(self.stages) > 1 else self.name
+        return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,16 +51,45 @@ class HarmonicForm:
     order: int
 
 
+class Assembly(Protocol):
+    """How the equations of motion come from numbers of another kind, such as those of the parts of a drive train.
+
+    An assembly is a value: hashable, and equal to one of the same parts.
+    """
+
+    @property
+    def names(self) -> ParameterNames:
+        """The names of its own numbers; the first is the frequency."""
+        ...
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values of the equations of motion, real or complex as its own values are, in their order."""
+        ...
+
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+        """``M^-1 [K | C | d_1 ... | m | s_1 ...]``, the columns of all contacts and harmonics, shape (n, columns).
+
+        Made directly, zeros stay zeros; a flow is compiled for the others only.
+        """
+        ...
+
+    def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+        """What is wrong with its own numbers, one sentence each."""
+        ...
+
+
 @dataclass(frozen=True)
 class Structure:
     """Everything about a system but its numbers. Systems of equal structure share one compiled flow.
 
-    The numbers live in one flat vector; `names` gives the parameter at each place of it.
+    The numbers live in one flat vector; `names` gives the parameter at each place of it. Where an assembly stands
+    between them and the equations of motion, the numbers are those of the assembly.
     """
 
     coordinates: tuple[str, ...]
     contacts: tuple[ContactForm, ...]
     harmonics: tuple[HarmonicForm, ...]
+    assembly: Assembly | None = None
 
     @property
     def size(self) -> int:
@@ -70,17 +101,21 @@ class Structure:
 
     @cached_property
     def _hash(self) -> int:  # kept, because every look-up of a compiled flow asks for it
-        return hash((self.coordinates, self.contacts, self.harmonics))
+        return hash((self.coordinates, self.contacts, self.harmonics, self.assembly))
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> ParameterNames:
         """The names of all parameters, in the order of the value vector."""
-        return tuple(self._generate_names())
+        return self.assembly.names if self.assembly else ParameterNames(tuple(self._blocks()), self.coordinates)
 
     @cached_property
-    def places(self) -> dict[str, int]:
-        """The place of each parameter in the value vector."""
-        return {name: place for place, name in enumerate(self.names)}
+    def equations(self) -> Structure:
+        """The structure whose numbers are those of the equations of motion."""
+        return Structure(self.coordinates, self.contacts, self.harmonics) if self.assembly else self
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values of `equations` that belong to values of this structure."""
+        return self.assembly.expand(values) if self.assembly else values
 
     def place(self, name: str) -> int:
         """The place of one parameter.
@@ -90,42 +125,25 @@ class Structure:
         ModelError
             If there is no parameter of that name; the message offers the nearest ones.
         """
-        try:
-            return self.places[name]
-        except (KeyError, TypeError):
-            raise ModelError(self._unknown(name)) from None
+        return self.names.place(name)
 
-    def block(self, prefix: str, *shape: int) -> np.ndarray:
+    def block(self, prefix: str, *shape: int) -> NDArray[np.intp]:
         """Places of the consecutive parameters that begin with `prefix`, as an index array of `shape`."""
-        q = self.coordinates[0]
-        first = self.places.get(f"{prefix}.{q}.{q}", self.places.get(f"{prefix}.{q}"))
-        if first is None:
-            raise KeyError(prefix)
-        return first + np.arange(int(np.prod(shape))).reshape(shape)
+        return self.names.start(prefix) + np.arange(int(np.prod(shape))).reshape(shape)
 
-    def _generate_names(self):
-        qs = self.coordinates
-        yield "frequency"
-        for matrix in ("mass", "damping", "stiffness"):
-            yield from (f"{matrix}.{row}.{column}" for row in qs for column in qs)
-        yield from (f"mean.{q}" for q in qs)
+    def _blocks(self) -> Iterator[NameBlock]:
+        yield NameBlock("frequency")
+        yield from (NameBlock(matrix, 2) for matrix in ("mass", "damping", "stiffness"))
+        yield NameBlock("mean", 1)
         for harmonic in self.harmonics:
-            yield from (f"{harmonic.name}.amplitude", f"{harmonic.name}.phase")
-            yield from (f"{harmonic.name}.acts_on.{q}" for q in qs)
+            yield from (NameBlock(f"{harmonic.name}.{what}") for what in ("amplitude", "phase"))
+            yield NameBlock(f"{harmonic.name}.acts_on", 1)
         for contact in self.contacts:
-            yield from (f"{contact.name}.deflection.{q}" for q in qs)
+            yield NameBlock(f"{contact.name}.deflection", 1)
             if not contact.reciprocal:
-                yield from (f"{contact.name}.force.{q}" for q in qs)
+                yield NameBlock(f"{contact.name}.force", 1)
             for stage in contact.stages:
                 prefix = contact.stage_prefix(stage)
-                yield from (f"{prefix}.{what}" for what in ("clearance", "stiffness", "cubic"))
+                yield from (NameBlock(f"{prefix}.{what}") for what in ("clearance", "stiffness", "cubic"))
             if contact.damping_name:
-                yield f"{contact.name}.{contact.damping_name}"
-
-    def _unknown(self, name: str) -> str:
-        near = difflib.get_close_matches(str(name), self.names, n=3, cutoff=0.5)
-        if not near:
-            last = str(name).rsplit(".", 1)[-1]
-            near = [known for known in self.names if known.rsplit(".", 1)[-1] == last][:3]
-        hint = f"did you mean {' or '.join(repr(known) for known in near)}?" if near else ""
-        return f"there is no parameter {name!r}; {hint or 'system.parameters lists them all'}"
+                yield NameBlock(f"{contact.name}.{contact.damping_name}")

@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
+from gapwalk.model.checks import checked
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+
+
+class _Parameters(Mapping[str, float]):
+    """The parameters of a system by name."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self._system.structure.names:
+            raise KeyError(name)
+        return self._system[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._system.structure.names)
+
+    def __len__(self) -> int:
+        return len(self._system.structure.names)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 class System:
@@ -48,7 +68,7 @@ class System:
         With everything that is wrong, one reason a line.
     """
 
-    __slots__ = ("_beside", "_coefficients", "structure", "values")  # the second is kept for `coefficients_of`
+    __slots__ = ("_beside", "_coefficients", "_equations", "structure", "values")  # the second is for `coefficients_of`
     structure: Structure
     values: NDArray[np.float64]
 
@@ -101,7 +121,7 @@ class System:
             tuple(HarmonicForm(harmonic.name, harmonic.order) for harmonic in harmonics),
         )
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
-        self._set(structure, _checked(structure, values))
+        self._set(structure, checked(structure, values))
 
     def at(self, changes: Mapping[str, float] | None = None, **more: float) -> System:
         """The same system with other parameter values.
@@ -127,7 +147,7 @@ class System:
                 values[place] = value
             except OverflowError:
                 raise ModelError(f"{name} is an integer too large for a number of the machine") from None
-        return System.from_values(self.structure, _checked(self.structure, values))
+        return System.from_values(self.structure, checked(self.structure, values))
 
     @classmethod
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
@@ -151,7 +171,7 @@ class System:
         return system
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
-        if name != "values":
+        if name != "values" or not hasattr(self, "_beside"):
             raise AttributeError(f"a System has no attribute {name!r}")
         shared, place, value = self._beside
         values = shared.copy()
@@ -185,7 +205,19 @@ class System:
     @property
     def parameters(self) -> Mapping[str, float]:
         """Every parameter with its value."""
-        return MappingProxyType(dict(zip(self.structure.names, self.values.tolist(), strict=True)))
+        return _Parameters(self)
+
+    @property
+    def equations(self) -> System:
+        """The equations of motion as a system of their own; itself, unless an assembly makes them (a drive train)."""
+        if self.structure.assembly is None:
+            return self
+        try:
+            return self._equations
+        except AttributeError:
+            values = self.structure.expand(self.values)
+            object.__setattr__(self, "_equations", System.from_values(self.structure.equations, values))
+            return self._equations
 
     def __getitem__(self, name: str) -> float:
         """The value of one parameter."""
@@ -193,7 +225,13 @@ class System:
 
     def matrix(self, which: str) -> NDArray[np.float64]:
         """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
-        return self.values[self.structure.block(which, self.size, self.size)]
+        system = self.equations
+        return system.values[system.structure.block(which, self.size, self.size)]
+
+    def vector(self, which: str) -> NDArray[np.float64]:
+        """The vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,)."""
+        system = self.equations
+        return system.values[system.structure.block(which, self.size)]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -266,53 +304,3 @@ def _name_problems(coordinates, contacts, harmonics):
                 yield f"{kind} name {name!r} is taken; choose another name"
         if kind != "coordinate":
             taken.update(names)
-
-
-def _checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values, if a system can have them."""
-    problems = [
-        f"{structure.names[place]} is {values[place]}; it must be a finite number"
-        for place in np.flatnonzero(~np.isfinite(values))
-    ]
-    if not problems:
-        problems = list(_value_problems(structure, values))
-    if problems:
-        raise ModelError("\n".join(problems))
-    return values
-
-
-def _value_problems(structure: Structure, values: NDArray[np.float64]):
-    if not values[0] > 0:
-        yield f"frequency is {values[0]}; it must be > 0"
-    n = structure.size
-    mass = values[structure.block("mass", n, n)]
-    if not _is_regular(mass):
-        yield (
-            f"mass is singular{f' (its rows are {mass.tolist()})' if n < 4 else ''}; every coordinate needs "
-            "an inertia. A system that can turn as a whole is written in relative coordinates"
-        )
-    for contact in structure.contacts:
-        if not values[structure.block(f"{contact.name}.deflection", n)].any():
-            yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
-        for sign in (1, -1):
-            inner = -math.inf
-            for stage in contact.stages:
-                if sign not in stage.side.signs:
-                    continue
-                name = f"{contact.stage_prefix(stage)}.clearance"
-                clearance = float(values[structure.places[name]])
-                if clearance < 0:
-                    yield f"{name} is {clearance}; it must be >= 0"
-                elif clearance <= inner:
-                    yield f"{name} is {clearance}; it must exceed that of the stage inside it, {inner}"
-                inner = clearance
-
-
-def _is_regular(mass: NDArray[np.float64]) -> bool:
-    sizes = np.abs(mass).max(axis=1)
-    if not sizes.all():
-        return False
-    # scaled first, so that a small inertia beside a large one is not taken for none
-    scaled = mass / np.sqrt(np.outer(sizes, sizes))
-    singular = np.linalg.svd(scaled, compute_uv=False)
-    return bool(singular[-1] > 1e-13 * singular[0])

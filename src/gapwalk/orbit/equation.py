@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ class Evaluation(NamedTuple):
 
 class Method(Protocol):
     """A way to pose orbits as equations, with its options: `Shooting`, or `Balance`."""
+
+    name: ClassVar[str]
+    """What model files, tables and JSON call it."""
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
         """The equation of the orbits of a system over `period` forcing periods, along a named parameter perhaps."""

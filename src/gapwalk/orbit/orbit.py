@@ -168,6 +168,6 @@ def _pattern(orbit: Orbit) -> str:
 def _is_inside(orbit: Orbit, contact: ContactForm, name: tuple[str, str, int]) -> bool:
     """Whether a stage is closed at the start of an orbit."""
     system, (_, stage, side) = orbit.system, name
-    deflection = system.values[system.structure.block(f"{contact.name}.deflection", system.size)]
-    clearance = system[f"{contact.name}.{stage}.clearance" if len(contact.stages) > 1 else f"{contact.name}.clearance"]
+    deflection = system.vector(f"{contact.name}.deflection")
+    clearance = system[f"{contact.name}.{stage}.clearance" if stage else f"{contact.name}.clearance"]
     return side * float(deflection @ orbit.state[: system.size]) > clearance

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class Shooting:
     tolerance
         Largest residual of an orbit, relative to the size of its state.
     """
+
+    name: ClassVar[str] = "shooting"
 
     segments: int = 1
     tolerance: float = 1e-10

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gapwalk.plot.basins import draw_basins, plot_basins
     from gapwalk.plot.branch import plot_branch
+    from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.diagram import plot_diagram
     from gapwalk.plot.history import plot_history, plot_loop
     from gapwalk.plot.map import plot_map
@@ -24,6 +25,7 @@ __all__ = [
     "draw_regimes",
     "plot_basins",
     "plot_branch",
+    "plot_comparison",
     "plot_contact_figures",
     "plot_diagram",
     "plot_history",
@@ -44,6 +46,7 @@ _HOMES = {
     "draw_regimes": "regimes",
     "plot_basins": "basins",
     "plot_branch": "branch",
+    "plot_comparison": "comparison",
     "plot_contact_figures": "regimes",
     "plot_diagram": "diagram",
     "plot_history": "history",

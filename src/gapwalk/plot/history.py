@@ -89,7 +89,7 @@ def breakpoints(system: System, signal: str) -> list[float]:
 
 
 def _deflection(system: System, contact: ContactForm) -> NDArray[np.float64]:
-    return system.values[system.structure.block(f"{contact.name}.deflection", system.size)]
+    return system.vector(f"{contact.name}.deflection")
 
 
 def _levels(system: System, contact: ContactForm) -> list[float]:

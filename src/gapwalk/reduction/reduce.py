@@ -59,6 +59,7 @@ def reduce(
     Craig and Bampton (1968), AIAA Journal 6, 1313-1319. At rest the reduced system is exact.
     """
     _check(system, modes, error, up_to)
+    system = system.equations  # of a drive train; its parts have no part in what is left
     highest = system.frequency if up_to is None else float(up_to)
     matrices = matrices_of(system)
     bases = Bases(matrices, kept_of(matrices, system.coordinates, keep))

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 
 from gapwalk.bifurcation.locus import LocusPoint
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.measures import MEASURES
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.options import BranchOptions
 
 
 def measure_names(coordinates: Sequence[str]) -> list[str]:
@@ -17,6 +20,16 @@ def measure_names(coordinates: Sequence[str]) -> list[str]:
 def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
     """The measures of a point, in the order of `measure_names`."""
     return [point.measure(name) for name in measure_names(point.orbit.system.coordinates)]
+
+
+def method_names(options: BranchOptions) -> list[str]:
+    """The headings of what a method has to say of each orbit: of harmonic balance its harmonics and what they lack."""
+    return ["harmonics", "truncation"] if options.balanced else []
+
+
+def method_values(orbit: Orbit) -> list[float]:
+    """The number of harmonics and the truncation error of an orbit; nothing of one that was found by shooting."""
+    return [orbit.harmonics, orbit.truncation] if isinstance(orbit, BalancedOrbit) else []
 
 
 def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:

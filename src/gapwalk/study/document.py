@@ -12,11 +12,15 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.columns import method_values
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
 from gapwalk.study.reduced.full_check import plain_checks
 from gapwalk.study.reduced.origin import plain_reduced
 from gapwalk.study.result import Result
+from gapwalk.study.store.plain import plain_parameters
+from gapwalk.study.store.plain_options import plain_method
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""
@@ -33,7 +37,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
-        "parameters": dict(result.system.parameters),
+        "parameters": plain_parameters(result.system),
     }
     if result.study.reduced is not None:
         head["reduction"] = plain_reduced(result.study.reduced)
@@ -44,6 +48,7 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         return head | finding.document(points) | told
     document = {
         **head,
+        "method": plain_method(result.walked.method),
         "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
         "special_points": special_documents(result),
     }
@@ -121,7 +126,13 @@ def point_document(point: BranchPoint) -> dict[str, Any]:
         "instability": point.instability.label,
         "measures": measures(point),
         "contacts": point.orbit.pattern,
+        **method_document(point.orbit),
     }
+
+
+def method_document(orbit: Orbit) -> dict[str, Any]:
+    """What harmonic balance has to say of an orbit: its number of harmonics, and the share of the motion they lack."""
+    return dict(zip(("harmonics", "truncation"), method_values(orbit), strict=False))
 
 
 def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict[str, Any]:
@@ -142,6 +153,7 @@ def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict
         "judged": special.judged,
         "contact": special.contact or None,
         "contacts": special.orbit.pattern,
+        **method_document(special.orbit),
     }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import StoreError
-from gapwalk.study.columns import measure_names, measure_values, parameter_headings
+from gapwalk.study.columns import measure_names, measure_values, method_names, method_values, parameter_headings
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
@@ -60,7 +60,8 @@ def points_csv(result: Result) -> str:
 
     The columns are: number and name of the branch, period, parameter, stability, contacts; maximum, minimum, half the
     peak to peak, mean and rms of each coordinate; the state at theta = 0; modulus and argument (in radians) of the
-    multipliers. On the sections of a map, the second parameter comes after the first.
+    multipliers; by harmonic balance, the number of harmonics and the truncation error. On the sections of a map, the
+    second parameter comes after the first.
     """
     coordinates = result.system.coordinates
     chart = result.map
@@ -70,7 +71,7 @@ def points_csv(result: Result) -> str:
     names = parameter_headings([result.walked.parameter, *([chart.second] if chart else [])], coordinates)
     header = ["branch", "name", "period", *names, "stable", "instability", "contacts"]
     return _table(
-        [*header, *measure_names(coordinates), *states, *multipliers],
+        [*header, *measure_names(coordinates), *states, *multipliers, *method_names(result.walked)],
         (
             [
                 number,
@@ -84,6 +85,7 @@ def points_csv(result: Result) -> str:
                 *measure_values(point),
                 *point.orbit.state.tolist(),
                 *np.column_stack((np.abs(point.orbit.multipliers), np.angle(point.orbit.multipliers))).ravel().tolist(),
+                *method_values(point.orbit),
             ]
             for number, (name, branch) in enumerate(_named(result), start=1)
             for point in branch.points
@@ -112,7 +114,7 @@ def special_points_csv(result: Result) -> str:
         "leads.to",
     ]
     return _table(
-        [*header, *measure_names(coordinates)],
+        [*header, *measure_names(coordinates), *method_names(result.walked)],
         (
             [
                 number,
@@ -132,6 +134,7 @@ def special_points_csv(result: Result) -> str:
                 special.orbit.pattern,
                 " ".join(limb.name for limb in result.diagram.attached(name, index)) if result.diagram else "",
                 *measure_values(special.point),
+                *method_values(special.orbit),
             ]
             for number, (name, branch) in enumerate(_named(result), start=1)
             for index, special in enumerate(branch.special_points)

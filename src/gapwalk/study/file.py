@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from gapwalk.errors import ModelError
 from gapwalk.model.fields import Names
-from gapwalk.model.file import SystemPart, check_system, in_order
+from gapwalk.model.file import ModelPart, check_system, in_order
 from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
@@ -119,7 +119,7 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
 def _check_table(
     source: Source,
     at: Path,
-    part: SystemPart | None,
+    part: ModelPart | None,
     system: System | None,
     changes: Mapping[str, object],
     asked: Mapping[str, object],

@@ -9,6 +9,7 @@ from typing import ClassVar
 from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
+from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.map.options import MapOptions
@@ -56,8 +57,10 @@ class BranchOptions(StudyOptions):
     start
         Where the first orbit is looked for; or the state itself at theta = 0, 2n numbers: positions, then
         velocities.
-    walk, shooting
-        Numerical options of the walk, and of the orbits on it.
+    walk
+        Numerical options of the walk.
+    method
+        How its orbits are found: `Shooting` or `Balance`, with their options.
     """
 
     parameter: str
@@ -67,12 +70,17 @@ class BranchOptions(StudyOptions):
     period: int = 1
     start: Start | tuple[float, ...] = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
-    shooting: Shooting = field(default_factory=Shooting)
+    method: Shooting | Balance = field(default_factory=Shooting)
 
     @property
     def plan(self) -> str:
         """What is to be done, in a line."""
         return f"{self.kind} over {self._range}, period {self.period}, showing {self.measure}"
+
+    @property
+    def balanced(self) -> bool:
+        """Whether its orbits are found by harmonic balance."""
+        return isinstance(self.method, Balance)
 
     @property
     def _range(self) -> str:
@@ -92,7 +100,7 @@ class DiagramStudyOptions(BranchOptions):
 
     Parameters
     ----------
-    parameter, begin, end, measure, period, start, walk, shooting
+    parameter, begin, end, measure, period, start, walk, method
         As `BranchOptions`, for the first branch; the range is that of all.
     max_period, max_branches, workers, search_values, search
         How far it goes, in how many processes, and the search for branches that are attached to no other; as
@@ -149,7 +157,7 @@ class MapStudyOptions(BranchOptions):
 
     Parameters
     ----------
-    parameter, begin, end, period, start, walk, shooting
+    parameter, begin, end, period, start, walk, method
         As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
     measure
         What tables and lists of motions show.

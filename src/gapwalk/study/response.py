@@ -8,7 +8,7 @@ import threading
 from contextlib import AbstractContextManager, nullcontext
 from types import FrameType
 
-from gapwalk.bifurcation import Trail, TrailState, depart, directions
+from gapwalk.bifurcation import Trail, TrailState, depart, directions, resumed_trail
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit
@@ -54,7 +54,7 @@ def _set_out(
             return walk, None, earlier.versions
         return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)
     options = study.walked
-    start = find_orbit(study.system, options.period, options.start, method=options.shooting)
+    start = find_orbit(study.system, options.period, options.start, method=options.method)
     trail = _trail(study, start)
     walk = StoredWalk(start, [trail.first], [], None, None)
     if output is not None:
@@ -72,15 +72,16 @@ def _store(
     if output is None:
         return nullcontext()
     options = study.walked
-    codec = PointCodec(study.system, options.parameter, options.period, len(walk.points[0].x))
+    unknowns = len(walk.points[0].x)
+    codec = PointCodec(study.system, options.parameter, options.period, unknowns, balanced=options.balanced)
     return Store(output, WalkFile(codec, len(walk.points), len(walk.special_points)), written_by, report)
 
 
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
     options = study.walked
     (direction,) = directions(options.begin, options.end)
-    departure = depart(start, options.parameter, options.end, direction, options.shooting)
-    return Trail(departure, options.walk, state)
+    departure = depart(start, options.parameter, options.end, direction, options.method)
+    return Trail(departure, options.walk) if state is None else resumed_trail(departure, options.walk, state)
 
 
 def _state(walk: StoredWalk) -> TrailState | None:

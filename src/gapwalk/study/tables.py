@@ -17,7 +17,7 @@ from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
-from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.method_table import BalancePart, MethodName, ShootingPart
 from gapwalk.study.options import Start, StudyOptions
 
 
@@ -64,22 +64,6 @@ class WalkPart(Part):
     def options(self) -> WalkOptions:
         """The options; what the table does not give has the default of `WalkOptions`."""
         return WalkOptions(**self.model_dump(exclude_unset=True))
-
-
-class ShootingPart(Part):
-    """Numerical options of the orbits: ``[study.shooting]``."""
-
-    segments: Count | None = None
-    tolerance: Positive | None = None
-
-    @model_validator(mode="after")
-    def _makes_options(self) -> ShootingPart:
-        self.options()
-        return self
-
-    def options(self) -> Shooting:
-        """The options; what the table does not give has the default of `Shooting`."""
-        return Shooting(**self.model_dump(exclude_unset=True))
 
 
 def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
@@ -234,7 +218,9 @@ class BranchPart(RangePart):
     ] = Start.SETTLE
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)
-    shooting: ShootingPart = Field(default_factory=ShootingPart)
+    method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] = MethodName.SHOOTING
+    shooting: ShootingPart = Field(default_factory=ShootingPart)  # that of the other method is not used: so one word
+    balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)  # in a file changes the method
 
     @field_validator("measure")
     @classmethod
@@ -250,6 +236,24 @@ class BranchPart(RangePart):
             raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
         return measure
 
+    @field_validator("method")
+    @classmethod
+    def _has_contacts(cls, method: MethodName, info: ValidationInfo[Surroundings]) -> MethodName:
+        system = info.context.system
+        if method is MethodName.BALANCE and system and not system.structure.contacts:
+            raise ValueError(
+                f"is {given(method.value)}, which solves for the deflections of contacts, and there is no contact; "
+                f"write {given(MethodName.SHOOTING.value)}"
+            )
+        return method
+
+    @field_validator("balance")
+    @classmethod
+    def _suits_the_excitation(cls, balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
+        if info.context.system and info.data.get("method") is MethodName.BALANCE:
+            balance.options().pose(info.context.system)
+        return balance
+
     def given(self, system: System) -> dict[str, Any]:
         """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""
         found: dict[str, Any] = {
@@ -258,7 +262,7 @@ class BranchPart(RangePart):
             "end": self.end,
             "measure": self.measure or f"half.{system.coordinates[0]}",
             "walk": self.walk.options(),
-            "shooting": self.shooting.options(),
+            "method": (self.balance if self.method is MethodName.BALANCE else self.shooting).options(),
         }
         if "period" in self.model_fields_set:
             found["period"] = self.period

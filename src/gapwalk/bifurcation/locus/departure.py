@@ -21,6 +21,7 @@ from gapwalk.continuation.walk import Range, powers_of_two, state_scales
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.shooting import Shooting
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -67,7 +68,7 @@ class LocusDeparture:
 
 
 def depart_locus(
-    special: SpecialPoint, first: str, second: str, to: Ranges, shooting: Shooting | None = None
+    special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
 ) -> list[LocusDeparture]:
     """Leave a special point along its locus, in both directions: towards smaller `first`, then towards larger.
 
@@ -78,8 +79,8 @@ def depart_locus(
     ConvergenceError
         If the point is none, to the tolerance of the method.
     """
-    shooting = shooting or Shooting()
-    within = _checked(special, first, second, to, shooting)
+    shooting = _shooting(method)
+    within = _checked(special, first, second, to)
     plane = OrbitPlane(special.orbit.system, (first, second), special.orbit.period)
     if special.kind is Kind.GRAZING:
         corrector, start = _touch_corrector(plane, special, within, shooting)
@@ -96,6 +97,21 @@ def depart_locus(
     there = corrector.point(correction, tangent, 0.0)
     back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
     return [LocusDeparture(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+
+
+def _shooting(method: Method | None) -> Shooting:
+    """The way to pose a locus: by shooting in one segment."""
+    if method is None:
+        return Shooting()
+    if not isinstance(method, Shooting):
+        raise ModelError(
+            f"the method is {method.name}, but loci are followed by shooting: round the corners that they have where a "
+            "contact grazes, only exact motions show the way; leave method out (the point to start from may have been "
+            "found by harmonic balance)"
+        )
+    if method.segments > 1:
+        raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
+    return method
 
 
 def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range], shooting: Shooting):
@@ -127,7 +143,7 @@ def _scales(states: NDArray[np.float64], others: Sequence[float], within: tuple[
     return powers_of_two(np.concatenate((states, others, widths)))
 
 
-def _checked(special: SpecialPoint, first: str, second: str, to: Ranges, shooting: Shooting) -> tuple[Range, Range]:
+def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:
     """The ranges, if the request makes sense."""
     system = special.orbit.system
     if special.kind is Kind.BRANCH_POINT:
@@ -138,8 +154,6 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges, shootin
     places = [system.structure.place(name) for name in (first, second)]
     if places[0] == places[1]:
         raise ModelError(f"both parameters are {first!r}; a locus is a curve in the plane of two different ones")
-    if shooting.segments > 1:
-        raise ModelError(f"segments is {shooting.segments}; a locus is followed with one, write Shooting(segments=1)")
     try:
         pairs = [(float(low), float(high)) for low, high in to]
     except (TypeError, ValueError):

@@ -10,7 +10,7 @@ from gapwalk.bifurcation.locus.locus import Codim2Point, Locus, LocusEnd, LocusE
 from gapwalk.bifurcation.locus.trail import LocusStep, LocusTrail
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.orbit.shooting import Shooting
+from gapwalk.orbit.equation import Method
 
 LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
 """Called with each new point and the points of codimension two before it."""
@@ -23,7 +23,7 @@ def follow_locus(
     to: Ranges,
     *,
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: LocusReport | None = None,
 ) -> Locus:
     """Follow a fold, flip, Neimark-Sacker or grazing point in two named parameters, in both directions.
@@ -36,7 +36,7 @@ def follow_locus(
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
-    walk, shooting
+    walk, method
         Options of the walk and of the method (one segment).
     report
         Called with each new point and the points of codimension two before it.
@@ -50,7 +50,7 @@ def follow_locus(
     """
     trails: list[LocusTrail] = []
     walked: list[list[LocusStep]] = []
-    for departure in depart_locus(special, first, second, to, shooting):
+    for departure in depart_locus(special, first, second, to, method):
         trails.append(LocusTrail(departure, walk))
         walked.append([])
         for step in trails[-1]:

@@ -11,7 +11,7 @@ from gapwalk.bifurcation.search.result import Found
 from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.shooting import Shooting
+from gapwalk.orbit.equation import Method
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def isolated(
     *,
     known: Sequence[Branch] = (),
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: Callable[[Branch], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Isolated:
@@ -58,7 +58,7 @@ def isolated(
         The values between which the branches are followed, in both directions.
     known
         Branches along this parameter that have been followed already.
-    walk, shooting
+    walk, method
         Options of the walk and of the method.
     report
         Called with each new branch.
@@ -80,7 +80,7 @@ def isolated(
             if any(curve.holds(each.orbit) for curve in curves):
                 continue
             try:
-                branch = follow(each.orbit, parameter, to, walk=walk, method=shooting)
+                branch = follow(each.orbit, parameter, to, walk=walk, method=method)
             except NumericalError as error:
                 lost.append((each, str(error)))
                 continue

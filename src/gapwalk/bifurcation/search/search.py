@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.membership import Curve
-from gapwalk.bifurcation.search.catalogue import Catalogue
+from gapwalk.bifurcation.search.catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.search.chunk import Catch, Chunk, search_chunk
 from gapwalk.bifurcation.search.hands import Alone, Hands
 from gapwalk.bifurcation.search.options import SearchOptions
@@ -19,6 +19,8 @@ from gapwalk.bifurcation.search.starts import spread_starts, state_box
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.orbit import Orbit
 
 
 class Progress(NamedTuple):
@@ -100,13 +102,19 @@ def _chunks(
 ) -> Iterator[Chunk]:
     """The pieces of work at one value."""
     there = system.at({parameter: value})
-    known = tuple(orbit for curve in curves for orbit in curve.orbits_at(value))
+    on_branches = (_exact(orbit) for curve in curves for orbit in curve.orbits_at(value))
+    known = tuple(orbit for orbit in on_branches if orbit is not None)
     box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
     if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
         raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
     starts = spread_starts(box, options.starts, options.seed, value)
     for block, first in enumerate(range(0, options.starts, options.block)):
         yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
+
+
+def _exact(orbit: Orbit) -> Orbit | None:
+    """An orbit of a known branch as transients and Newton's method see it; None if there is none by a balanced one."""
+    return exact_orbit(orbit.system, orbit.period, orbit.state) if isinstance(orbit, BalancedOrbit) else orbit
 
 
 def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:

@@ -191,14 +191,14 @@ class BalanceEquation:
         if not isinstance(orbit, BalancedOrbit) or orbit.truncation <= self.options.error:
             return ""
         text = (
-            f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.2g} of the motion, and error = "
+            f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.4g} of the motion, and error = "
             f"{self.options.error:g} is allowed; "
         )
         if self.options.harmonics is None:
-            return text + "no motion was found with more of them: allow a larger error, or use Shooting()"
+            return text + "no motion was found with more of them: allow a larger error, or use the method shooting"
         return (
-            text + f"write Balance(harmonics={2 * self.harmonics}) or more, or Balance(harmonics=None) for as many as "
-            "it takes, or allow a larger error"
+            text + f"take harmonics = {2 * self.harmonics} or more, or leave harmonics out for as many as it takes, or "
+            "allow a larger error"
         )
 
     def finer(self) -> BalanceEquation | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -33,6 +33,8 @@ class Balance:
     tolerance
         Largest residual of an orbit, relative to the size of its lines.
     """
+
+    name: ClassVar[str] = "harmonic-balance"
 
     harmonics: int | None = None
     error: float = 1e-4

@@ -37,6 +37,11 @@ class BalancedOrbit(Orbit):
     deflections: Series
     truncation: float
 
+    @property
+    def harmonics(self) -> int:
+        """H, the highest harmonic of the forcing frequency."""
+        return (self.series.lines.shape[1] - 1) // self.period
+
     def motion(self, samples: int | None = None) -> Motion:
         """One full period, sampled evenly with `samples` a forcing period."""
         count = (samples or self.samples) * self.period

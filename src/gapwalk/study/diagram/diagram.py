@@ -18,9 +18,9 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.work.workers import Workers, workers
 
 Report = Callable[[Diagram, Limb], None]
@@ -86,7 +86,7 @@ class _Piece:
     within: tuple[float, float]
     way: int
     walk: WalkOptions | None
-    shooting: Shooting | None
+    method: Method | None
 
 
 def diagram(
@@ -98,7 +98,7 @@ def diagram(
     period: int = 1,
     options: DiagramOptions | None = None,
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Diagram:
@@ -115,7 +115,7 @@ def diagram(
         Name of the parameter, and the range.
     start, period
         Where the first branch starts: an orbit, or as in `find_orbit`.
-    options, walk, shooting
+    options, walk, method
         How far the diagram goes; options of the walk and of the method.
     report
         Called with each branch as it is accepted.
@@ -129,8 +129,8 @@ def diagram(
     ConvergenceError
         If no first orbit is found.
     """
-    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=shooting)
-    return grow(orbit, parameter, to, options, walk, shooting, report, resume).diagram
+    orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
+    return grow(orbit, parameter, to, options, walk, method, report, resume).diagram
 
 
 def grow(
@@ -139,7 +139,7 @@ def grow(
     to: tuple[float, float],
     options: DiagramOptions | None = None,
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Growth:
@@ -149,7 +149,7 @@ def grow(
     directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
     known = resume or Diagram(parameter, (low, high))
     # what could not be done before is tried again, and noted again
-    grower = _Grower(replace(known, notes=(), failures=(), complete=False), options, walk, shooting, report)
+    grower = _Grower(replace(known, notes=(), failures=(), complete=False), options, walk, method, report)
     try:
         with workers(options.workers) as hands:
             grower.plant_first(orbit, hands)
@@ -163,8 +163,8 @@ def grow(
 class _Grower:
     """Grows one diagram, generation by generation."""
 
-    def __init__(self, known: Diagram, options: DiagramOptions, walk, shooting, report: Report | None) -> None:
-        self.diagram, self.options, self.walk, self.shooting = known, options, walk, shooting
+    def __init__(self, known: Diagram, options: DiagramOptions, walk, method, report: Report | None) -> None:
+        self.diagram, self.options, self.walk, self.method = known, options, walk, method
         self.report = report
         self.truncated = False
         self._tried: set[tuple[Origin, int]] = set()
@@ -250,7 +250,7 @@ class _Grower:
         if isinstance(branch, str):
             self.diagram = replace(self.diagram, failures=(*self.diagram.failures, branch))
             return
-        self.diagram = self.diagram.with_branch(branch, origin)
+        self.diagram = self.diagram.with_branch(branch, origin, self.method)
         if self.report is not None:
             self.report(self.diagram, self.diagram.limbs[-1])
 
@@ -269,7 +269,7 @@ class _Grower:
         return True
 
     def _piece(self, start: Orbit | SpecialPoint, way: int) -> _Piece:
-        return _Piece(start, self.diagram.parameter, self.diagram.within, way, self.walk, self.shooting)
+        return _Piece(start, self.diagram.parameter, self.diagram.within, way, self.walk, self.method)
 
 
 def _buds(limb: Limb, max_period: int) -> list[tuple[Origin, SpecialPoint, int]]:
@@ -289,9 +289,9 @@ def _walk_piece(piece: _Piece) -> Branch | str:
         if isinstance(piece.start, Orbit):
             start = piece.start.system[piece.parameter]
             ways = directions(start, piece.within)
-            departures = [depart(piece.start, piece.parameter, piece.within, way, piece.shooting) for way in ways]
+            departures = [depart(piece.start, piece.parameter, piece.within, way, piece.method) for way in ways]
         else:
-            departures = [switch(piece.start, piece.parameter, piece.within, piece.shooting)[piece.way]]
+            departures = [switch(piece.start, piece.parameter, piece.within, piece.method)[piece.way]]
         return walk_out(departures, piece.walk)
     except NumericalError as error:
         value = piece.start.value if isinstance(piece.start, SpecialPoint) else piece.start.system[piece.parameter]

@@ -38,7 +38,9 @@ class DiagramStore:
 
         def fill(connection: sqlite3.Connection) -> None:
             branch, number = limb.branch, self.count + 1
-            codec = PointCodec(self.file.study.system, branch.parameter, branch.period, len(branch.points[0].x))
+            study, unknowns = self.file.study, len(branch.points[0].x)
+            balanced = study.walked.balanced
+            codec = PointCodec(study.system, branch.parameter, branch.period, unknowns, balanced=balanced)
             row = BranchRow(number, limb.name, codec, begins=limb.begins, joins=limb.joins, ends=branch.ends)
             write_whole_branch(connection, row, branch)
             self._write_state(connection, diagram, finished=False)

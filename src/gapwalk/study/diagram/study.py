@@ -64,7 +64,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
 
     start = known.branches[0].points[0].orbit if known.limbs else _first_orbit(study)
     grown, finished = grow(
-        start, options.parameter, known.within, options.limits, options.walk, options.shooting, keep, known
+        start, options.parameter, known.within, options.limits, options.walk, options.method, keep, known
     )
     if not grown.limbs and not finished:
         raise KeyboardInterrupt  # there is nothing to keep
@@ -77,7 +77,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
 
 def _first_orbit(study: Study) -> Orbit:
     options = study.walked
-    return find_orbit(study.system, options.period, options.start, method=options.shooting)
+    return find_orbit(study.system, options.period, options.start, method=options.method)
 
 
 def _empty(options) -> Diagram:

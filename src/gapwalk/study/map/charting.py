@@ -12,10 +12,10 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.diagram.diagram import DiagramOptions, grow
 from gapwalk.study.map.chart import Map, Ranges, Section
 from gapwalk.study.map.options import MapOptions
@@ -40,7 +40,7 @@ class _Cut:
     period: int
     options: DiagramOptions
     walk: WalkOptions | None
-    shooting: Shooting | None
+    method: Method | None
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class _Piece:
     second: str
     within: Ranges
     walk: WalkOptions | None
-    shooting: Shooting | None
+    method: Method | None
 
 
 def bifurcation_map(
@@ -74,7 +74,7 @@ def bifurcation_map(
     period: int = 1,
     options: MapOptions | None = None,
     walk: WalkOptions | None = None,
-    shooting: Shooting | None = None,
+    method: Method | None = None,
     report: Report | None = None,
     resume: Map | None = None,
 ) -> Map:
@@ -94,7 +94,7 @@ def bifurcation_map(
     start, period
         Where the branches start, as in `find_orbit`, at the system's own value of the first parameter if that is in
         its range, and at the upper end otherwise.
-    options, walk, shooting
+    options, walk, method
         What the map shows; options of the walks and of the method.
     report
         Called with each section and each locus as it is accepted.
@@ -117,10 +117,10 @@ def bifurcation_map(
         max_period=options.max_period, workers=1, search_values=options.search_values, search=options.search
     )
     cuts = [
-        _Cut(system.at({second: value}), first, second, ranges[0], start, period, tree, walk, shooting)
+        _Cut(system.at({second: value}), first, second, ranges[0], start, period, tree, walk, method)
         for value in values
     ]
-    charter = _Charter(resume or Map(first, second, ranges), options, walk, shooting, report)
+    charter = _Charter(resume or Map(first, second, ranges), options, walk, method, report)
     try:
         with workers(options.workers) as hands:
             charter.add_sections(cuts, hands)
@@ -142,8 +142,8 @@ def _range(system: System, name: str, within: tuple[float, float]) -> tuple[floa
 class _Charter:
     """Draws up one map. What is known already is at each moment the first part of the whole, in its order."""
 
-    def __init__(self, known: Map, options: MapOptions, walk, shooting, report: Report | None) -> None:
-        self.chart, self.options, self.walk, self.shooting, self.report = known, options, walk, shooting, report
+    def __init__(self, known: Map, options: MapOptions, walk, method, report: Report | None) -> None:
+        self.chart, self.options, self.walk, self.method, self.report = known, options, walk, method, report
 
     def add_sections(self, cuts: Sequence[_Cut], hands: Workers) -> None:
         """Follow the branches along the first parameter at each value of the second."""
@@ -191,7 +191,7 @@ class _Charter:
 
     def _piece(self, special: SpecialPoint) -> _Piece:
         chart = self.chart
-        return _Piece(special, chart.first, chart.second, chart.within, self.walk, self.shooting)
+        return _Piece(special, chart.first, chart.second, chart.within, self.walk, self.method)
 
 
 def _follow_section(cut: _Cut) -> _Found:
@@ -200,10 +200,10 @@ def _follow_section(cut: _Cut) -> _Found:
     system = cut.system.at({cut.first: value if low <= value <= high else high})
     where = f"at {cut.second} = {cut.system[cut.second]:.10g}"
     try:
-        orbit = find_orbit(system, cut.period, cut.start, method=cut.shooting)
+        orbit = find_orbit(system, cut.period, cut.start, method=cut.method)
     except NumericalError as error:
         return _Found(failures=(f"{where} no branch could be followed: {error}",))
-    grown, finished = grow(orbit, cut.first, cut.within, cut.options, cut.walk, cut.shooting)
+    grown, finished = grow(orbit, cut.first, cut.within, cut.options, cut.walk, cut.method)
     if not finished:
         raise KeyboardInterrupt  # a section counts only as a whole
     notes, failures = ([f"{where}: {text}" for text in texts] for texts in (grown.notes, grown.failures))
@@ -214,7 +214,7 @@ def _follow_piece(piece: _Piece) -> Locus | str:
     """Follow one locus; a sentence instead if that cannot be done."""
     try:
         return follow_locus(
-            piece.special, piece.first, piece.second, piece.within, walk=piece.walk, shooting=piece.shooting
+            piece.special, piece.first, piece.second, piece.within, walk=piece.walk, method=piece.method
         )
     except NumericalError as error:
         kind, place = piece.special.kind.value, piece.special.orbit.system

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.locus import LocusPoint
 from gapwalk.model.system import System
-from gapwalk.study.store.codec import OrbitCodec, Packed, as_bytes, check_taken
+from gapwalk.study.store.orbit_codec import OrbitCodec, Packed, as_bytes
 
 
 class LocusCodec:
@@ -37,19 +37,19 @@ class LocusCodec:
     def pack(self, points: Sequence[LocusPoint]) -> Packed:
         """The bytes of some points."""
         return as_bytes([self._row(point) for point in points]), as_bytes(
-            [event for point in points for event in point.orbit.events]
+            event for point in points for event in point.orbit.events
         )
 
     def unpack(self, packed: Packed, count: int) -> list[LocusPoint]:
         """The points of their bytes; a ValueError if they are not those of `count` points."""
-        n, taken, points = self.unknowns, 0, []
-        rows, events = self._orbits.tables(packed, 6 + 2 * n + self._orbits.width, count)
-        for row, (first, second, *values, angle, arclength) in zip(rows, rows[:, :6].tolist(), strict=True):
-            orbit = self._orbits.orbit(row[6 + 2 * n :], values, events, taken)
-            taken += len(orbit.events)
-            x, tangent = row[6 : 6 + n], row[6 + n : 6 + 2 * n]
-            points.append(LocusPoint((first, second), orbit, angle, x, tangent, arclength))
-        check_taken(taken, events)
+        numbers, points = self._orbits.numbers(packed, count, 6 + 2 * self.unknowns), []
+        for _ in range(count):
+            first, second, *values, angle, arclength = numbers.take(6).tolist()
+            x, tangent = numbers.take(self.unknowns), numbers.take(self.unknowns)
+            points.append(
+                LocusPoint((first, second), self._orbits.orbit(numbers, values), angle, x, tangent, arclength)
+            )
+        numbers.check_empty()
         return points
 
     def _row(self, point: LocusPoint) -> NDArray[np.float64]:

@@ -41,17 +41,17 @@ def read_map(connection: sqlite3.Connection, system: System, options: MapStudyOp
     if len(loci) != int(about["loci"]):
         raise ValueError("a locus is missing")
     notes, failures = (tuple(str(text) for text in about[key]) for key in ("notes", "failures"))
-    sections = _sections(connection, system, first, second, about["sections"])
+    sections = _sections(connection, system, options, about["sections"])
     complete, tried = bool(about["complete"]), int(about["tried"])
     chart = Map(first, second, options.within, loci, sections, complete, notes, failures, tried)
     return StoredMap(chart, bool(about["finished"]))
 
 
 def _sections(
-    connection: sqlite3.Connection, system: System, first: str, second: str, about: Any
+    connection: sqlite3.Connection, system: System, options: MapStudyOptions, about: Any
 ) -> tuple[Section, ...]:
     values, counts = [float(each["value"]) for each in about], [int(each["branches"]) for each in about]
-    systems = [system.at({second: value}) for value in values]
+    systems = [system.at({options.second.parameter: value}) for value in values]
     stops = list(accumulate(counts))
 
     def system_of(place: int) -> System:
@@ -59,7 +59,7 @@ def _sections(
             raise ValueError("a branch belongs to no section")
         return systems[bisect_right(stops, place)]
 
-    branches = [row.branch() for row in branch_rows(connection, first, system_of)]
+    branches = [row.branch() for row in branch_rows(connection, options, system_of)]
     if len(branches) != sum(counts):
         raise ValueError("branches of a section are missing")
     return tuple(

@@ -55,7 +55,8 @@ class MapStore:
     def _write_section(self, connection: sqlite3.Connection, chart: Map, section: Section) -> None:
         system = self.file.study.system.at({chart.second: section.value})
         for number, (name, branch) in enumerate(section.named, start=self._branches + 1):
-            codec = PointCodec(system, chart.first, branch.period, len(branch.points[0].x))
+            unknowns, balanced = len(branch.points[0].x), self.file.study.walked.balanced
+            codec = PointCodec(system, chart.first, branch.period, unknowns, balanced=balanced)
             write_whole_branch(connection, BranchRow(number, name, codec, ends=branch.ends), branch)
 
     def _write_locus(self, connection: sqlite3.Connection, locus: Locus) -> None:

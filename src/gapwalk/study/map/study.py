@@ -69,7 +69,7 @@ def _chart(
         period=options.period,
         options=options.limits,
         walk=options.walk,
-        shooting=options.shooting,
+        method=options.method,
         report=keep,
         resume=known,
     )

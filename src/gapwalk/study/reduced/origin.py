@@ -98,8 +98,8 @@ def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> t
             at,
         )
         for name in walked_parameters(table)
-        if name in found.system.structure.places
-        and name in full.structure.places
+        if name in found.system.structure.names
+        and name in full.structure.names
         and abs(found.system[name] - full[name]) > 1e-9 * (abs(full[name]) + 1e-300)
     ]
     origin = ReducedFrom(full.size, found.kept, found.modes, found.up_to, found.error, found)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import fields
 
+import numpy as np
+
 from gapwalk.errors import StoreError
 from gapwalk.study.file import Study
 from gapwalk.study.reduced.before import as_before
@@ -63,11 +65,10 @@ def _check_same(name: str, study: Study, stored: Study) -> None:
     if study.system.structure != stored.system.structure:
         differences.append("the system is made of other parts")
     else:
-        then = stored.system.parameters
+        names, now, then = study.system.structure.names, study.system.values, stored.system.values
         differences += [
-            f"{parameter} is {value!r}, and was {then[parameter]!r}"
-            for parameter, value in study.system.parameters.items()
-            if value != then[parameter]
+            f"{names[place]} is {float(now[place])!r}, and was {float(then[place])!r}"
+            for place in np.flatnonzero(now != then).tolist()
         ]
     if type(study.options) is not type(stored.options):
         differences.append("the study is of another kind")

@@ -9,16 +9,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.diagram import Origin
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.model.contact import DampingLaw, Side
-from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
+from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.study.store.plain_parts import contact_of, harmonic_of, plain_contact, plain_harmonic, word
+from gapwalk.study.store.plain_train import plain_train, train_of
 
 Plain = Any
 """What JSON can write."""
+
+_MANY = 10_000  # parameters; beyond, zeros of matrices are not written
+_COORDINATES = 5_000  # at most, in a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,46 +38,51 @@ class Progress:
 
 
 def plain_system(system: System) -> Plain:
-    """A system: what it is made of, and every parameter by name."""
+    """A system: what it is made of, and its parameters by name."""
     structure = system.structure
-    return {
+    head: Plain = {
         "coordinates": list(structure.coordinates),
-        "contacts": [
-            {
-                "name": contact.name,
-                "stages": [{"name": stage.name, "side": stage.side.value} for stage in contact.stages],
-                "damping": contact.damping.value,
-                "reciprocal": contact.reciprocal,
-            }
-            for contact in structure.contacts
-        ],
-        "harmonics": [{"name": harmonic.name, "order": harmonic.order} for harmonic in structure.harmonics],
-        "parameters": dict(system.parameters),
+        "contacts": [plain_contact(contact) for contact in structure.contacts],
+        "harmonics": [plain_harmonic(harmonic) for harmonic in structure.harmonics],
     }
+    if isinstance(structure.assembly, TrainAssembly):
+        head["train"] = plain_train(structure.assembly)
+    return head | {"parameters": plain_parameters(system)}
+
+
+def plain_parameters(system: System) -> dict[str, float]:
+    """The parameters by name; of very many, zeros in vectors and matrices are left out."""
+    if len(system.parameters) <= _MANY:
+        return dict(system.parameters)
+    names, values = system.structure.names, system.values
+    places = {*np.flatnonzero(values).tolist(), *names.single}
+    return {names[place]: float(values[place]) for place in sorted(places)}
 
 
 def system_of(plain: Plain) -> System:
     """The system; any of KeyError, TypeError, ValueError (a ModelError is one) if there is none of this kind."""
-    parameters = plain["parameters"]
-    if 3 * len(plain["coordinates"]) ** 2 > len(parameters):  # before names without number are made up
-        raise ValueError("a system has more parameters than are given")
-    structure = Structure(
-        tuple(_word(name) for name in plain["coordinates"]),
-        tuple(
-            ContactForm(
-                _word(contact["name"]),
-                tuple(StageForm(_word(s["name"], empty=True), Side(s["side"])) for s in contact["stages"]),
-                DampingLaw(contact["damping"]),
-                bool(contact["reciprocal"]),
-            )
-            for contact in plain["contacts"]
-        ),
-        tuple(HarmonicForm(_word(harmonic["name"]), int(harmonic["order"])) for harmonic in plain["harmonics"]),
-    )
-    if set(parameters) != set(structure.names):
+    structure, parameters = _structure_of(plain), plain["parameters"]
+    names = structure.names
+    places = [names.place(name) for name in parameters]
+    values = np.zeros(len(names))
+    values[places] = [float(value) for value in parameters.values()]
+    if not set(range(len(names)) if len(names) <= _MANY else names.single) <= set(places):
         raise ValueError("the parameters are not those of the system")
-    values = [float(parameters[name]) for name in structure.names]
     return System.from_values(structure, values).at()  # `at` refuses values that no system can have
+
+
+def _structure_of(plain: Plain) -> Structure:
+    if "train" in plain:
+        return train_of(plain["train"])
+    if len(plain["coordinates"]) > min(
+        _COORDINATES, len(plain["parameters"])
+    ):  # before room is made for their matrices
+        raise ValueError("a system has more parameters than are given")
+    return Structure(
+        tuple(word(name) for name in plain["coordinates"]),
+        tuple(contact_of(contact) for contact in plain["contacts"]),
+        tuple(harmonic_of(harmonic) for harmonic in plain["harmonics"]),
+    )
 
 
 def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -118,9 +130,3 @@ def progress_of(plain: Plain) -> Progress:
         {Kind(kind): tuple(float(zero) for zero in zeros) for kind, zeros in recent.items()},
     )
     return Progress(float(plain["step"]), int(plain["count"]), detector)
-
-
-def _word(name: str, *, empty: bool = False) -> str:
-    if not name.isidentifier() and not (empty and name == ""):
-        raise ValueError(f"{name!r} is no name")
-    return name

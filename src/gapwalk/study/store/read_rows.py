@@ -13,6 +13,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import Instability
+from gapwalk.study.options import BranchOptions
 from gapwalk.study.store.codec import PointCodec
 from gapwalk.study.store.database import checksum
 from gapwalk.study.store.plain import Progress, end_of, origin_of, progress_of
@@ -39,15 +40,17 @@ class Row(NamedTuple):
         return Branch(self.parameter, self.codec.period, tuple(self.points), tuple(self.special_points), self.ends)
 
 
-def branch_rows(connection: sqlite3.Connection, expected: str, system_of: Callable[[int], System]) -> Iterator[Row]:
+def branch_rows(
+    connection: sqlite3.Connection, options: BranchOptions, system_of: Callable[[int], System]
+) -> Iterator[Row]:
     """The branches of a file in their order.
 
     Parameters
     ----------
     connection
         The file.
-    expected
-        The parameter along which they are.
+    options
+        Those of the study: the parameter along which the branches are, and how their orbits were found.
     system_of
         Gives the system of a branch by its place, from 0.
     """
@@ -57,9 +60,9 @@ def branch_rows(connection: sqlite3.Connection, expected: str, system_of: Callab
     ).fetchall()
     for place, row in enumerate(rows):
         number, name, parameter, period, unknowns, start, start_events = row[:7]
-        if (number, parameter) != (place + 1, expected) or period < 1:
+        if (number, parameter) != (place + 1, options.parameter) or period < 1:
             raise ValueError("a branch does not belong to the study")
-        codec = PointCodec(system_of(place), parameter, period, unknowns)
+        codec = PointCodec(system_of(place), parameter, period, unknowns, balanced=options.balanced)
         begins, joins, state, ends = (None if text is None else json.loads(text) for text in row[7:])
         yield Row(
             str(name),

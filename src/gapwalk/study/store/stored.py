@@ -168,7 +168,7 @@ def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) 
     if isinstance(options, MapStudyOptions):
         return read_map(connection, study.system, options, about["map"])
     assert isinstance(options, BranchOptions)
-    rows = list(branch_rows(connection, options.parameter, lambda place: study.system))
+    rows = list(branch_rows(connection, options, lambda place: study.system))
     if not rows:
         raise ValueError("it holds no branch")
     if isinstance(options, DiagramStudyOptions):

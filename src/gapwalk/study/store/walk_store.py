@@ -158,7 +158,7 @@ def create_result(
 ) -> None:
     """Make a result file with the first point of its walk; what was there before is lost. Errors as `begin_file`."""
     options = study.walked
-    codec = PointCodec(study.system, options.parameter, options.period, len(first.x))
+    codec = PointCodec(study.system, options.parameter, options.period, len(first.x), balanced=options.balanced)
     row = BranchRow(_BRANCH, f"P{options.period}-1", codec, start)
 
     def fill(connection) -> None:

@@ -1,0 +1,177 @@
+"""``gapwalk modes``: where a system rests, and its natural frequencies and modes there."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+
+from gapwalk.cli.outcome import DONE, print_json, printable
+from gapwalk.cli.screen import console
+from gapwalk.model.file import check_system, in_order
+from gapwalk.model.modes import Modes, modes_of
+from gapwalk.model.problem import ModelFileError
+from gapwalk.model.rest import Equilibrium, Rest, rest_of
+from gapwalk.model.source import read_source
+from gapwalk.model.system import System
+from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.study.changes import change_source, change_system, parse_change
+
+_COLUMNS = 8  # entries of a mode that have a column each; of more, the largest are named
+_LARGEST = 3
+_ROWS = 30  # modes that are printed; --json has all of them
+
+
+def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
+    """Print where the system of a model file rests, and its modes; a study is not needed."""
+    title, system = _read(file, changes)
+    rest = rest_of(system)
+    found = {f"at rest ({each})": modes_of(system, each) for each in rest.equilibria}
+    closed = modes_of(system, "closed")
+    if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
+        found["with the first stage of every contact closed"] = closed
+    if picture is not None:
+        from gapwalk.plot.modes import save_modes
+
+        save_modes(system, next(iter(found.values())), picture, title)
+    if json:
+        print_json(_document(title, system, rest, closed, picture))
+        return DONE
+    screen = console()
+    for line in [printable(title) or str(file), *train_lines(system), *_rest_lines(rest)]:
+        screen.print(line, soft_wrap=True)
+    for heading, modes in found.items():
+        screen.print(f"\nNatural vibrations {heading}:", soft_wrap=True)
+        screen.print(_table(modes))
+        if len(modes) > _ROWS:
+            screen.print(
+                f"... and {len(modes) - _ROWS} more, up to W = {_number(modes.frequencies[-1])} (--json has all)"
+            )
+    if picture is not None:
+        screen.print(f"written: {picture}", soft_wrap=True)
+    return DONE
+
+
+def _read(file: Path, changes: list[str]) -> tuple[str, System]:
+    source, rest, problems = change_source(read_source(file), dict(parse_change(text) for text in changes))
+    part, found = check_system(source)
+    problems += found
+    if part is None or problems:
+        raise ModelFileError(in_order(problems))
+    system, problems = change_system(part.system(), source, {}, rest)
+    if problems:
+        raise ModelFileError(problems)
+    return part.title, system
+
+
+def train_lines(system: System) -> list[str]:
+    """What there is to say of a drive train as a whole; nothing of another system."""
+    assembly = system.structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return []
+    form = assembly.form
+    gears = sum(link.geared for link in form.links)
+    parts = f"{len(form.inertias)} inertias, {len(form.links) - gears} shafts, {gears} gears"
+    if not form.is_free:
+        return [f"  train: {parts}; held by the ground"]
+    lines = [f"  train: {parts}; free to turn as a whole, which is left out"]
+    acceleration = assembly.acceleration(system.values)
+    if np.abs(assembly.mean(system.values)).max() > 0 and np.abs(acceleration).max() > 0:
+        first = form.inertias[0]
+        lines.append(
+            f"  mean torques do not balance: it accelerates steadily, {first} at {acceleration[0]:.6g}; "
+            f'reaction = "{form.inertias[-1]}" would take the rest'
+        )
+    return lines
+
+
+def _rest_lines(rest: Rest) -> list[str]:
+    if not rest:
+        lost = "rests nowhere: the mean load drives it away" if rest.complete else "no position of rest was found"
+        return [f"  {lost}"]
+    lines = []
+    for each in rest.equilibria:
+        forces = ", ".join(
+            f"{contact.name} {contact.deflection:.4g} (force {contact.force:.4g})" for contact in each.contacts
+        )
+        lines.append(f"  rests with {each}" + (f": {forces}" if forces else ""))
+    if not rest.complete:
+        lines.append("  there may be more positions of rest")
+    return lines
+
+
+def _table(modes: Modes) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading in ("mode", "W", "W / 2 pi", "damping"):
+        table.add_column(heading, justify="right")
+    names, shapes = (modes.inertias, modes.angles) if modes.inertias else (modes.coordinates, modes.shapes)
+    if wide := len(names) > _COLUMNS:
+        table.add_column("moves most")
+    else:
+        for name in names:
+            table.add_column(name, justify="right")
+    for number, (frequency, ratio) in enumerate(zip(modes.frequencies[:_ROWS], modes.damping_ratios, strict=False)):
+        shape = shapes[:, number]
+        entries = [_largest(names, shape)] if wide else [f"{entry:+.3f}" for entry in shape]
+        table.add_row(str(number + 1), _number(frequency), _number(frequency / (2 * math.pi)), _number(ratio), *entries)
+    return table
+
+
+def _largest(names: tuple[str, ...], shape: NDArray[np.float64]) -> str:
+    most = np.argsort(-np.abs(shape), kind="stable")[:_LARGEST]
+    return ", ".join(f"{names[place]} {shape[place]:+.3f}" for place in most)
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Path | None) -> dict[str, Any]:
+    return {
+        "title": title,
+        "coordinates": list(system.coordinates),
+        "inertias": list(closed.inertias),
+        "complete": rest.complete,
+        "rest": [_rest_document(system, each) for each in rest.equilibria],
+        "closed": _modes_document(closed),
+        "picture": None if picture is None else str(picture),
+    }
+
+
+def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
+    return {
+        "position": dict(zip(system.coordinates, rest.position.tolist(), strict=True)),
+        "contacts": [
+            {
+                "name": contact.name,
+                "open": contact.is_open,
+                "side": contact.side,
+                "closed": list(contact.closed),
+                "deflection": contact.deflection,
+                "force": contact.force,
+            }
+            for contact in rest.contacts
+        ],
+        "loose": rest.loose,
+        "stable": rest.stable,
+        "modes": _modes_document(modes_of(system, rest)),
+    }
+
+
+def _modes_document(modes: Modes) -> list[dict[str, Any]]:
+    return [
+        {
+            "frequency": None if math.isnan(frequency) else frequency,
+            "damping_ratio": None if math.isnan(ratio) else ratio,
+            "shape": dict(zip(modes.coordinates, modes.shapes[:, number].tolist(), strict=True)),
+            "angles": dict(zip(modes.inertias, modes.angles[:, number].tolist(), strict=True)),
+        }
+        for number, (frequency, ratio) in enumerate(
+            zip(modes.frequencies.tolist(), modes.damping_ratios.tolist(), strict=True)
+        )
+    ]

@@ -1,0 +1,6 @@
+"""Drive trains: inertias, shafts and gears by name, and how they become equations of motion."""
+
+from gapwalk.model.train.parts import GROUND, Gear, Inertia, Shaft
+from gapwalk.model.train.train import Train, chain
+
+__all__ = ["GROUND", "Gear", "Inertia", "Shaft", "Train", "chain"]

@@ -1,0 +1,140 @@
+"""From the numbers of a train's parts to its equations of motion, without the turning of the train as a whole.
+
+The coordinates ``x`` are the deflections of the springs along a tree of links. With the angles ``theta`` of the
+inertias, ``theta = T x + r psi``: `r` holds the speeds at which a free train turns as a whole, and the columns of `T`
+have no angular momentum, ``r^T J T = 0``. So ``psi`` drops out, exactly, whatever the loads, and what is left is
+
+    T^T J T x'' + L^T C L x' + L^T K L x + sum_k e_k f_k = T^T (torques)
+
+with the deflections ``L x`` of all links. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
+equations 1 to 18, do the same for three inertias, and divide by the masses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+
+from gapwalk.model.names import ParameterNames
+from gapwalk.model.structure import Structure
+from gapwalk.model.train import geometry
+from gapwalk.model.train.form import TrainForm
+
+_CONSISTENT = 1e-9  # relative error of the ratios around a loop
+
+
+@dataclass(frozen=True)
+class TrainAssembly:
+    """How the equations of motion come from the numbers of a train of this form."""
+
+    form: TrainForm
+
+    @property
+    def names(self) -> ParameterNames:
+        """The names of all numbers of its parts."""
+        return self.form.names
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values of the equations of motion, in symmetric form."""
+        form, turned = self.form, self.angles(values)
+        deflections = geometry.deflections(form, form.ratios(values))
+        parts = [values[:1], (turned.T @ (form.inertia(values)[:, None] * turned)).ravel()]
+        for numbers in (form.dampings(values), form.stiffnesses(values)):
+            parts.append((deflections.T @ (numbers[:, None] * deflections)).ravel())
+        parts.append(turned.T @ self.mean(values))
+        for torque in form.torques:
+            parts += [form.size_and_phase(values, torque), turned.T @ form.shape(values, torque)]
+        for number, contact in form.contacts:
+            parts += [deflections[number], form.springs_and_law(values, contact)]
+        return np.concatenate(parts)
+
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The columns of stiffness, damping, contacts, mean load and excitation, divided by the masses.
+
+        ``T^T J T`` is the inverse of ``W B^-1 W^T``, with the deflections ``W`` of the coordinates by the bodies that
+        rigid gears make of the inertias, and the inertias ``B`` of those. So nothing is solved, and zeros stay zeros.
+        """
+        form, ratios = self.form, self.form.ratios(values)
+        bodies = geometry.bodies(form, ratios)
+        pulls = geometry.pulls(form, ratios, bodies)
+        inertia = (bodies * bodies).T @ form.inertia(values)
+        flexed = pulls[list(form.springs)] @ diags_array(1.0 / inertia)
+        inverse = flexed @ pulls.T
+        deflections = csr_array(geometry.deflections(form, ratios))
+        torques = [self.mean(values), *(form.shape(values, torque) for torque in form.torques)]
+        columns = [
+            (inverse @ (diags_array(form.stiffnesses(values)) @ deflections)).toarray(),
+            (inverse @ (diags_array(form.dampings(values)) @ deflections)).toarray(),
+            inverse.toarray()[:, [number for number, _ in form.contacts]],
+            flexed @ (bodies.T @ np.stack(torques, axis=1)),
+        ]
+        return np.concatenate(columns, axis=1)
+
+    def angles(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
+        ratios, inertia = self.form.ratios(values), self.form.inertia(values)
+        turned = geometry.angles(self.form, ratios)[:-1]
+        if not self.form.is_free:
+            return turned
+        speeds = geometry.speeds(self.form, ratios)
+        momentum = (inertia * speeds) @ turned
+        return turned - np.outer(speeds, momentum / np.sum(inertia * speeds * speeds))
+
+    def mean(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The mean torques on the inertias, with the reaction, shape (inertias,)."""
+        mean = self.form.mean(values)
+        if self.form.reaction is not None:
+            speeds = geometry.speeds(self.form, self.form.ratios(values))
+            mean[self.form.reaction] = -(speeds @ mean) / speeds[self.form.reaction]
+        return mean
+
+    def acceleration(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
+        if not self.form.is_free or self.form.reaction is not None:
+            return np.zeros(len(self.form.inertias))
+        speeds, inertia = geometry.speeds(self.form, self.form.ratios(values)), self.form.inertia(values)
+        return speeds * (speeds @ self.mean(values)) / np.sum(inertia * speeds * speeds)
+
+    def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+        """What is wrong with the numbers, one sentence each."""
+        for name, value in zip(self.names, values.tolist(), strict=True):
+            what = name.rsplit(".", 1)[-1]
+            if what == "inertia" and not value > 0:
+                yield f"{name} is {value:g}; it must be > 0: leave a part without inertia out, and join its neighbours"
+            elif what == "ratio" and value == 0:
+                yield f"{name} is 0; it must be the speed of the first inertia over that of the second"
+            elif what.endswith("damping") and not value >= 0:
+                yield f"{name} is {value:g}; it must be >= 0"
+        for link, value in zip(self.form.links, self.form.stiffnesses(values).tolist(), strict=True):
+            if link.always and not value > 0:
+                yield f"{link.name}.stiffness is {value:g}; it must be > 0"
+
+    def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+        """What is wrong with closed loops; the ratios on them are no parameters, so once is enough."""
+        form, ratios = self.form, self.form.ratios(values)
+        speeds, body = geometry.speeds(form, ratios), geometry.bodies(form, ratios).indices
+        for number in form.tree.chords:
+            link, (first, second) = form.links[number], form.links[number].ends
+            if form.ground in link.ends:
+                continue
+            wanted = speeds[first] / speeds[second]
+            if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
+                here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
+                yield (
+                    f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
+                    "is locked; mend one of the ratios on the loop"
+                )
+            elif not link.rigid and body[first] == body[second]:
+                yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
+
+
+def structure_of(assembly: TrainAssembly) -> Structure:
+    """The structure of the system that a train makes up."""
+    form = assembly.form
+    contacts = tuple(contact for _, contact in form.contacts)
+    return Structure(form.coordinates, contacts, tuple(torque.harmonic for torque in form.torques), assembly)
