@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gapwalk.errors import WorkError
-from gapwalk.study.work.workers import workers
+from gapwalk.study.work.workers import sharing, workers
 from tests.study.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,6 +36,21 @@ def test_a_process_that_is_killed_costs_its_own_piece_only(tmp_path) -> None:
     assert accepted == [(number, number) for number in range(8)]
     tries = [int(mark.name.split("-")[0]) for mark in tmp_path.iterdir()]
     assert sorted(tries) == [0, 1, 2, 2, 3, 4, 5, 6, 7]  # the other process went on with what it was doing
+
+
+def test_processes_are_shared_by_all_work_of_a_while() -> None:
+    pids: list[set[int]] = []
+    with sharing(2) as shared:
+        for count in (2, 1):
+            found: set[int] = set()
+            with workers(count) as hands:
+                assert hands is shared
+                hands.run(slow_pid, range(4), lambda index, pid, found=found: found.add(pid))
+            pids.append(found)
+    assert pids[0] == pids[1]
+    assert len(pids[0]) == 2
+    with workers(1) as hands:
+        assert hands is not shared
 
 
 def test_a_process_that_is_killed_while_it_is_idle_is_replaced() -> None:

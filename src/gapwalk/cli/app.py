@@ -307,15 +307,20 @@ def paper(
     slope: Literal["reduced", "literal"] = "reduced",
     damping: Literal["dissipative", "as-printed"] = "dissipative",
     output: Path | None = None,
+    claims: Path | None = None,
+    force: Flag = False,
     json: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Compute frequency responses of the paper (Padmanabhan and Singh, 1995).
+    """Draw the figures of the paper (Padmanabhan and Singh, 1995), and check what it says of them.
+
+    Without a figure, all of them, with a page that shows everything: index.html in the folder. What is computed already
+    is not computed again.
 
     Parameters
     ----------
     figures
-        Figures, such as 13 or 20a.
+        Figures, or parts of them, such as 13 or 20a; by default all.
     list_
         List the figures.
     slope
@@ -323,18 +328,25 @@ def paper(
     damping
         How the impact damping is read.
     output
-        The folder to write results, pictures and tables into; by default paper, or none with --json.
+        The folder to write pictures, results and tables into; by default paper, or none with --json.
+    claims
+        Check all that the paper says, and write a page in Markdown with this name; no figure is drawn.
+    force
+        Compute everything anew.
     json
-        Print one JSON document; a list of them for several figures.
+        Print one JSON document; of several figures, a list.
     debug
         Show the traceback of an error.
     """
 
     def job() -> int:
-        from gapwalk.cli.paper import list_figures, run_figures
+        from gapwalk.cli.paper import list_figures, run_figures, write_claims
+        from gapwalk.paper import Reading
 
         if list_:
             return list_figures(json=json)
-        return run_figures(figures, slope, damping, output, json=json)
+        if claims is not None:
+            return write_claims(claims, output, force=force)
+        return run_figures(figures, Reading.of(slope, damping), output, force=force, json=json)
 
     return guard(job, json=json, debug=debug)

@@ -1,98 +1,208 @@
-"""``gapwalk paper``: frequency responses of the paper."""
+"""``gapwalk paper``: the figures of the paper in a folder that opens as a page, and what the paper says of them."""
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
-from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, INTERRUPTED, print_json, printable
-from gapwalk.cli.progress import WalkProgress
-from gapwalk.cli.run import exit_code, print_files, print_heading, say_why_it_failed, write_products
-from gapwalk.cli.screen import console, print_result
-from gapwalk.errors import ModelError, StoreError
-from gapwalk.paper import describe, frequency_responses, names
-from gapwalk.paper.figure import figure_document, figure_names, figure_study, walk_figure
+from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
+from gapwalk.cli.progress import CountProgress
+from gapwalk.cli.screen import console
+from gapwalk.paper.claims import CLAIMS, Claim, claims_about
+from gapwalk.paper.compute import compute
+from gapwalk.paper.document import Checked, claim_document, figure_document, notes
+from gapwalk.paper.figure import Figure
+from gapwalk.paper.figures import FIGURES, find_figure
+from gapwalk.paper.jobs import find_job
+from gapwalk.paper.markdown import claims_page
+from gapwalk.paper.page import report_page
+from gapwalk.paper.reading import USUAL, Reading
+from gapwalk.study.export import export_csv, table_names, write_whole
+from gapwalk.study.result import Result
+from gapwalk.study.store.stored import load
+from gapwalk.study.work.workers import sharing, workers
 
 _FOLDER = Path("paper")
+_FEW = 2
+
+
+class _Work(NamedTuple):
+    """What is asked for: figures in one reading, and the claims about them."""
+
+    figures: tuple[Figure, ...]
+    claims: tuple[Claim, ...]
+    reading: Reading
+    whole: bool
+
+    @property
+    def jobs(self) -> tuple[str, ...]:
+        keys = [key for figure in self.figures for key in figure.jobs]
+        return tuple(dict.fromkeys([*keys, *(key for claim in self.claims for key in claim.jobs)]))
+
+
+class _Found(NamedTuple):
+    """What has come of it."""
+
+    results: dict[str, Result]
+    failures: dict[str, str]
+    checked: Checked
+
+    def about(self, figure: Figure) -> Checked:
+        return [each for each in self.checked if each[0].figure == str(figure.number)]
 
 
 def list_figures(*, json: bool) -> int:
-    """List the figures that have a parameter set."""
-    drawn = frequency_responses()
+    """List the figures."""
     if json:
-        print_json([{"figure": name, "frequency_response": name in drawn, "note": describe(name)} for name in names()])
+        print_json([_line(figure) for figure in FIGURES])
         return DONE
     screen = console()
-    for name in names():
-        kind = "frequency response" if name in drawn else "not drawn yet"
-        screen.print(f"{name:16} {kind:20} {printable(describe(name))}".rstrip(), soft_wrap=True)
+    for figure in FIGURES:
+        screen.print(f"{figure.name:3} {figure.kind.value:27} {figure.caption}", soft_wrap=True)
     return DONE
 
 
-def run_figures(figures: Sequence[str], slope: str, damping: str, output: Path | None, *, json: bool) -> int:
-    """Compute figures, and return the exit code: that of the worst of them."""
-    if not figures:
-        raise ModelError("name a figure, as in `gapwalk paper 13`; `gapwalk paper --list` lists them")
-    asked = [_responses(figure) for figure in figures]  # refuses an unknown one before anything is computed
-    folder = output if json else output or _FOLDER
-    if folder is not None:
-        _make(folder)
-    codes, documents = [], []
-    for figure, responses in zip(figures, asked, strict=True):
-        if not responses:
-            text = f"figure {figure} is no frequency response over W, and is not drawn yet"
-            print(f"gapwalk: {printable(text)}", file=sys.stderr)
-            documents.append({"figure": figure, "error": {"type": "ModelError", "message": text}})
-            codes.append(BAD_INPUT)
-        for name in responses:
-            code, document = _run_figure(name, slope, damping, folder, json=json)
-            codes.append(code)
-            documents.append(document)
-            if code == INTERRUPTED:
-                break
-        if INTERRUPTED in codes:
-            break
+def _line(figure: Figure) -> dict[str, Any]:
+    words: dict[str, Any] = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
+    return words | {"drawn": figure.drawn, "notes": notes(figure)}
+
+
+def run_figures(
+    names: Sequence[str], reading: Reading, output: Path | None, *, force: bool = False, json: bool = False
+) -> int:
+    """Draw figures, or all of them, with what the paper says of them; the exit code is that of the worst."""
+    work = _asked(names, reading)
+    folder = output or (None if json else _FOLDER)
+    pictures: dict[str, list[str]] = {}
+    # A figure or two are done before other processes would have started.
+    with TemporaryDirectory() as scratch, sharing() if len(work.figures) > _FEW else nullcontext():
+        found = _compute(work, (folder or Path(scratch)) / "results", force=force, show=not json)
+        if folder is not None:
+            pictures = _draw_all(work, found, folder, show=not json)
+    if folder is not None and work.whole:
+        _write_page(work, found, pictures, folder)
     if json:
-        print_json(documents[0] if len(documents) == len(figures) == 1 else documents)
-    return max(codes)
+        _print_documents(work, found)
+    else:
+        _print(work, found, pictures, folder)
+    return _code(work, found)
 
 
-def _responses(figure: str) -> list[str]:
-    return [name for name in figure_names(figure) if name in frequency_responses()]
+def write_claims(path: Path, output: Path | None, *, force: bool = False) -> int:
+    """Check all claims, and write them as a page in Markdown."""
+    work = _Work((), CLAIMS, USUAL, whole=False)
+    found = _compute(work, (output or _FOLDER) / "results", force=force, show=True)
+    write_whole(path, claims_page(found.checked).encode())
+    console().print(f"written: {printable(str(path))}", soft_wrap=True)
+    _say_what_failed(work, found)
+    return _code(work, found)
 
 
-def _run_figure(name: str, slope: str, damping: str, folder: Path | None, *, json: bool) -> tuple[int, dict[str, Any]]:
-    study = figure_study(name, slope=slope, damping=damping)
-    path = None if folder is None else folder / f"{file_name(name, slope, damping)}.gapwalk"
-    with WalkProgress(study.walked, f"figure {name}") as progress:
-        result = walk_figure(name, slope=slope, damping=damping, output=path, report=progress)
-    code = exit_code(result)
-    files = [] if path is None else [path]
-    if path is not None and code != INTERRUPTED:
-        files += write_products(result, path)
-    if not json:
-        screen = console()
-        print_heading(screen, study)
-        if describe(name):
-            screen.print(f"note: {printable(describe(name))}", soft_wrap=True)
-        print_result(screen, result)
-        print_files(screen, files)
-    if code == FAILED:
-        say_why_it_failed(result)
-    return code, figure_document(name, result, slope=slope, damping=damping)
+def _asked(names: Sequence[str], reading: Reading) -> _Work:
+    """The figures of these names; an unknown one is refused before anything is computed."""
+    figures = tuple(find_figure(name).at(reading) for name in names) or tuple(each.at(reading) for each in FIGURES)
+    numbers = dict.fromkeys(figure.number for figure in figures)
+    claims = tuple(claim for number in numbers for claim in claims_about(number)) if names else CLAIMS
+    # Claims name their own readings: they belong to the report of the default one.
+    return _Work(figures, claims if reading == USUAL else (), reading, whole=not names)
 
 
-def file_name(name: str, slope: str, damping: str) -> str:
-    """The name of the files of a figure; it tells a reading that is not the default."""
-    readings = [reading for reading in (slope, damping) if reading not in ("reduced", "dissipative")]
-    return "-".join([f"figure-{re.sub('[^0-9a-z]+', '-', name)}", *readings])
+def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
+    """Do all jobs, read their results back, and check the claims."""
+    with CountProgress("paper", len(work.jobs), show=show) as progress:
+        computed = compute(work.jobs, folder, force=force, report=progress)
+    results = {key: result for key in work.jobs if (result := computed.result(key)) is not None}
+    checked = [(claim, claim.check(results, computed.failures)) for claim in work.claims]
+    return _Found(results, dict(computed.failures), checked)
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"the folder {folder} cannot be made: {error.strerror or error}") from None
+def _draw_all(work: _Work, found: _Found, folder: Path, *, show: bool) -> dict[str, list[str]]:
+    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures."""
+    figures = [each for each in work.figures if each.drawn and set(each.jobs) <= set(found.results)]
+    with CountProgress("pictures", len(figures), show=show) as progress, workers(1) as hands:
+        drawn: dict[str, list[str]] = {}
+
+        def accept(index: int, names: list[str]) -> None:
+            drawn[figures[index].name] = names
+            progress(figures[index].name, len(drawn), len(figures))
+
+        hands.run(_draw, [(figure, folder) for figure in figures], accept, in_order=False)
+    return drawn
+
+
+def _draw(piece: tuple[Figure, Path]) -> list[str]:
+    """Write the pictures of a figure and the tables of its jobs, and return the names of the pictures."""
+    from gapwalk.plot.paper import draw_paper_figure  # only now: nothing else needs matplotlib
+    from gapwalk.plot.picture import picture_bytes
+
+    figure, folder = piece
+    results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
+    picture = draw_paper_figure(figure, results)
+    names = [f"{figure.file_name}.{form}" for form in ("png", "svg")]
+    for name, form in zip(names, ("png", "svg"), strict=True):
+        write_whole(folder / name, picture_bytes(picture, form))
+    for key, result in results.items():
+        export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
+    return names
+
+
+def _write_page(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path) -> None:
+    page = report_page(work.figures, found.results, found.failures, pictures, found.checked, work.reading)
+    write_whole(folder / f"index{work.reading.suffix}.html", page.encode())
+
+
+def _print_documents(work: _Work, found: _Found) -> None:
+    documents = [figure_document(figure, found.results, found.failures, found.about(figure)) for figure in work.figures]
+    if work.whole:
+        print_json({"figures": documents, "claims": [claim_document(*each) for each in found.checked]})
+    else:
+        print_json(documents[0] if len(documents) == 1 else documents)
+
+
+def _print(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path | None) -> None:
+    screen = console()
+    for figure in work.figures:
+        screen.print(f"Figure {figure.name}. {figure.caption}", style="bold", soft_wrap=True)
+        if not figure.drawn:
+            text = f"figure {figure.name} is not drawn yet"
+            print(f"gapwalk: {text}", file=sys.stderr) if not work.whole else screen.print(f"  {text}")
+        for name, note in notes(figure).items():
+            screen.print(f"  note on the set of figure {name}: {printable(note)}", soft_wrap=True)
+        for key in figure.jobs:
+            if key in found.results:
+                screen.print(f"  {key}: {_sentence(found.results[key])}", soft_wrap=True)
+        for claim, outcome in found.about(figure):
+            screen.print(f"  {outcome}: {claim.says} ({outcome.evidence})", soft_wrap=True)
+        if figure.name in pictures and folder is not None:
+            files = ", ".join(str(folder / name) for name in pictures[figure.name])
+            screen.print(f"  written: {printable(files)}", soft_wrap=True)
+    _say_what_failed(work, found)
+    if work.whole and folder is not None:
+        screen.print(f"all of it as a page: {folder / f'index{work.reading.suffix}.html'}", soft_wrap=True)
+
+
+def _sentence(result: Result) -> str:
+    if result.diagram is not None:
+        return repr(result.diagram).removeprefix("Diagram(").removesuffix(")")
+    return repr(result)
+
+
+def _failures(work: _Work, found: _Found) -> dict[str, str]:
+    """What failed of that which was asked for; a reading that a claim looks at besides may fail: that is a finding."""
+    return {key: text for key, text in found.failures.items() if find_job(key).reading == work.reading}
+
+
+def _say_what_failed(work: _Work, found: _Found) -> None:
+    for key, text in _failures(work, found).items():
+        print(f"gapwalk: {key}: {printable(text)}", file=sys.stderr)
+
+
+def _code(work: _Work, found: _Found) -> int:
+    if _failures(work, found):
+        return FAILED
+    pending = not work.whole and any(not figure.drawn for figure in work.figures)
+    return BAD_INPUT if pending else DONE

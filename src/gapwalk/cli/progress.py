@@ -153,3 +153,15 @@ class JobProgress(StudyProgress):
         """Show that a part is done."""
         left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
         self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
+
+
+class CountProgress(StudyProgress):
+    """How many of some things are done; parameters as `WalkProgress`, and how many there are."""
+
+    def __init__(self, title: str, total: int, *, show: bool = True) -> None:
+        self._name = title
+        self._line = _Line(title, [BarColumn(bar_width=24)], total, show=show)
+
+    def __call__(self, last: str, done: int, total: int) -> None:
+        """Show that one more is done."""
+        self._line.update(self._name, f"{done} of {total}  last {printable(last)}", done, total)

@@ -10,10 +10,12 @@ from gapwalk.paper.cases import (
     names,
     parameter_set,
 )
+from gapwalk.paper.reading import Reading
 
 __all__ = [
     "DampingReading",
     "ParameterSet",
+    "Reading",
     "SlopeReading",
     "case",
     "describe",

@@ -1,100 +1,121 @@
-"""The frequency responses of the paper, walked: the branch of period-1 motions that each figure shows."""
+"""A figure of the paper as data: its panels, and the jobs that they show."""
 
 from __future__ import annotations
 
-import os
-import re
-from typing import Any
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
-from gapwalk.errors import ModelError
-from gapwalk.paper.cases import (
-    DampingReading,
-    SlopeReading,
-    case,
-    describe,
-    frequency_responses,
-    names,
-    parameter_set,
-)
-from gapwalk.study.document import result_document
-from gapwalk.study.file import Study
-from gapwalk.study.options import ResponseOptions
-from gapwalk.study.result import Result
-from gapwalk.study.run import run
-from gapwalk.study.store.walk_store import Report
-
-BEGIN, END = 2.0, 0.15
-"""The range of W over which the responses are walked, from the first to the second."""
+from gapwalk.paper.jobs import find_job
+from gapwalk.paper.reading import USUAL, Reading
 
 
-def figure_names(name: str) -> tuple[str, ...]:
-    """The figures that a name stands for, as `names` has them: ``20(a)`` is 20a, and 20 is 20a and 20b.
+class FigureKind(StrEnum):
+    """What a figure shows."""
 
-    Raises
-    ------
-    ModelError
-        If the paper has no such figure.
+    RESPONSE = "frequency response"
+    DIAGRAM = "diagram over the amplitude"
+    MOTION = "settled motion"
+    PENDING = "not drawn yet"
+
+
+class View(StrEnum):
+    """What a panel shows of its jobs."""
+
+    RESPONSE = "response"
+    """A measure of the motions of period 1 over the parameter, with their stability."""
+    LOOPS = "loops"
+    """q1(0) of all motions, once every forcing period: the loops of P2 and P4."""
+    OVERLAY = "overlay"
+    """The motions of period 1 of several jobs, told apart by their lines."""
+    BALANCE = "balance"
+    """As `RESPONSE`, beside harmonic balance."""
+    MOTION = "motion"
+    """Time history, spectrum, section and loop of the contact force."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One panel of a figure.
+
+    Parameters
+    ----------
+    letter
+        Its letter in the paper; empty for a panel that the paper does not have.
+    view, jobs
+        What it shows, and the keys of the jobs that it shows this of.
+    title
+        What it is, in a few words.
+    within
+        Range of the parameter; None for the whole range of the job.
+    names
+        What the legend calls the jobs of an overlay.
     """
-    plain = re.sub(r"^fig(ure|\.)?|[\s()]", "", name.strip().lower())
-    parts = tuple(known for known in names() if known == plain or re.match(rf"{plain}\D", known))
-    if not plain.isdigit() or not parts:
-        parameter_set(name)  # refuses what it does not know, and says what there is
-        return (plain,)
-    return parts
+
+    letter: str
+    view: View
+    jobs: tuple[str, ...]
+    title: str
+    within: tuple[float, float] | None = None
+    names: tuple[str, ...] = ()
 
 
-def walk_figure(
-    name: str,
-    *,
-    slope: SlopeReading | str = SlopeReading.REDUCED,
-    damping: DampingReading | str = DampingReading.DISSIPATIVE,
-    output: str | os.PathLike[str] | None = None,
-    report: Report | None = None,
-) -> Result:
-    """Walk the period-1 motions of a figure from W = 2 down to 0.15.
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of the paper.
 
     Parameters
     ----------
     name
-        One of `frequency_responses`.
-    slope, damping
-        The readings of the paper, where it can be read in two ways; see `case`.
-    output
-        A result file to write; one that is there already is written over.
-    report
-        As in `gapwalk.run`.
-
-    Raises
-    ------
-    ModelError
-        If the figure is not known, or is no frequency response.
+        Its number; with a letter if it is only a part, such as ``20a``.
+    kind
+        What it shows.
+    caption
+        What is to be seen, in our words.
+    panels
+        Its panels, row by row.
+    columns
+        In how many columns they stand.
+    reading
+        How the paper is read.
     """
-    study = figure_study(name, slope=slope, damping=damping)
-    return run(study, output, force=output is not None, report=report)
 
+    name: str
+    kind: FigureKind
+    caption: str
+    panels: tuple[Panel, ...] = ()
+    columns: int = 1
+    reading: Reading = USUAL
 
-def figure_study(
-    name: str,
-    *,
-    slope: SlopeReading | str = SlopeReading.REDUCED,
-    damping: DampingReading | str = DampingReading.DISSIPATIVE,
-) -> Study:
-    """The study whose result is the figure; parameters and errors as `walk_figure`."""
-    system = case(name, slope=slope, damping=damping)
-    if name not in frequency_responses():
-        raise ModelError(
-            f"figure {name} is no frequency response over W, and is not drawn yet; those that are: "
-            f"{', '.join(frequency_responses())}"
-        )
-    # Heavy mean loads hold the stage closed at W = 2: the transient from rest settles there in all cases.
-    options = ResponseOptions("frequency", BEGIN, END, "half.q1")
-    readings = f"slope {SlopeReading(slope).value}, damping {DampingReading(damping).value}"
-    return Study(system.at(frequency=BEGIN), options, f"Padmanabhan and Singh (1995), figure {name} ({readings})")
+    @property
+    def number(self) -> int:
+        """Its number in the paper."""
+        return int(self.name.rstrip("abcdefgh"))
 
+    @property
+    def drawn(self) -> bool:
+        """Whether it can be drawn."""
+        return self.kind is not FigureKind.PENDING
 
-def figure_document(
-    name: str, result: Result, *, slope: SlopeReading | str, damping: DampingReading | str
-) -> dict[str, Any]:
-    """A figure as plain JSON values: the reading, the branches, and the special points."""
-    reading = {"slope": SlopeReading(slope).value, "damping": DampingReading(damping).value}
-    return {"figure": name, "reading": reading, "note": describe(name), **result_document(result)}
+    @property
+    def jobs(self) -> tuple[str, ...]:
+        """The keys of the jobs that it shows, in this reading."""
+        keys = dict.fromkeys(key for panel in self.panels for key in panel.jobs)
+        return tuple(self.key(key) for key in keys)
+
+    @property
+    def file_name(self) -> str:
+        """What its files are called; the end tells a reading that is not the default."""
+        return f"figure-{self.name}{self.reading.suffix}"
+
+    def key(self, job: str) -> str:
+        """The key of a job of a panel, in the reading of this figure."""
+        return find_job(job).at(self.reading).key
+
+    def at(self, reading: Reading) -> Figure:
+        """The same in another reading."""
+        return replace(self, reading=reading)
+
+    def part(self, letter: str) -> Figure:
+        """Only the panel of one letter."""
+        panels = tuple(panel for panel in self.panels if panel.letter == letter)
+        return replace(self, name=f"{self.number}{letter}", panels=panels, columns=1)

@@ -21,6 +21,7 @@ from gapwalk.plot.style import LINES, RC, SIZE, SYMBOLS, line_options, symbol_op
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
+_PAD = 0.06  # margin above and below, as a share of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
 
 
@@ -55,6 +56,7 @@ def plot_branches(
     labels: bool = True,
     legend: bool | Literal["above"] = True,
     closeup: bool = False,
+    within: tuple[float, float] | None = None,
 ) -> Axes:
     """Draw branches over the same parameter in one picture.
 
@@ -68,6 +70,8 @@ def plot_branches(
         Whether to explain what is drawn; ``"above"``: above the axes.
     closeup
         Whether to enlarge, where there is room, the place where special points crowd.
+    within
+        Range of the parameter that is shown; by default all of it.
     """
     first = branches[0]
     measure = full_measure(measure, first.system.coordinates)
@@ -79,6 +83,8 @@ def plot_branches(
         ax.set_ylabel(measure_words(measure))
         ax.margins(x=0.02, y=0.06)
         ax.autoscale_view()
+        if within:
+            ax.set(xlim=within, ylim=drawing.extent(*within))
         ax.set_autoscale_on(False)  # what follows is placed for these limits
         if legend:
             draw_legend(ax, branches, above=legend == "above")
@@ -108,6 +114,13 @@ class _Drawing:
     def places(self) -> NDArray[np.float64]:
         """Where the special points lie that have a symbol, shape (points, 2)."""
         return np.array([(x, y) for special, x, y in self.special_points if special.kind is not Kind.GRAZING])
+
+    def extent(self, left: float, right: float) -> tuple[float, float]:
+        """The least and the greatest measure within a range of the parameter, with a margin."""
+        inside = self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1]
+        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
+        pad = _PAD * ((high - low) or 1.0)
+        return low - pad, high + pad
 
     def draw_lines(self, ax: Axes) -> None:
         for piece in self.pieces:

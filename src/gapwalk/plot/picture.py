@@ -54,11 +54,16 @@ def save_picture(
     figure = draw_picture(found, measure=measure, title=title)
     for path, form in ((png, "png"), (svg, "svg")):
         if path is not None:
-            content = io.BytesIO()
-            metadata = {"Date": None} if form == "svg" else None
-            with mpl.rc_context(RC):
-                figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
-            write_whole(path, content.getvalue())
+            write_whole(path, picture_bytes(figure, form))
+
+
+def picture_bytes(figure: Figure, form: str) -> bytes:
+    """A picture as the content of a file of this form, ``png`` or ``svg``; the same picture gives the same bytes."""
+    content = io.BytesIO()
+    metadata = {"Date": None} if form == "svg" else None
+    with mpl.rc_context(RC):
+        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+    return content.getvalue()
 
 
 def draw_picture(

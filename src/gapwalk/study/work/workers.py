@@ -239,6 +239,17 @@ def workers(count: int | None = None) -> Iterator[Workers]:
 
 
 @contextmanager
+def sharing(count: int | None = None) -> Iterator[Workers]:
+    """Have all work of a while done by the same processes, so that each starts once; `count` as in `workers`."""
+    with workers(count) as hands:
+        token = _around.set(hands)
+        try:
+            yield hands
+        finally:
+            _around.reset(token)
+
+
+@contextmanager
 def on_cluster(scheduler: str) -> Iterator[Workers]:
     """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
 

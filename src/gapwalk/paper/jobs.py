@@ -1,0 +1,89 @@
+"""All jobs: each set of the paper once, though several figures may show it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from gapwalk.errors import ModelError
+from gapwalk.model.problem import did_you_mean
+from gapwalk.paper.cases import DampingReading, SlopeReading
+from gapwalk.paper.job import BranchJob, Job, MotionJob
+from gapwalk.paper.reading import Reading
+
+_AMPLITUDE = "harmonic1.amplitude"
+_OVER_AMPLITUDE = BranchJob(
+    case="27", parameter=_AMPLITUDE, begins=-0.8, ends=0.8, max_period=2, search_values=32, effort=10.0
+)
+
+# What the figures show.
+_FIGURES = (
+    BranchJob(case="4a"),
+    BranchJob(case="4b"),
+    BranchJob(case="9a"),
+    BranchJob(case="9b"),
+    BranchJob(case="10b"),
+    BranchJob(case="11a"),
+    # Motions of period 4 of this set are many, and the paper shows none.
+    BranchJob(case="11b", max_period=2, effort=7.0),
+    BranchJob(case="12"),
+    BranchJob(case="13"),
+    BranchJob(case="15", effort=20.0),
+    # Where the motions of these three figures are: the printed frequencies have none of them.
+    MotionJob(case="15", name="17-near", changes=(("frequency", 0.864),), effort=0.5),
+    MotionJob(case="15", name="18-near", changes=(("frequency", 0.855),), effort=4.0),
+    MotionJob(case="15", name="19-near", changes=(("frequency", 0.833),), start=(0.5, 1.0, 0.5, 0.5), effort=3.0),
+    BranchJob(case="20a"),
+    BranchJob(case="20b", effort=6.0),
+    BranchJob(case="22"),
+    BranchJob(case="23b"),
+    BranchJob(case="24"),
+    BranchJob(case="25"),
+    BranchJob(case="26b", effort=5.0),
+    _OVER_AMPLITUDE,
+    replace(_OVER_AMPLITUDE, case="28"),
+    BranchJob(case="29", parameter=_AMPLITUDE, begins=0.02, ends=1.0, effort=15.0),
+)
+
+# What claims look at besides.
+_MORE = (
+    MotionJob(case="3-impact", signal="q1''", effort=0.5),
+    MotionJob(case="3-viscous", signal="q1''", effort=0.5),
+    MotionJob(case="5", signal="stage2", effort=0.5),
+    MotionJob(case="6", signal="stage2", effort=0.5),
+    BranchJob(case="5", name="5-mean", parameter="mean.q1", begins=0.25, ends=0.0, max_period=1),
+    BranchJob(case="6", name="6-mean", parameter="mean.q1", begins=0.25, ends=0.0, max_period=1),
+    BranchJob(case="10b", name="10b-softer", changes=(("stage2.force.q1", 0.7), ("stage2.force.q3", -0.42))),
+    # The proportions that all other sets have; with them the resonances are as far apart as the paper says.
+    BranchJob(case="11a", name="11a-mended", changes=(("stiffness.q1.q3", -0.6), ("stage2.force.q3", -0.42))),
+    MotionJob(case="17", effort=0.5),
+    MotionJob(case="18", effort=0.5),
+    MotionJob(case="19", effort=0.5),
+    BranchJob(case="23b", name="23b-120", changes=(("harmonic2.phase", math.radians(120)),), max_period=1),
+    BranchJob(case="23b", name="23b-180", changes=(("harmonic2.phase", math.pi),), max_period=1),
+    replace(_OVER_AMPLITUDE, case="28", name="28-overlap", changes=(("frequency", 0.2576),), max_period=1),
+    *(
+        MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),), effort=3.0)
+        for value in (0.16, 0.2, 0.27, 0.36)
+    ),
+    *(MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),)) for value in (0.65, 0.8, 0.95)),
+)
+
+JOBS: dict[str, Job] = {job.key: job for job in (*_FIGURES, *_MORE)}
+"""By key, in the default reading."""
+
+
+def find_job(key: str) -> Job:
+    """A job by its key; the end of the key tells a reading that is not the default, as in ``12-literal``.
+
+    Raises
+    ------
+    ModelError
+        If there is none.
+    """
+    readings = (Reading(slope, damping) for slope in SlopeReading for damping in DampingReading)
+    for reading in readings:
+        name = key.removesuffix(reading.suffix)
+        if name in JOBS and f"{name}{reading.suffix}" == key:
+            return JOBS[name].at(reading)
+    raise ModelError(f"the paper has no job {key!r}; {did_you_mean(key, list(JOBS))}")

@@ -1,0 +1,151 @@
+"""The figures of the paper: panels as the paper arranges them, in the style of all pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Picture
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+
+from gapwalk.continuation.branch import Branch
+from gapwalk.errors import ModelError
+from gapwalk.paper.balance import balanced
+from gapwalk.paper.figure import Figure, Panel, View
+from gapwalk.plot.branch import plot_branches
+from gapwalk.plot.findings import draw_finding
+from gapwalk.plot.legend import draw_period_legend
+from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot.strobes import Strobes
+from gapwalk.plot.style import BLACK, BLUE, DPI, GREEN, RC, VERMILLION
+from gapwalk.plot.words import measure_words, parameter_words, state_words
+from gapwalk.study.result import Result
+
+MEASURE = "half.q1"
+_WIDTH = {1: 8.0, 2: 7.2}  # of a panel in inches, by the number of columns
+_HEIGHT = 4.3
+_ABOVE = 31.0  # of a title above its panel in points: the legend stands between them
+_OVERLAY = ((BLACK, "-"), (VERMILLION, (0, (4.5, 1.6))), (BLUE, (0, (1.3, 1.3))))
+
+
+def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str | None = None) -> Picture:
+    """Draw a figure of the paper.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    results
+        The results of its jobs, by their keys.
+    title
+        By default its number and its caption.
+
+    Raises
+    ------
+    ModelError
+        If it is not drawn yet.
+    """
+    if not figure.drawn:
+        raise ModelError(f"figure {figure.name} is not drawn yet")
+    title = f"Figure {figure.name}. {figure.caption}" if title is None else title
+    motions = [panel for panel in figure.panels if panel.view is View.MOTION]
+    if motions:
+        result = results[figure.key(motions[0].jobs[0])]
+        assert result.finding is not None
+        return draw_finding(result.finding, result.options, title)
+    columns = figure.columns
+    rows = -(-len(figure.panels) // columns)
+    with mpl.rc_context(RC):
+        picture = Picture(figsize=(_WIDTH[columns] * columns, _HEIGHT * rows), dpi=DPI, layout="constrained")
+        picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+        axes = picture.subplots(rows, columns, squeeze=False)
+        for ax, panel in zip(axes.flat, figure.panels, strict=False):
+            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=_ABOVE)
+        finish: list[Callable[[], None] | None] = [
+            _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
+            for ax, panel in zip(axes.flat, figure.panels, strict=False)
+        ]
+        picture.draw_without_rendering()  # names are placed for the final layout, so after everything else
+        for write_names in filter(None, finish):
+            write_names()
+    return picture
+
+
+def _draw_response(ax: Axes, panel: Panel, results: list[Result]) -> None:
+    branches = _shortest(results[0])
+    plot_branches(branches, MEASURE, ax=ax, legend="above", closeup=panel.within is None, within=panel.within)
+
+
+def _draw_balance(ax: Axes, panel: Panel, results: list[Result]) -> None:
+    """The response by shooting, and points by harmonic balance on it, spread evenly along the branch."""
+    branches = _shortest(results[0])
+    plot_branches(branches, MEASURE, ax=ax, labels=False, legend="above", within=panel.within)
+    other = balanced(branches[0])
+    style = {"linestyle": "none", "marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": GREEN}
+    ax.plot(other.values, other.measure(MEASURE), markevery=0.03, zorder=6, **style)
+    # A legend beside the one above the axes, which has to stay the legend of the axes: the layout leaves room for it.
+    ax.add_artist(Legend(ax, [Line2D([], [], **style)], ["harmonic balance"], loc="upper right"))
+
+
+def _draw_loops(ax: Axes, panel: Panel, results: list[Result]) -> Callable[[], None]:
+    """All motions once every forcing period; what it returns writes the names of the branches."""
+    diagram = results[0].diagram
+    assert diagram is not None
+    strobes = Strobes(diagram, "q1")
+    strobes.draw(ax)
+    ax.set_xlabel(parameter_words(diagram.parameter))
+    ax.set_ylabel(state_words("q1"))
+    left, right = panel.within or diagram.within
+    pad = 0.0 if panel.within else 0.02 * (right - left)
+    ax.set(xlim=(left - pad, right + pad), ylim=strobes.extent(left, right))
+    ax.set_autoscale_on(False)
+    longest = max(limb.period for limb in diagram.limbs if _meets(limb.branch, left, right))
+    draw_period_legend(ax, [period for period in strobes.periods if period <= longest], bool(strobes.births))
+    return partial(strobes.draw_names, ax)
+
+
+def _meets(branch: Branch, left: float, right: float) -> bool:
+    """Whether a branch has points within a range of the parameter."""
+    return bool(((branch.values >= left) & (branch.values <= right)).any())
+
+
+def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> None:
+    """Branches of period 1, a line for each result; where they are unstable, the line is thin."""
+    handles, heights = [], []
+    for name, result, (color, dashes) in zip(panel.names, results, _OVERLAY, strict=False):
+        style = {"color": color, "linestyle": dashes}
+        for branch in _shortest(result):
+            for piece in pieces_of(branch, MEASURE):
+                ax.plot(piece.x, piece.y, linewidth=1.7 if piece.label == "stable" else 0.7, **style)
+                inside = _inside(piece.x, panel.within)
+                heights += list(piece.y[inside])
+        handles.append(Line2D([], [], label=name, linewidth=1.7, **style))
+    handles.append(Line2D([], [], label="thin: unstable", linewidth=0.7, color=BLACK))
+    if panel.within:
+        low, high = min(heights), max(heights)
+        pad = 0.06 * (high - low)
+        ax.set(xlim=panel.within, ylim=(low - pad, high + pad))
+    ax.set_xlabel(parameter_words(results[0].walked.parameter))
+    ax.set_ylabel(measure_words(MEASURE))
+    ax.legend(handles=handles, loc="best")
+
+
+def _inside(x, within: tuple[float, float] | None):
+    return slice(None) if within is None else (x >= within[0]) & (x <= within[1])
+
+
+def _shortest(result: Result) -> list[Branch]:
+    """The branches of the shortest period."""
+    shortest = min(branch.period for branch in result.branches)
+    return [branch for branch in result.branches if branch.period == shortest]
+
+
+_DRAWERS: dict[View, Callable[[Axes, Panel, list[Result]], Callable[[], None] | None]] = {
+    View.RESPONSE: _draw_response,
+    View.BALANCE: _draw_balance,
+    View.LOOPS: _draw_loops,
+    View.OVERLAY: _draw_overlay,
+}

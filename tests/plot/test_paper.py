@@ -1,0 +1,102 @@
+"""Pictures of the paper's figures: their panels, what they show, and in which range."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gapwalk.errors import ModelError
+from gapwalk.paper.compute import compute
+from gapwalk.paper.figure import Figure, FigureKind, Panel, View
+from gapwalk.paper.figures import find_figure
+from gapwalk.plot.paper import draw_paper_figure
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    computed = compute(["12", "13", "17"], tmp_path_factory.mktemp("results"))
+    return {key: computed.result(key) for key in computed.paths}
+
+
+def texts(ax) -> list[str]:
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_figure_13_has_the_paper_s_panels(results) -> None:
+    figure = find_figure("13")
+    picture = draw_paper_figure(figure, results)
+    panels = picture.axes
+    assert [ax.get_title("left") for ax in panels] == [
+        "a  response",
+        "b  about the second resonance",
+        "beside the jump",
+    ]
+    assert panels[1].get_xlim() == figure.panels[1].within
+    assert panels[0].get_ylabel() == "amplitude of q1 (half the peak to peak)"
+    assert panels[1].get_ylabel() == "q1(0), once every forcing period"
+    assert "flip (PD)" in texts(panels[0])
+    assert "period 2" in texts(panels[1])
+    assert "period 4" not in texts(panels[1])  # those are at lower frequencies
+    assert figure.caption in picture.get_suptitle()
+
+
+def test_a_loop_lies_on_the_orbits_of_the_result(results) -> None:
+    """Both states of each orbit of period 2 lie on the curves of panel b."""
+    (loop,) = [limb.branch for limb in results["13"].diagram.limbs if limb.name == "P2-1"]
+    ax = draw_paper_figure(find_figure("13"), results).axes[1]
+    drawn = np.vstack([line.get_xydata() for line in ax.lines if len(line.get_xdata()) > 2])
+    for point in loop.points[::7]:
+        for state in point.orbit.strobes(2):
+            assert np.hypot(*(drawn - (point.value, state[0])).T).min() < 1e-9
+
+
+def test_an_expanded_view_shows_its_range_only(results) -> None:
+    panel = Panel("b", View.RESPONSE, ("13",), "low frequencies", (0.3, 0.45))
+    figure = Figure("13", FigureKind.RESPONSE, "", (panel,))
+    (ax,) = draw_paper_figure(figure, results).axes
+    assert ax.get_xlim() == (0.3, 0.45)
+    branch = results["13"].branches[0]
+    inside = branch.measure("half.q1")[(branch.values > 0.3) & (branch.values < 0.45)]
+    low, high = ax.get_ylim()
+    assert low < inside.min() < inside.max() < high < branch.measure("half.q1").max()
+
+
+def test_an_overlay_names_its_results(results) -> None:
+    panel = Panel("a", View.OVERLAY, ("12", "13"), "", (0.5, 0.7), ("heavy", "moderate"))
+    (ax,) = draw_paper_figure(Figure("21", FigureKind.RESPONSE, "", (panel,)), results).axes
+    assert texts(ax) == ["heavy", "moderate", "thin: unstable"]
+    assert ax.get_xlim() == (0.5, 0.7)
+
+
+def test_harmonic_balance_lies_on_the_response(results) -> None:
+    panel = Panel("a", View.BALANCE, ("12",), "")
+    (ax,) = draw_paper_figure(Figure("9", FigureKind.RESPONSE, "", (panel,)), results).axes
+    (circles,) = [line for line in ax.lines if line.get_markevery() == 0.03]
+    branch = results["12"].branches[0]
+    curve = np.column_stack((branch.values, branch.measure("half.q1")))
+    dense = np.vstack([np.linspace(a, b, 40) for a, b in pairwise(curve)])
+    size = np.ptp(curve, axis=0)
+    far = [np.hypot(*((dense - point) / size).T).min() for point in circles.get_xydata()]
+    assert max(far) < 2e-3
+
+
+def test_two_cases_stand_side_by_side(results) -> None:
+    figure = find_figure("10")
+    panels = tuple(replace(panel, jobs=("12",) if panel.jobs == ("4a",) else ("13",)) for panel in figure.panels)
+    first, second, third, fourth = draw_paper_figure(replace(figure, panels=panels), results).axes
+    assert first.get_position().x0 < second.get_position().x0
+    assert first.get_position().y0 > third.get_position().y0
+    assert fourth.get_xlabel() == "excitation frequency Ω"
+
+
+def test_a_motion_is_drawn_with_its_section(results) -> None:
+    panel = Panel("", View.MOTION, ("17",), "")
+    picture = draw_paper_figure(Figure("17", FigureKind.MOTION, "What it is", (panel,)), results)
+    assert len(picture.axes) == 4
+    assert "What it is" in picture.get_suptitle()
+
+
+def test_what_is_not_drawn_yet_is_refused(results) -> None:
+    with pytest.raises(ModelError, match="figure 3 is not drawn yet"):
+        draw_paper_figure(find_figure("3"), results)
