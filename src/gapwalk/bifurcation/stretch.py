@@ -25,6 +25,7 @@ class Stretch:
         self.corrector = corrector
         self._points = [first, last]
         self._lengths = [first.arclength, last.arclength]
+        self._rough: set[float] = set()  # arclengths of points that were only trusted to be exact
         self.crossings: list[Crossing] = []
 
     @property
@@ -41,11 +42,13 @@ class Stretch:
             If the corrector does not converge.
         """
         index = bisect_left(self._lengths, arclength)
-        if index < len(self._lengths) and self._lengths[index] == arclength:
+        known = index < len(self._lengths) and self._lengths[index] == arclength
+        if known and (trust or arclength not in self._rough):
             return self._points[index]
-        point = self._between(self._points[index - 1], self._points[index], arclength, trust)
-        self._points.insert(index, point)
-        self._lengths.insert(index, arclength)
+        point = self._between(self._points[index - 1], self._points[index + known], arclength, trust)
+        self._points[index : index + known] = [point]
+        self._lengths[index : index + known] = [arclength]
+        (self._rough.add if trust else self._rough.discard)(arclength)
         return point
 
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
