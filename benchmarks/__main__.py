@@ -51,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import branch, compiling, diagram, growth, jobs, mass, period
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, period
 
     return {
         "period": period.rows,
@@ -60,6 +60,7 @@ def _groups() -> dict[str, Callable]:
         "compiling": compiling.rows,
         "growth": growth.rows,
         "mass": mass.rows,
+        "balance": balance.rows,
         "jobs": jobs.rows,
     }
 

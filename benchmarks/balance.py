@@ -1,20 +1,26 @@
 """Harmonic balance beside shooting, against the number of harmonics, of degrees of freedom and of contacts.
 
-    python -m benchmarks.balance            # the paper's figures 12 and 9b
+    python -m benchmarks balance            # figures 12 and 9b beside a peer
+    python -m benchmarks.balance            # the same figures, with 3 to 50 harmonics
     python -m benchmarks.balance chains     # chains of up to 1,000 degrees of freedom
 
-CPU seconds of one core; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing from threads.
+CPU seconds of one core; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing from threads. The peer is
+SKHiPPR, the fastest program for harmonic balance with stability that was found. It locates no special points.
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
 
+from benchmarks.effort import Effort
+from benchmarks.row import Row, Target
+from benchmarks.stopwatch import fastest
 from gapwalk import Balance, Branch, Harmonic, Kind, System, WalkOptions, backlash, find_orbit, follow
 from gapwalk.errors import GapwalkError
 from gapwalk.orbit.equation import Method
@@ -23,9 +29,38 @@ from gapwalk.paper import case
 
 HARMONICS = (3, 5, 7, 10, 15, 20, 30, 40, 50)
 LONG_STEPS = WalkOptions(largest_step=0.06)
+PEER = {("12", 10): 1.2, ("9b", 10): 1.2, ("12", 40): 24.0, ("9b", 40): 25.0}
+"""CPU seconds of SKHiPPR for figures and harmonics, with stability, on two cores otherwise idle."""
+RATIO = 5.0  # how many times faster this should be
 CHAINS = ((25, 3), (50, 3), (100, 3), (100, 1), (100, 6), (100, 10), (1000, 10))
 
 T = TypeVar("T")
+
+
+def rows(effort: Effort) -> list[Row]:
+    """The paper's figures beside the peer."""
+    return [peer_row(name, harmonics, seconds, effort) for (name, harmonics), seconds in PEER.items()]
+
+
+def peer_row(name: str, harmonics: int, seconds: float, effort: Effort) -> Row:
+    """One figure at one number of harmonics, with every special point that shooting finds."""
+    start, method = find_orbit(case(name), frequency=2.0), Balance(harmonics, error=1.0)
+
+    def ours() -> Branch:
+        return follow(start, "frequency", to=0.15, method=method, walk=LONG_STEPS)
+
+    known = Counter(special.kind for special in response(name, Shooting(), WalkOptions()).special_points)
+    branch = ours()
+    found = Counter(special.kind for special in branch.special_points)
+    counts = {
+        "points": len(branch.points),
+        "special points found": (found & known).total(),
+        "special points invented": (found - known).total(),
+    }
+    note = f"figure {name}, H = {harmonics}: {summary(branch)}; {counts['special points invented']} invented"
+    targets = (Target(RATIO, "ratio"), Target(known.total(), "found"))
+    what = f"figure {name}, H = {harmonics}"
+    return Row("Harmonic balance", what, fastest(ours, effort), seconds, "SKHiPPR", targets, counts, note)
 
 
 def main() -> None:
@@ -46,8 +81,11 @@ def harmonics_line(name: str, harmonics: int, reference: Branch) -> str:
     branch, seconds = timed(lambda: response(name, Balance(harmonics, error=1.0), LONG_STEPS), 3)
     errors = [f"{kind.value} {error(branch, reference, kind)}" for kind in (Kind.FOLD, Kind.FLIP, Kind.GRAZING)]
     truncation = max(point.orbit.truncation for point in branch.points)  # type: ignore[attr-defined]
+    peer = PEER.get((name, harmonics))
+    ratio = "" if peer is None else f"; {peer / seconds:.1f} times as fast as SKHiPPR (target {RATIO:g})"
     return (
-        f"  H = {harmonics}: {seconds:.2f} s, {summary(branch)}; off by {', '.join(errors)}; neglected {truncation:.1e}"
+        f"  H = {harmonics}: {seconds:.2f} s{ratio}, {summary(branch)}; off by {', '.join(errors)}; neglected "
+        f"{truncation:.1e}"
     )
 
 

@@ -22,6 +22,7 @@ ORDER = (
     "bifurcation",
     "reduction",
     "attractor",
+    "measurement",
     "study",
     "paper",
     "plot",
@@ -38,11 +39,14 @@ ROOT_NAMES = ("__version__",)
 # (file, function that holds the import, package imported): why.
 PERMITTED = {
     ("attractor/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
+    ("attractor/contrast.py", "plot", "plot"): "contrast.plot() is a convenience; comparing motions never draws",
     ("attractor/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
     ("attractor/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
     ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
+    ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
+    ("motion/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
     ("study/map/chart.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
     ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from gapwalk.attractor.attractor import Attractor
     from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
+    from gapwalk.attractor.contrast import Contrast, contrast
     from gapwalk.attractor.judge import RegimeOptions
     from gapwalk.attractor.lyapunov import lyapunov
     from gapwalk.attractor.match import match
@@ -31,6 +32,11 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
+    from gapwalk.measurement.alignment import Alignment, align
+    from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
+    from gapwalk.measurement.fit import Fit, FitOptions, fit
+    from gapwalk.measurement.read import read_measurement
+    from gapwalk.measurement.record import Record
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
@@ -38,6 +44,7 @@ if TYPE_CHECKING:
     from gapwalk.model.rest import Equilibrium, Rest, rest_of
     from gapwalk.model.system import System
     from gapwalk.model.train import Gear, Inertia, Shaft, Train, chain
+    from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
     from gapwalk.orbit.balance import Balance
@@ -67,6 +74,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Alignment",
     "Attractor",
     "Balance",
     "BasinOptions",
@@ -78,13 +86,18 @@ __all__ = [
     "ClassifyOptions",
     "Comparison",
     "Contact",
+    "Contrast",
     "DampingLaw",
+    "DampingMatch",
     "Diagram",
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
+    "Fit",
+    "FitOptions",
     "Gear",
     "Harmonic",
+    "Hysteresis",
     "Inertia",
     "Kind",
     "Limb",
@@ -98,6 +111,7 @@ __all__ = [
     "Orbit",
     "Plane",
     "ProportionalDamping",
+    "Record",
     "Reduction",
     "Regime",
     "RegimeMapOptions",
@@ -124,6 +138,7 @@ __all__ = [
     "Train",
     "WalkOptions",
     "__version__",
+    "align",
     "backlash",
     "basin_shares",
     "basins",
@@ -132,11 +147,15 @@ __all__ = [
     "classify",
     "compare",
     "compare_results",
+    "contrast",
     "diagram",
     "errors",
     "find_orbit",
+    "fit",
     "follow",
     "follow_locus",
+    "hysteresis",
+    "impact_damping_of",
     "impact_plane",
     "integrate",
     "load",
@@ -146,10 +165,12 @@ __all__ = [
     "lyapunov",
     "mass_flow_of",
     "match",
+    "match_impact_damping",
     "modes_of",
     "on_cluster",
     "paper",
     "rattle",
+    "read_measurement",
     "read_studies",
     "read_study",
     "reduce",
@@ -169,6 +190,7 @@ __all__ = [
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
 _HOMES = {
+    "Alignment": "measurement.alignment",
     "Attractor": "attractor.attractor",
     "Balance": "orbit.balance",
     "BasinOptions": "study.basins.basins",
@@ -180,13 +202,18 @@ _HOMES = {
     "ClassifyOptions": "attractor.classify",
     "Comparison": "bifurcation.compare",
     "Contact": "model.contact",
+    "Contrast": "attractor.contrast",
     "DampingLaw": "model.contact",
+    "DampingMatch": "measurement.damping",
     "Diagram": "bifurcation.diagram",
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
     "Equilibrium": "model.rest",
+    "Fit": "measurement.fit",
+    "FitOptions": "measurement.fit",
     "Gear": "model.train",
     "Harmonic": "model.excitation",
+    "Hysteresis": "motion.hysteresis",
     "Inertia": "model.train",
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
@@ -200,6 +227,7 @@ _HOMES = {
     "Orbit": "orbit.orbit",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
+    "Record": "measurement.record",
     "Reduction": "reduction",
     "Regime": "attractor.regime",
     "RegimeMapOptions": "study.regimes.mapping",
@@ -225,6 +253,7 @@ _HOMES = {
     "System": "model.system",
     "Train": "model.train",
     "WalkOptions": "continuation.options",
+    "align": "measurement.alignment",
     "backlash": "model.contact",
     "basin_shares": "study.basins.basins",
     "basins": "study.basins.basins",
@@ -233,10 +262,14 @@ _HOMES = {
     "classify": "attractor.classify",
     "compare": "bifurcation.compare",
     "compare_results": "study.compare",
+    "contrast": "attractor.contrast",
     "diagram": "study.diagram.diagram",
     "find_orbit": "orbit.find",
+    "fit": "measurement.fit",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
+    "hysteresis": "motion.hysteresis",
+    "impact_damping_of": "measurement.damping",
     "impact_plane": "attractor.plane",
     "integrate": "motion.motion",
     "load": "study.store.stored",
@@ -246,9 +279,11 @@ _HOMES = {
     "lyapunov": "attractor.lyapunov",
     "mass_flow_of": "motion.mass",
     "match": "attractor.match",
+    "match_impact_damping": "measurement.damping",
     "modes_of": "model.modes",
     "on_cluster": "study.work.workers",
     "rattle": "attractor.rattle",
+    "read_measurement": "measurement.read",
     "read_studies": "study.file",
     "read_study": "study.file",
     "reduce": "reduction",

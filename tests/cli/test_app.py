@@ -7,8 +7,8 @@ import sys
 import pytest
 
 import gapwalk as gw
-from gapwalk.cli import app, main
 from gapwalk.cli import files as cli_files
+from gapwalk.cli import main
 from tests.study.studies import stop_study
 
 HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
@@ -48,7 +48,7 @@ def test_the_public_names_are_there() -> None:
 def test_help_names_every_command(capsys) -> None:
     assert main(["--help"]) == 0
     text = capsys.readouterr().out
-    for name in ("new", "check", "modes", "run", "show", "export", "paper"):
+    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure", "paper"):
         assert name in text
 
 
@@ -173,7 +173,6 @@ def test_texts_of_a_file_cannot_command_the_terminal(tmp_path, capsys) -> None:
 
 
 def test_each_command_explains_each_option(capsys) -> None:
-    for name in ("new", "check", "modes", "run", "show", "export", "paper"):
+    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure", "paper"):
         assert main([name, "--help"]) == 0
         assert "--debug" in capsys.readouterr().out
-    assert app.main is main

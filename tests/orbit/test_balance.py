@@ -11,8 +11,9 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.motion.forces import contact_forces
 from gapwalk.orbit.balance.force import contact_forces_of
+from gapwalk.orbit.balance.kernels import real_form
 from gapwalk.orbit.balance.laws import laws_of
-from gapwalk.orbit.balance.lines import real_form, waves
+from gapwalk.orbit.balance.lines import waves
 from gapwalk.paper import case
 
 LAWS = (

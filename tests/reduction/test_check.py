@@ -45,7 +45,8 @@ def test_a_chain_of_a_hundred_with_three_clearances_has_its_special_points_withi
     for each, exact in zip(check.special, theirs.special_points, strict=True):
         off = abs(each.special.value - exact.value)
         assert off <= each.error
-        assert each.error <= 1.2 * off + 1e-9  # and it says no more than needed
+        # and it says no more than needed, beside how well the walk has located the point
+        assert each.error <= 1.2 * off + each.special.uncertainty + 1e-9
         assert each.corrected == pytest.approx(exact.value, abs=1e-9)
 
 

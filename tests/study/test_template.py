@@ -157,6 +157,7 @@ def test_there_are_examples() -> None:
         "diagram",
         "gear",
         "map",
+        "rattle",
         "regimes",
         "rod",
         "settle",

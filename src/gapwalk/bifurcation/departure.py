@@ -104,7 +104,7 @@ def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> B
     along = np.zeros(len(x))
     along[-1] = np.sign(point.tangent[-1]) or 1.0
     evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
-    tangent, _ = corrector.tangent(evaluation, along)
+    tangent = corrector.tangent(evaluation, along).tangent
     correction = corrector.correct(x, tangent)
     if correction is None:  # the finer equation is far from solved: damped steps, with the parameter held
         try:

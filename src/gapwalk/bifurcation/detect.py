@@ -121,16 +121,17 @@ class Detector:
     ) -> list[_Zero]:
         """All zeros between two points, given the rate of change before them (if any) and the zeros known already."""
         length = b.arclength - a.arclength
+        at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
+        changes = at_a * at_b < 0.0
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        if not changes and (length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend):
+            return []
         if max(abs(value(kind, a)), abs(value(kind, b))) < _NOISE:
             return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
-        at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
-        if at_a * at_b < 0.0:
+        if changes:
             zero = self._locate(kind, stretch, a, b, known)
             known.append(zero.point.arclength)
             return [zero, *self._search(kind, stretch, a, b, None, known)]
-        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        if length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend:
-            return []
         middle = stretch.middle(a, b)
         left = self._search(kind, stretch, a, middle, rate, known)
         return left + self._search(kind, stretch, middle, b, _rate(kind, a, middle, known), known)

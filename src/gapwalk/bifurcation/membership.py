@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.space import Knot, space_of
+from gapwalk.bifurcation.space import Knot, Space
+from gapwalk.bifurcation.state_space import StateSpace
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
 
@@ -54,7 +56,7 @@ class Curve:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         points = _knots(branch)
-        self._space = space_of(branch, points)
+        self._space = _space_of(branch, points)
         self._scales = self._space.scales
         knots = [self._space.knot(point) for point in points]
         if len(knots) > 1:
@@ -201,3 +203,11 @@ def _size(state: NDArray[np.float64]) -> float:
 
 def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.abs(a - b).max()) / _size(b)
+
+
+def _space_of(branch: Branch, points: Sequence[BranchPoint]) -> Space:
+    if any(isinstance(point.orbit, BalancedOrbit) for point in points):
+        from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
+
+        return LineSpace(branch, points)
+    return StateSpace(branch, points)

@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import powers_of_two
-from gapwalk.orbit.balance import Balance, BalancedOrbit, BalanceEquation
-from gapwalk.orbit.balance.lines import from_real_form, real_form
-from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
-
-_ROUGH = 2.0  # truncation errors by which an exact motion may be off its balanced one
 
 Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
 """A point of a curve, the unit tangent there, and its arclength."""
@@ -65,144 +55,8 @@ class Space(Protocol):
         ...
 
 
-def space_of(branch: Branch, points: Sequence[BranchPoint]) -> Space:
-    """The space of a branch; `points` are those that make the curve."""
-    balanced = any(isinstance(point.orbit, BalancedOrbit) for point in points)
-    return LineSpace(branch, points) if balanced else StateSpace(branch, points)
-
-
-class StateSpace:
-    """Of the states at the start of each segment, by shooting; the first of them tells the motion."""
-
-    def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
-        self.size, self._period = 2 * branch.system.size, branch.period
-        segments = (len(points[0].x) - 1) // self.size
-        physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
-        scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
-        scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
-        self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
-        equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(segments))
-        self._corrector = Corrector(equation, self.scales)
-
-    def knot(self, point: BranchPoint) -> Knot:
-        """See `Space.knot`."""
-        return point.x, point.tangent, point.arclength
-
-    def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
-        """See `Space.places`."""
-        return list(stroboscopic(orbit))
-
-    def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """See `Space.goal`."""
-        if len(self.scales) == self.size + 1:
-            return np.append(place / self.scales[:-1], value)
-        unknowns = self._corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
-        return np.append(unknowns / self.scales[:-1], value)
-
-    def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
-        """See `Space.correct`."""
-        correction = self._corrector.correct(guess, normal)
-        return None if correction is None else correction.x
-
-    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
-        """See `Space.orbit_at`."""
-        return _orbit_of(self._corrector, self._corrector.at_value(guess, value), value)
-
-    def tolerance(self, orbit: Orbit) -> float:
-        """See `Space.tolerance`."""
-        return 0.0
-
-
-class LineSpace:
-    """Of the Fourier lines of the contact deflections, as many as the finest orbit of the branch has."""
-
-    def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
-        self._branch, self._contacts = branch, len(branch.system.structure.contacts)
-        self._harmonics = max(_balanced(point.orbit).harmonics for point in points)
-        self._error = max(_balanced(point.orbit).truncation for point in points)
-        self._unit, self._parameter_scale = self._units(points[0])
-        self.size = len(self._finest.scales(1.0))
-        self.scales = self._scales(self._finest)
-        self._corrector = cache(self._make_corrector)
-
-    def knot(self, point: BranchPoint) -> Knot:
-        """See `Space.knot`."""
-        unit, parameter_scale = self._units(point)
-        unknowns, tangent = self._finest.unknowns(point.orbit), self._resized(point.tangent[:-1], self._harmonics)
-        x = np.append(unknowns / self._unit, point.value / self._parameter_scale)
-        slope = np.append(tangent * unit / self._unit, point.tangent[-1] * parameter_scale / self._parameter_scale)
-        return x, slope / np.linalg.norm(slope), point.arclength
-
-    def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
-        """See `Space.places`."""
-        if self._branch.period % orbit.period:
-            return []
-        lines = from_real_form(self._finest.unknowns(orbit).reshape(self._contacts, -1))
-        later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / self._branch.period)
-        return [real_form(lines * later**j).ravel() for j in range(orbit.period)]
-
-    def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """See `Space.goal`."""
-        return np.append(place / self._unit, value)
-
-    def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
-        """See `Space.correct`."""
-        # two balanced motions are the same only if they solve one equation
-        harmonics = orbit.harmonics if isinstance(orbit, BalancedOrbit) else self._harmonics
-        start, across = (np.append(self._resized(x[:-1], harmonics), x[-1]) for x in (guess, normal))
-        correction = self._corrector(harmonics).correct(start, across / np.linalg.norm(across))
-        if correction is None:
-            return None
-        return np.append(self._resized(correction.x[:-1], self._harmonics), correction.x[-1])
-
-    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
-        """See `Space.orbit_at`."""
-        corrector = self._corrector(self._harmonics)
-        return _orbit_of(corrector, corrector.at_value(guess, value), value)
-
-    def tolerance(self, orbit: Orbit) -> float:
-        """See `Space.tolerance`."""
-        return 0.0 if isinstance(orbit, BalancedOrbit) else _ROUGH * self._error
-
-    @property
-    def _finest(self) -> BalanceEquation:
-        return self._equation(self._harmonics)
-
-    def _equation(self, harmonics: int) -> BalanceEquation:
-        branch = self._branch
-        return BalanceEquation(branch.system, branch.parameter, branch.period, Balance(harmonics), harmonics)
-
-    def _make_corrector(self, harmonics: int) -> Corrector:
-        equation = self._equation(harmonics)
-        return Corrector(equation, self._scales(equation))
-
-    def _scales(self, equation: BalanceEquation) -> NDArray[np.float64]:
-        return np.append(np.full(len(equation.scales(1.0)), self._unit), self._parameter_scale)
-
-    def _units(self, point: BranchPoint) -> tuple[float, float]:
-        """Scale of the lines and of the parameter with which a point was walked."""
-        lines = real_form(_balanced(point.orbit).deflections.lines)
-        size = float(np.abs(point.x[:-1]).sum())
-        parameter = point.value / float(point.x[-1]) if point.x[-1] else 1.0
-        units = powers_of_two(np.array([float(np.abs(lines).sum()) / size if size else 1.0, abs(parameter)]))
-        return float(units[0]), float(units[1])
-
-    def _resized(self, unknowns: NDArray[np.float64], harmonics: int) -> NDArray[np.float64]:
-        """The same lines, or as many of them as there are with a number of harmonics."""
-        known = from_real_form(unknowns.reshape(self._contacts, -1))
-        count = harmonics * self._branch.period
-        lines = np.zeros((self._contacts, count + 1), dtype=complex)
-        kept = min(count + 1, known.shape[1])
-        lines[:, :kept] = known[:, :kept]
-        return real_form(lines).ravel()
-
-
-def _orbit_of(corrector: Corrector, correction: Correction | None, value: float) -> Orbit | None:
+def orbit_of(corrector: Corrector, correction: Correction | None, value: float) -> Orbit | None:
+    """The orbit of a point that was found on a branch, if it was."""
     if correction is None:
         return None
     return corrector.equation.orbit(correction.x[:-1] * corrector.scales[:-1], value, correction.evaluation)
-
-
-def _balanced(orbit: Orbit) -> BalancedOrbit:
-    assert isinstance(orbit, BalancedOrbit)
-    return orbit

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 
 from gapwalk.bifurcation.crossing import Crossing
-from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.continuation.corrector import TRUST, Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
@@ -32,8 +32,8 @@ class Stretch:
         """All points known so far, in order."""
         return list(self._points)
 
-    def at(self, arclength: float) -> BranchPoint:
-        """The point at an arclength.
+    def at(self, arclength: float, trust: float = 0.0) -> BranchPoint:
+        """The point at an arclength; see `Corrector.correct` for `trust`.
 
         Raises
         ------
@@ -43,16 +43,16 @@ class Stretch:
         index = bisect_left(self._lengths, arclength)
         if index < len(self._lengths) and self._lengths[index] == arclength:
             return self._points[index]
-        point = self._between(self._points[index - 1], self._points[index], arclength)
+        point = self._between(self._points[index - 1], self._points[index], arclength, trust)
         self._points.insert(index, point)
         self._lengths.insert(index, arclength)
         return point
 
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
-        """The point halfway between two points."""
-        return self.at(0.5 * (first.arclength + last.arclength))
+        """The point halfway between two points, as exact as the points of a walk."""
+        return self.at(0.5 * (first.arclength + last.arclength), TRUST)
 
-    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
+    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float, trust: float) -> BranchPoint:
         for crossing in self.crossings:
             if arclength in crossing:
                 return self.corrector.uncorrected(crossing.x(arclength), crossing.tangent(arclength), arclength)
@@ -61,7 +61,7 @@ class Stretch:
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         for guess in (hermite(a, b, share), a.x + share * chord):
-            correction = self.corrector.correct(guess, normal)
+            correction = self.corrector.correct(guess, normal, trust)
             if correction is not None and correction.distance <= max(length, 1e-9):
                 point = self.corrector.point(correction, a.tangent, arclength)
                 if point.tangent @ normal >= _ASTRAY:

@@ -1,5 +1,5 @@
 """The command line."""
 
-from gapwalk.cli.app import main
+from gapwalk.cli.entry import main
 
 __all__ = ["main"]

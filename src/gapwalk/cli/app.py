@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 
-from gapwalk.cli.outcome import BAD_INPUT, guard, report_error
-from gapwalk.study.work.threads import work_in_one_thread
+from gapwalk.cli.outcome import guard
 
 app = App(
     name="gapwalk",
@@ -22,26 +18,6 @@ app = App(
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command of these arguments (by default those of the process), and return its exit code.
-
-    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
-    compared differs; 130: interrupted.
-    """
-    work_in_one_thread()
-    words = sys.argv[1:] if arguments is None else list(arguments)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without the letter Omega is no reason to fail
-    try:
-        code = app(words, exit_on_error=False, print_error="--json" not in words, result_action="return_value")
-    except CycloptsError as error:
-        if "--json" in words:
-            report_error(error, json=True)
-        return BAD_INPUT
-    return code if isinstance(code, int) else 0
 
 
 @app.command(sort_key=1)
@@ -282,6 +258,49 @@ def compare(
 
 
 @app.command(sort_key=7)
+def measure(
+    file: Path,
+    record: Path,
+    /,
+    *,
+    fit: Annotated[list[str] | None, Parameter(negative=())] = None,
+    changes: Changes = None,
+    output: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Put a measured record beside the computed motion, and fit parameters to it.
+
+    The table [measurement] of the model file says what the record measures. Pictures (PNG and SVG) and tables (CSV) are
+    written, over earlier ones.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    record
+        The record: a CSV or MAT file with the columns time, acceleration and perhaps speed.
+    fit
+        A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those that the file names.
+    changes
+        Another value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
+    output
+        The picture to write; by default named after the record. The tables are named after it.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.measure import measure_file
+
+        return measure_file(file, record, fit or [], changes or [], output, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=8)
 def paper(
     *figures: str,
     list_: Annotated[bool, Parameter(name="--list", negative=(), show_default=False)] = False,

@@ -13,9 +13,28 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import Equation, Evaluation
 
+TRUST = 1e-7
+"""Residual from which the next Newton step is exact to rounding, with exact derivatives."""
+
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
 _TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
+
+
+class Course(NamedTuple):
+    """Which way a branch goes on.
+
+    Attributes
+    ----------
+    tangent : shape (N + 1,)
+        Unit tangent of the branch, in scaled variables.
+    determinant
+        Determinant of the Jacobian bordered by it.
+    """
+
+    tangent: NDArray[np.float64]
+    determinant: float
 
 
 class Correction(NamedTuple):
@@ -33,6 +52,8 @@ class Correction(NamedTuple):
         From the predicted to the corrected point.
     last
         Length of the last Newton step.
+    course
+        Which way the branch goes on there, if that is known too.
     """
 
     x: NDArray[np.float64]
@@ -40,6 +61,7 @@ class Correction(NamedTuple):
     iterations: int
     distance: float
     last: float
+    course: Course | None = None
 
 
 class Corrector:
@@ -82,18 +104,23 @@ class Corrector:
             solved = size <= self.equation.tolerance * scale
             if not solved and not size <= _LOST * before:
                 return None
-            right = np.zeros(len(x))
-            right[:-1] -= evaluation.residual
-            _, _, step, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
+            # the second right-hand side leads along the branch
+            right = np.zeros((len(x), 2), order="F")
+            right[:-1, 0] -= evaluation.residual
+            right[-1, 1] = 1.0
+            factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
+            step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             if solved:
                 x = x + step if length < _POLISH else x
-                return Correction(x, evaluation, iteration, length_of(x - guess), last)
+                course = None if singular else _course(factors, pivots, steps[:, 1])
+                return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
             if size <= trust * scale and length < _TRUSTED:
-                return Correction(x, evaluation, iteration + 1, length_of(x - guess), last)
+                course = _course(factors, pivots, steps[:, 1])
+                return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
 
     def refined(self, point: BranchPoint) -> BranchPoint:
@@ -101,36 +128,36 @@ class Corrector:
         evaluation = self.equation.evaluate(point.x[:-1] * self._unknown_scales, point.value)
         return self.point(Correction(point.x, evaluation, 0, 0.0, 0.0), point.tangent, point.arclength)
 
-    def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> Course:
         """Unit tangent at a point, pointing the way of `along`, and the determinant bordered by it."""
         matrix = self._bordered(evaluation, along)
-        right = np.zeros(len(along))
+        right = np.zeros((len(along), 1))
         right[-1] = 1.0
-        factors, pivots, tangent, singular = lapack.dgesv(matrix, right)
-        if singular:
-            tangent = np.linalg.svd(matrix[:-1])[2][-1]
-            tangent *= np.sign(tangent @ along) or 1.0
-            matrix[-1] = tangent
-            return tangent, float(np.linalg.det(matrix))
-        length = length_of(tangent)
-        # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
-        swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-        determinant = float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length
-        return tangent / length, determinant
+        factors, pivots, solution, singular = lapack.dgesv(matrix, right)
+        if not singular:
+            return _course(factors, pivots, solution[:, 0])
+        tangent = np.linalg.svd(matrix[:-1])[2][-1]
+        tangent *= np.sign(tangent @ along) or 1.0
+        return Course(tangent, self._determinant(evaluation, tangent))
 
     def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
         """The branch point at `x` as it is, for places where Newton's method is ill-posed."""
         value = float(x[-1] * self.scales[-1])
         unknowns = x[:-1] * self._unknown_scales
         evaluation = self.equation.evaluate(unknowns, value)
-        determinant = float(np.linalg.det(self._bordered(evaluation, tangent)))
+        determinant = self._determinant(evaluation, tangent)
         orbit = self.equation.orbit(unknowns, value, evaluation)
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
 
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """The branch point of a correction."""
-        x, evaluation = correction.x, correction.evaluation
-        tangent, determinant = self.tangent(evaluation, along)
+        x, evaluation, course = correction.x, correction.evaluation, correction.course
+        way = 0.0 if course is None else float(course.tangent @ along)
+        if course is None or abs(way) < _ACROSS:
+            course = self.tangent(evaluation, along)
+        elif way < 0.0:
+            course = Course(-course.tangent, -course.determinant)
+        tangent, determinant = course
         value = float(x[-1] * self.scales[-1])
         orbit = self.equation.orbit(x[:-1] * self.scales[:-1], value, evaluation)
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
@@ -146,11 +173,23 @@ class Corrector:
     def _bordered(self, evaluation: Evaluation, border: NDArray[np.float64]) -> NDArray[np.float64]:
         size = len(border)
         matrix = np.empty((size, size), order="F")
-        matrix[:-1, :-1] = evaluation.by_unknowns
+        np.multiply(evaluation.by_unknowns, self._unknown_scales, out=matrix[:-1, :-1])
         matrix[:-1, -1] = evaluation.by_parameter
-        matrix[:-1] *= self.scales
+        matrix[:-1, -1] *= self.scales[-1]
         matrix[-1] = border
         return matrix
+
+    def _determinant(self, evaluation: Evaluation, border: NDArray[np.float64]) -> float:
+        """Determinant of the Jacobian bordered by a unit vector."""
+        return float(np.linalg.det(self._bordered(evaluation, border)))
+
+
+def _course(factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
+    """The course that follows from the factors of a bordered matrix and its solution for a step along the border."""
+    swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
+    # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
+    length = length_of(along)
+    return Course(along / length, float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length)
 
 
 def _largest(vector: NDArray[np.float64]) -> float:

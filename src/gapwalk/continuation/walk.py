@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.corrector import Correction, Corrector, length_of
+from gapwalk.continuation.corrector import TRUST, Correction, Corrector, length_of
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
@@ -25,7 +25,6 @@ from gapwalk.orbit.orbit import Orbit
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
-_TRUST = 1e-7  # residual from which the next Newton step is exact to rounding, with exact derivatives
 _REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
@@ -127,7 +126,7 @@ class Walk(Iterator[BranchPoint]):
         corrector: Corrector,
         options: WalkOptions,
         resume: WalkState | None = None,
-        trust: float = _TRUST,
+        trust: float = TRUST,
         branched: bool = False,
     ) -> None:
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within

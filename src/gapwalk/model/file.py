@@ -126,7 +126,7 @@ class ContactPart(Part):
 
 
 class SystemPart(Part):
-    """A model file. Its tables ``[study]`` (or ``[[study]]``) and ``[reduction]`` are read by `gapwalk.study`."""
+    """A model file. Its tables ``[study]``, ``[measurement]`` and ``[reduction]`` are read by `gapwalk.study`."""
 
     title: Text = ""
     coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
@@ -142,6 +142,7 @@ class SystemPart(Part):
     contact: list[ContactPart] = Field(default=[])
     harmonic: list[HarmonicPart] = Field(default=[])
     study: Annotated[Any, AfterValidator(study_tables)] = None
+    measurement: Any = None
     reduction: Any = None  # read by `gapwalk.study.reduced`
 
     def system(self, frequency: float | None = None) -> System:

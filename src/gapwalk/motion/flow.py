@@ -58,6 +58,27 @@ class Arc(NamedTuple):
     steps: int
 
 
+class Variations(NamedTuple):
+    """A sampled motion with its derivatives.
+
+    Attributes
+    ----------
+    states : shape (samples, 2n)
+        Positions, then velocities.
+    transitions : shape (samples, 2n, 2n)
+        Derivative of each by the state at the first sample.
+    sensitivities : shape (samples, 2n, k)
+        Derivative of each along k directions of coefficients.
+    contacts : list of ContactEvent
+        The crossings of breakpoints, in order.
+    """
+
+    states: NDArray[np.float64]
+    transitions: NDArray[np.float64]
+    sensitivities: NDArray[np.float64]
+    contacts: list[ContactEvent]
+
+
 class Turn(NamedTuple):
     """A turning point: index into `Equations.turning`, theta, and the positions there."""
 
@@ -161,13 +182,37 @@ class Flow:
 
         The state given is that at ``thetas[0]``. Errors as in `integrate`.
         """
-        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), None)
+        rows, contacts = self._sample(coefficients, state, thetas, None)
+        if rows is None:
+            return self._sample_piecewise(coefficients, state, thetas)
+        return rows[:, : self.size].copy(), contacts
+
+    def vary(
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        thetas: NDArray[np.float64],
+        direction: NDArray[np.float64] | None = None,
+    ) -> Variations:
+        """States and their derivatives at each of the increasing `thetas`; parameters as in `sample` and `integrate`.
+
+        For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
+        """
+        rows, contacts = self._sample(coefficients, state, thetas, direction)
+        if rows is None:
+            return self._vary_piecewise(coefficients, state, thetas, direction)
+        size, count = self.size, len(rows)
+        transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
+        along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
+        return Variations(rows[:, :size].copy(), transitions, along, contacts)
+
+    def _sample(self, coefficients, state, thetas, direction):
+        """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
         outcome = self._integrator.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
         if outcome[0] != hy.taylor_outcome.time_limit:
             self._refuse(outcome[0], float(thetas[0]))
-        if not self._board.is_right():
-            return self._sample_piecewise(coefficients, state, thetas)
-        return outcome[-1][:, : self.size].copy(), self._board.log
+        return (outcome[-1] if self._board.is_right() else None), self._board.log
 
     def survey(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
@@ -195,6 +240,21 @@ class Flow:
             states.append(arc.state)
             contacts += arc.contacts
         return np.array(states), contacts
+
+    def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
+        """The same as `vary`, point by point: derivatives over a stretch follow those before it."""
+        size = self.size
+        states, contacts = [np.asarray(state, dtype=float)], []
+        transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
+        for start, stop in pairwise(thetas):
+            arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
+            assert arc.transition is not None
+            added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
+            states.append(arc.state)
+            transitions.append(arc.transition @ transitions[-1])
+            along.append(arc.transition @ along[-1] + added)
+            contacts += arc.contacts
+        return Variations(np.array(states), np.array(transitions), np.array(along), contacts)
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         self._turns = []

@@ -28,8 +28,10 @@ class Turns(NamedTuple):
 
     def nearest(self, theta: float, full: float) -> int:
         """Index of the turning point nearest to an angle, on a circle of circumference `full`."""
-        after = bisect_left(self.thetas, theta) % len(self.thetas)
-        return min((after - 1, after), key=lambda index: apart(self.thetas[index], theta, full))
+        after = bisect_left(self.thetas, theta)
+        before, after = after - 1, after % len(self.thetas)
+        nearer = apart(self.thetas[before], theta, full) <= apart(self.thetas[after], theta, full)
+        return before if nearer else after
 
 
 @dataclass(frozen=True)

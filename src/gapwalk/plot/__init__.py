@@ -1,4 +1,4 @@
-"""Pictures: branches, diagrams, maps, settled motions, sweeps, basins and regimes, drawn with matplotlib."""
+"""Pictures of branches, diagrams, maps, motions, sweeps, basins, regimes and records, drawn with matplotlib."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gapwalk.plot.alignment import plot_alignment
     from gapwalk.plot.basins import draw_basins, plot_basins
     from gapwalk.plot.branch import plot_branch
     from gapwalk.plot.comparison import plot_comparison
+    from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
     from gapwalk.plot.history import plot_history, plot_loop
+    from gapwalk.plot.hysteresis import plot_hysteresis
     from gapwalk.plot.map import plot_map
     from gapwalk.plot.picture import save_picture
     from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
@@ -23,12 +26,15 @@ if TYPE_CHECKING:
 __all__ = [
     "draw_basins",
     "draw_regimes",
+    "plot_alignment",
     "plot_basins",
     "plot_branch",
     "plot_comparison",
     "plot_contact_figures",
+    "plot_contrast",
     "plot_diagram",
     "plot_history",
+    "plot_hysteresis",
     "plot_loop",
     "plot_map",
     "plot_regimes",
@@ -44,12 +50,15 @@ __all__ = [
 _HOMES = {
     "draw_basins": "basins",
     "draw_regimes": "regimes",
+    "plot_alignment": "alignment",
     "plot_basins": "basins",
     "plot_branch": "branch",
     "plot_comparison": "comparison",
     "plot_contact_figures": "regimes",
+    "plot_contrast": "contrast",
     "plot_diagram": "diagram",
     "plot_history": "history",
+    "plot_hysteresis": "hysteresis",
     "plot_loop": "history",
     "plot_map": "map",
     "plot_regimes": "regimes",

@@ -11,6 +11,8 @@ from matplotlib.figure import Figure
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
+from gapwalk.measurement.alignment import Alignment
+from gapwalk.plot.alignment import draw_alignment
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
 from gapwalk.plot.findings import draw_finding
@@ -22,7 +24,7 @@ from gapwalk.study.result import Result
 
 
 def save_picture(
-    found: Result | Branch | Diagram | Map,
+    found: Result | Branch | Diagram | Map | Alignment,
     png: str | os.PathLike[str] | None = None,
     svg: str | os.PathLike[str] | None = None,
     *,
@@ -34,7 +36,7 @@ def save_picture(
     Parameters
     ----------
     found
-        The result of a study, one branch, a diagram, or a map.
+        The result of a study, one branch, a diagram, a map, or a record beside a motion.
     png, svg
         The files to write; None for none.
     measure
@@ -65,7 +67,7 @@ def picture_bytes(figure: Figure, form: str) -> bytes:
 
 
 def draw_picture(
-    found: Result | Branch | Diagram | Map, *, measure: str | None = None, title: str | None = None
+    found: Result | Branch | Diagram | Map | Alignment, *, measure: str | None = None, title: str | None = None
 ) -> Figure:
     """The picture as a matplotlib figure, without pyplot; parameters as `save_picture`."""
     if isinstance(found, Result):
@@ -78,6 +80,10 @@ def draw_picture(
             raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
         measure = measure or found.walked.measure
         found = found.diagram or found.map or found.branches[0]
+    if isinstance(found, Alignment):
+        if measure is not None:
+            raise ModelError("the picture of a record shows its own signal, and no measure; leave it out")
+        return draw_alignment(found, title and title.replace("$", r"\$"))
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
     if isinstance(found, Map):
         return draw_map(found, title)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import Balance, BalancedOrbit, BalanceEquation
-from gapwalk.orbit.balance.lines import from_real_form
+from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
+    from gapwalk.orbit.balance.equation import BalanceEquation
     from gapwalk.reduction.reduction import Reduction
 
 _HARMONICS = 15
@@ -99,6 +99,8 @@ class Pair:
 
     def size(self, unknowns: NDArray[np.float64], *, mean: bool = False) -> float:
         """The largest sum of amplitudes of a deflection, with its mean or without."""
+        from gapwalk.orbit.balance.kernels import from_real_form  # loads numba, which takes time
+
         lines = np.abs(from_real_form(unknowns.reshape(len(self.system.structure.contacts), -1)))
         return float(lines[:, 0 if mean else 1 :].sum(axis=1).max())
 

@@ -17,7 +17,6 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import Range, scales_of
 from gapwalk.errors import NumericalError
 from gapwalk.motion.flow import PERIOD
-from gapwalk.orbit.balance import BalanceEquation
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.reduction.pair import Pair
 
@@ -71,7 +70,7 @@ class Twin:
 
     def start(self, orbit: Orbit, along: BranchPoint) -> BranchPoint | None:
         """An orbit as a point of the reduced system's branch in harmonic balance; None if it is not balanced so."""
-        equation: BalanceEquation = self.pair.reduced
+        equation = self.pair.reduced
         x = np.append(equation.unknowns(orbit), along.value) / self.scales
         border = np.zeros(len(x))
         border[-1] = np.sign(along.tangent[-1]) or 1.0

@@ -70,7 +70,7 @@ def points_csv(result: Result) -> str:
     multipliers = [f"{part}.multiplier{i + 1}" for i in range(len(states)) for part in ("modulus", "argument")]
     names = parameter_headings([result.walked.parameter, *([chart.second] if chart else [])], coordinates)
     header = ["branch", "name", "period", *names, "stable", "instability", "contacts"]
-    return _table(
+    return table_csv(
         [*header, *measure_names(coordinates), *states, *multipliers, *method_names(result.walked)],
         (
             [
@@ -113,7 +113,7 @@ def special_points_csv(result: Result) -> str:
         "contacts",
         "leads.to",
     ]
-    return _table(
+    return table_csv(
         [*header, *measure_names(coordinates), *method_names(result.walked)],
         (
             [
@@ -145,26 +145,26 @@ def special_points_csv(result: Result) -> str:
 def _table_of(result: Result, name: str) -> str:
     if result.finding is not None:
         header, *rows = result.finding.tables()[name]()
-        return _table(header, rows)
+        return table_csv(header, rows)
     return _TABLES[name](result)
 
 
 def _loci_csv(result: Result) -> str:
     assert result.map is not None
     header, *rows = locus_rows(result.map, result.system.coordinates)
-    return _table(header, rows)
+    return table_csv(header, rows)
 
 
 def _codim2_csv(result: Result) -> str:
     assert result.map is not None
     header, *rows = codim2_rows(result.map, result.system.coordinates)
-    return _table(header, rows)
+    return table_csv(header, rows)
 
 
 def _search_csv(result: Result) -> str:
     assert result.diagram is not None
     assert result.diagram.search is not None
-    return _table(COVERAGE, coverage_rows(result.diagram.search))
+    return table_csv(COVERAGE, coverage_rows(result.diagram.search))
 
 
 _TABLES: dict[str, Callable[[Result], str]] = {
@@ -206,7 +206,8 @@ def _named(result: Result) -> Iterator[tuple[str, Branch]]:
     return zip(result.names, result.branches, strict=True)
 
 
-def _table(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+def table_csv(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """One table as comma-separated values."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

@@ -16,6 +16,7 @@ from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
 from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.study.kinds import KINDS, all_keys
+from gapwalk.study.measure.table import check_measurement
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.reduced.origin import ReducedFrom, reduce_for
 from gapwalk.study.reduced.table import ReductionPart, reduction_part
@@ -101,6 +102,7 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
     reduction, found = reduction_part(source)
     problems += found
     system = part.system() if part else _sketch(source)
+    problems += check_measurement(source, system)[1]
     tables = study_tables(source)
     if source.data.get("study") is None:
         example = 'add [study] with kind = "response", parameter, from and to'

@@ -99,6 +99,11 @@ RestOrState = Annotated[
 ]
 """Where a motion begins: from rest, or from a state."""
 
+StartOrState = Annotated[
+    Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
+]
+"""Where an orbit is looked for: from rest, from where a transient settles, or from a state."""
+
 
 def plain_start(start: str | list[float]) -> str | tuple[float, ...]:
     """A start as options have it."""
@@ -213,9 +218,7 @@ class BranchPart(RangePart):
     """What the schemas of the studies of branches have in common: a first orbit, and how it is walked."""
 
     period: Count = 1
-    start: Annotated[
-        Annotated[_StartName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
-    ] = Start.SETTLE
+    start: StartOrState = Start.SETTLE
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)
     method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] = MethodName.SHOOTING

@@ -14,7 +14,7 @@ after that a line costs as many operations as there are eigenvalues.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol
 
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance.linear import Linear
-from gapwalk.orbit.balance.poles import Poles
+from gapwalk.orbit.balance.poles import Poles, amplitudes_of, answers_of, gains_of, slopes_of
 
 
 class Lines(NamedTuple):
@@ -59,11 +59,12 @@ class Compliance(Protocol):
         """Lines of all coordinates, shape (lines, n), under the loads and contact forces of shape (lines, contacts)."""
         ...
 
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts).
+    def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Deflections on other lines under contact forces alone (against them), both of shape (lines, contacts)."""
+        ...
 
-        As with `motion`, there may be forces on the first lines alone; the result has as many.
-        """
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts)."""
         ...
 
 
@@ -113,21 +114,25 @@ class DirectCompliance:
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.motion`."""
-        solved = self._solved[: len(forces)]
-        return solved[:, :, -1] - (solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
+        return self._solved[:, :, -1] - (self._solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
+
+    def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.answer`."""
+        others = replace(self, lines=Lines(frequencies, np.zeros_like(frequencies), self.lines.loads[:0]))
+        return others._solve((forces @ self.linear.contacts.T)[:, :, None])[:, :, 0] @ self.linear.deflections.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.slope`."""
         linear, change = self.linear, self.change
-        count, motion = len(forces), self.motion(forces)
-        w, rate = self.lines.frequencies[:count, None], self.lines.slopes[:count, None]
+        motion = self.motion(forces)
+        w, rate = self.lines.frequencies[:, None], self.lines.slopes[:, None]
         right = (2.0 * w * rate) * motion - 1j * rate * (motion @ linear.damping.T)
         right -= force_slopes @ linear.contacts.T
         if change is None:
             return self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T
         shifted = change.stiffness + (change.contacts * self.shift) @ linear.deflections
         shifted += (linear.contacts * self.shift) @ change.deflections
-        right += self._loads(change)[:count] - forces @ change.contacts.T
+        right += self._loads(change) - forces @ change.contacts.T
         right -= motion @ shifted.T + 1j * w * (motion @ change.damping.T)
         moved = self._solve(right[:, :, None])[:, :, 0]
         return moved @ linear.deflections.T + motion @ change.deflections.T
@@ -139,7 +144,7 @@ class DirectCompliance:
 
     def _solve(self, right: NDArray[np.complex128]) -> NDArray[np.complex128]:
         try:
-            return np.asarray(np.linalg.solve(self._dynamic[: len(right)], right), dtype=np.complex128)
+            return np.asarray(np.linalg.solve(self._dynamic, right), dtype=np.complex128)
         except np.linalg.LinAlgError:
             raise NumericalError(
                 "the linear part of the system has an undamped resonance, or can move as a whole, at a harmonic of "
@@ -147,56 +152,46 @@ class DirectCompliance:
             ) from None
 
 
-@dataclass(frozen=True)
-class PoleCompliance:
+class PoleCompliance(NamedTuple):
     """The linear part as a sum over its eigenvalues, on some lines.
 
-    Parameters
+    Attributes
     ----------
     poles
         The eigenvalues.
     lines
         The lines; the poles do not change with the parameter.
+    gains : shape (lines, poles)
+        Amplitude of each eigenvector under a unit load.
+    free, flexibility
+        See `Compliance`.
     """
 
     poles: Poles
     lines: Lines
-
-    @cached_property
-    def _gains(self) -> NDArray[np.complex128]:
-        """Amplitude of each eigenvector under a unit load, shape (lines, 2n)."""
-        return 1.0 / (1j * self.lines.frequencies[:, None] - self.poles.values)
-
-    @cached_property
-    def _loaded(self) -> NDArray[np.complex128]:
-        """Amplitude of each eigenvector under the loads, shape (lines, 2n)."""
-        amplitudes, at = np.zeros_like(self._gains), self.lines.loads
-        amplitudes[at] = self._gains[at] * self.poles.loads.T
-        return amplitudes
-
-    @cached_property
-    def flexibility(self) -> NDArray[np.complex128]:
-        """See `Compliance.flexibility`."""
-        contacts = len(self.poles.deflections)
-        return (self._gains @ self.poles.residues).reshape(-1, contacts, contacts)
-
-    @cached_property
-    def free(self) -> NDArray[np.complex128]:
-        """See `Compliance.free`."""
-        free, at = np.zeros((len(self._gains), len(self.poles.deflections)), dtype=complex), self.lines.loads
-        free[at] = (self._gains[at] * self.poles.loads.T) @ self.poles.deflections.T
-        return free
+    gains: NDArray[np.complex128]
+    free: NDArray[np.complex128]
+    flexibility: NDArray[np.complex128]
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.motion`."""
-        return self._amplitudes(forces) @ self.poles.outputs.T
+        poles = self.poles
+        amplitudes = amplitudes_of(self.gains, poles.loads, self.lines.loads, poles.inputs, forces)
+        return amplitudes @ poles.outputs.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """See `Compliance.slope`."""
-        count = len(forces)
-        moved = (1j * self.lines.slopes[:count, None]) * self._amplitudes(forces) + force_slopes @ self.poles.inputs.T
-        return -(self._gains[:count] * moved) @ self.poles.deflections.T
+        poles, lines = self.poles, self.lines
+        applied = poles.loads, lines.loads, poles.inputs, forces
+        return slopes_of(self.gains, *applied, lines.slopes, poles.deflections, force_slopes)
 
-    def _amplitudes(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        count = len(forces)
-        return self._loaded[:count] - self._gains[:count] * (forces @ self.poles.inputs.T)
+    def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """See `Compliance.answer`."""
+        return answers_of(frequencies, self.poles.values, self.poles.inputs, self.poles.deflections, forces)
+
+
+def pole_compliance(poles: Poles, lines: Lines) -> PoleCompliance:
+    """The linear part on some lines, from its eigenvalues."""
+    gains, free = gains_of(lines.frequencies, poles.values, poles.loads, lines.loads, poles.deflections)
+    contacts = len(poles.deflections)
+    return PoleCompliance(poles, lines, gains, free, (gains @ poles.residues).reshape(-1, contacts, contacts))

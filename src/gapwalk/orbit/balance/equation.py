@@ -17,13 +17,14 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.balance.compliance import DirectCompliance, PoleCompliance
 from gapwalk.orbit.balance.force import Forces, contact_forces_of
 from gapwalk.orbit.balance.hill import projected_monodromy
+from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
-from gapwalk.orbit.balance.lines import differentiated, from_real_form, multiplication, real_form, waves
 from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
 from gapwalk.orbit.balance.parts import Parts
+from gapwalk.orbit.balance.residual import balance, beyond, changed, share
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.balance.variational import monodromy
 from gapwalk.orbit.equation import Evaluation
@@ -42,10 +43,10 @@ class Evidence(NamedTuple):
     ----------
     coefficients
         Of the flow.
-    lines, total : shape (contacts, K + 1)
-        Of the deflections, and of the contact forces less the linear shares.
-    tangent : shape (contacts, K + 1, 2K + 1)
-        Derivative of the total of each contact by the real form of its deflection.
+    lines : shape (contacts, K + 1)
+        Of the deflections.
+    total : shape (K + 1, contacts)
+        Lines of the contact forces less the linear shares.
     compliance, laws, forces
         The parts.
     """
@@ -53,7 +54,6 @@ class Evidence(NamedTuple):
     coefficients: NDArray[np.float64]
     lines: NDArray[np.complex128]
     total: NDArray[np.complex128]
-    tangent: NDArray[np.complex128]
     compliance: PoleCompliance | DirectCompliance
     laws: Laws
     forces: Forces
@@ -119,48 +119,44 @@ class BalanceEquation:
             If the linear part is singular at one of the lines.
         """
         coefficients, slope = self._parts.coefficients(value)
-        contacts, count = len(self._parts.layout.contacts), self.count
-        lines = from_real_form(unknowns.reshape(contacts, -1))
+        lines = from_real_form(unknowns.reshape(len(self._parts.layout.contacts), -1))
         compliance = self._parts.compliance(coefficients, slope)
         laws = self._parts.laws(coefficients, slope)
         forces = contact_forces_of(lines, laws)
-        iw = 1j * compliance.lines.frequencies[: count + 1]
-        total = forces.spring[:, : count + 1] - self._parts.shift[:, None] * lines + iw * forces.damper[:, : count + 1]
-        tangents = forces.tangents if laws.damped else forces.tangents[:1]
-        tangent, *damping = multiplication(tangents)
-        if damping:
-            tangent += iw[:, None] * damping[0]
-        tangent -= self._parts.share
-        flexibility = compliance.flexibility[: count + 1]
-        residual = lines.T - compliance.free[: count + 1] + (flexibility @ total.T[:, :, None])[:, :, 0]
-        evidence = Evidence(coefficients, lines, total, tangent, compliance, laws, forces)
-        jacobian = _real_rows(flexibility, tangent)
-        jacobian.flat[:: len(jacobian) + 1] += 1.0
+        residual, jacobian, total, change = balance(
+            lines,
+            forces.parts,
+            forces.slopes,
+            self._parts.shift,
+            *compliance.lines[:2],
+            compliance.free,
+            compliance.flexibility,
+        )
         by_parameter = None
         if slope is not None:
-            change = forces.spring_slope + iw * forces.damper_slope
-            change += 1j * compliance.lines.slopes[: count + 1] * forces.damper[:, : count + 1]
-            by_parameter = -real_form(compliance.slope(total.T, change.T).T).ravel()
-        return Evaluation(real_form(residual.T).ravel(), jacobian, by_parameter, evidence)
+            by_parameter = -real_form(compliance.slope(total, change).T).ravel()
+        evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
+        return Evaluation(residual, jacobian, by_parameter, evidence)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """The orbit of a solution."""
         evidence: Evidence = evaluation.evidence
         system = self.system if self.parameter is None else self._parts.line.system_at(value)
         # the unknowns may be one Newton step past the evaluation
-        real = unknowns.reshape(len(evidence.lines), -1)
-        step = (evidence.tangent @ (real - real_form(evidence.lines))[:, :, None])[:, :, 0]
-        series = Series(evidence.compliance.motion((evidence.total + step).T).T, self.period, system.frequency)
+        lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
+        compliance, shift = evidence.compliance, self._parts.shift
+        moved = changed(lines - evidence.lines, evidence.forces.parts, shift, compliance.lines.frequencies)
+        series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
         return BalancedOrbit(
             system,
             self.period,
-            series.states(np.zeros(1))[0],
+            series.start(),
             self._multipliers(evidence),
             self._events(evidence),
-            float(np.abs(evaluation.residual).max()),
+            max(map(abs, evaluation.residual.tolist())),
             2 * self.count,
             series,
-            Series(from_real_form(real), self.period, system.frequency),
+            Series(lines, self.period, system.frequency),
             self._truncation(evidence),
         )
 
@@ -217,7 +213,7 @@ class BalanceEquation:
 
     def _multipliers(self, evidence: Evidence) -> NDArray[np.complex128]:
         length = 2.0 * np.pi / float(evidence.compliance.lines.frequencies[1])
-        forces, breaks = evidence.forces, evidence.forces.visits.phi
+        forces, breaks = evidence.forces, evidence.forces.crossings[0]
         poles, shift = self._parts.poles, self._parts.shift
         if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
             # eigenvectors that are faster than every line, by far, follow at once
@@ -231,32 +227,17 @@ class BalanceEquation:
 
     def _truncation(self, evidence: Evidence) -> float:
         """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
-        count, forces = self.count, evidence.forces
-        iw = 1j * evidence.compliance.lines.frequencies[count + 1 :]
-        total = forces.spring[:, count + 1 :] + iw * forces.damper[:, count + 1 :]
-        neglected = (evidence.compliance.flexibility[count + 1 :] @ total.T[:, :, None])[:, :, 0]
-        kept = np.abs(evidence.lines[:, 1:]).sum(axis=1).max()
-        return float(np.abs(neglected).sum(axis=0).max() / kept) if kept > 0.0 else 0.0
+        frequencies = self._parts.orders[self.count + 1 :] / evidence.coefficients[0]
+        neglected = evidence.compliance.answer(frequencies, beyond(evidence.forces.parts, frequencies))
+        return share(neglected, evidence.lines)
 
     def _events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
-        visits, lines = evidence.forces.visits, evidence.lines
-        if not len(visits.phi):
-            return ()
-        rates = differentiated(lines)[evidence.laws.contact[visits.switch]]
-        speeds = (rates * waves(visits.phi, lines.shape[1] - 1)).sum(axis=1).real
-        speeds *= evidence.compliance.lines.frequencies[1]
-        order = np.argsort(visits.phi, kind="stable")
-        rows = (self.period * visits.phi, visits.switch, visits.enters, speeds)
-        return tuple(ContactEvent(*event) for event in zip(*(row[order].tolist() for row in rows), strict=True))
+        rate = float(evidence.compliance.lines.frequencies[1])
+        return tuple(
+            ContactEvent(self.period * phi, int(switch), closes > 0.0, rate * slope)
+            for phi, slope, closes, switch in evidence.forces.crossings.T.tolist()
+        )
 
     @cached_property
     def _parts(self) -> Parts:
         return Parts(self.system, self.parameter, self.period, self.count)
-
-
-def _real_rows(flexibility: NDArray[np.complex128], tangent: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """``G`` times the tangents, as a real matrix: rows and columns are real forms, contact by contact."""
-    contacts, rows, columns = tangent.shape
-    product = flexibility.transpose(1, 0, 2)[:, :, :, None] * tangent.transpose(1, 0, 2)
-    real = np.concatenate((product.real, -product.imag[:, 1:]), axis=1)
-    return real.reshape(contacts * (2 * rows - 1), contacts * columns)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.orbit.balance.kernels import contact_forces
 from gapwalk.orbit.balance.laws import Laws
-from gapwalk.orbit.balance.lines import spectrum, two_sided
-from gapwalk.orbit.balance.visits import Visits, find_visits
+from gapwalk.orbit.balance.lines import grid
 
 
 class Forces(NamedTuple):
@@ -22,53 +22,35 @@ class Forces(NamedTuple):
 
     Attributes
     ----------
-    spring, damper : shape (contacts, 2K + 1)
-        Lines of g and P.
-    tangents : shape (2, contacts, 2K + 1)
-        Spectra, k = 0 ... 2K, of ``g'(x)`` and ``P'(x)``.
-    spring_slope, damper_slope : shape (contacts, K + 1)
+    parts : shape (contacts, 4, 2K + 1)
+        Lines of g, the spectrum (k = 0 ... 2K) of ``g'(x)``, and the same of P.
+    slopes : shape (contacts, 2, K + 1)
         Derivatives of the lines of g and P by the parameter, with the motion held.
-    visits
-        When the stages are closed.
+    crossings : shape (4, crossings)
+        Where deflections pass breakpoints: angles ``0 <= phi < 2 pi`` in their order, derivatives of the deflection by
+        phi, 1 where the stage closes, and its switch.
     """
 
-    spring: NDArray[np.complex128]
-    damper: NDArray[np.complex128]
-    tangents: NDArray[np.complex128]
-    spring_slope: NDArray[np.complex128]
-    damper_slope: NDArray[np.complex128]
-    visits: Visits
+    parts: NDArray[np.complex128]
+    slopes: NDArray[np.complex128]
+    crossings: NDArray[np.float64]
+
+    @property
+    def spring(self) -> NDArray[np.complex128]:
+        """Lines of g, shape (contacts, 2K + 1)."""
+        return self.parts[:, 0]
+
+    @property
+    def damper(self) -> NDArray[np.complex128]:
+        """Lines of P, shape (contacts, 2K + 1)."""
+        return self.parts[:, 2]
+
+    @property
+    def tangents(self) -> NDArray[np.complex128]:
+        """Spectra of ``g'(x)`` and ``P'(x)``, shape (2, contacts, 2K + 1)."""
+        return self.parts[:, 1::2].transpose(1, 0, 2)
 
 
 def contact_forces_of(lines: NDArray[np.complex128], laws: Laws) -> Forces:
     """The forces along deflections with lines of shape (contacts, K + 1)."""
-    count = lines.shape[-1] - 1
-    visits = find_visits(lines, laws.contact, laws.sign, laws.clearance)
-    longest = (2 + laws.degree) * count
-    indicators = visits.indicators(longest)
-    full = spectrum(lines)
-    forces = np.zeros((4, len(lines), 2 * count + 1), dtype=complex)
-    slopes = np.zeros((2, len(lines), count + 1), dtype=complex)
-    for switch in np.flatnonzero(indicators[:, 0].real != 0.0).tolist():
-        contact, sign = int(laws.contact[switch]), laws.sign[switch]
-        depth = sign * full[contact]
-        depth[count] -= laws.clearance[switch]
-        powers = _powers(indicators[switch], depth, laws.degree, 2 * count)
-        forces[:, contact] += laws.table[switch] @ powers
-        if laws.moves:
-            slopes[:, contact] += laws.slope_table[switch] @ powers[:, : count + 1]
-    forces[0::2, :, 1:] *= 2.0  # from spectra to lines
-    slopes[:, :, 1:] *= 2.0
-    return Forces(forces[0], forces[2], forces[1::2], slopes[0], slopes[1], visits)
-
-
-def _powers(indicator, depth, degree: int, kept: int) -> NDArray[np.complex128]:
-    """Spectra, k = 0 ... kept, of the indicator times 1, xi ... xi^degree."""
-    result = np.empty((degree + 1, kept + 1), dtype=complex)
-    result[0] = indicator[: kept + 1]
-    power = two_sided(indicator)
-    for exponent in range(1, degree + 1):
-        power = np.convolve(power, depth, "valid")
-        middle = len(power) // 2
-        result[exponent] = power[middle : middle + kept + 1]
-    return result
+    return Forces(*contact_forces(lines, *laws.switches, laws.table, laws.slope_table, *grid(lines.shape[1] - 1)))

@@ -65,19 +65,24 @@ class Laws:
             self.damper,
             self.sign[:, None] * _rate(self.damper),
         )
-        return np.stack(rows, axis=1)[:, :, : self.degree + 1]
+        return np.ascontiguousarray(np.stack(rows, axis=1)[:, :, : self.degree + 1])
+
+    @cached_property
+    def switches(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+        """Contact, sign and clearance of each switch."""
+        return self.contact, self.sign, self.clearance
+
+    @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Coefficients of each switch's part of g' and P', shape (switches, 2, degree + 1)."""
+        return np.ascontiguousarray(self.table[:, 1::2])
 
     @cached_property
     def slope_table(self) -> NDArray[np.float64]:
         """Coefficients of the derivatives of g and P by the parameter, x held; shape (switches, 2, degree + 1)."""
         inwards = self.clearance_slope[:, None]
         rows = (self.spring_slope - inwards * _rate(self.spring), self.damper_slope - inwards * _rate(self.damper))
-        return np.stack(rows, axis=1)[:, :, : self.degree + 1]
-
-    @cached_property
-    def moves(self) -> bool:
-        """Whether the laws change with the parameter."""
-        return bool(self.slope_table.any())
+        return np.ascontiguousarray(np.stack(rows, axis=1)[:, :, : self.degree + 1])
 
     @cached_property
     def _rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

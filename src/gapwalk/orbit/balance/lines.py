@@ -13,32 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_ITERATIONS = 60  # bisection alone would need about 50; Newton's method takes 4
-_QUICK = 6
-_ROUNDING = 1e-14  # of an angle up to 2 pi, with that of the series
-_CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube of the step
-_TINY = 1e-300
 _MANY = 32  # angles from which products are faster than exponentials
-
-
-def real_form(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Real form, shape (..., 2K + 1), of lines of shape (..., K + 1)."""
-    return np.concatenate((lines.real, -lines.imag[..., 1:]), axis=-1)
-
-
-def from_real_form(real: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Lines, shape (..., K + 1), of a real form of shape (..., 2K + 1)."""
-    count = real.shape[-1] // 2
-    lines = real[..., : count + 1].astype(complex)
-    lines[..., 1:] -= 1j * real[..., count + 1 :]
-    return lines
-
-
-def spectrum(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Two-sided spectrum, shape (..., 2K + 1), of lines of shape (..., K + 1)."""
-    half = 0.5 * lines
-    half[..., 0] = lines[..., 0].real
-    return two_sided(half)
 
 
 def two_sided(half: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -61,30 +36,9 @@ def differentiated(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return _exponents(lines.shape[-1] - 1) * lines
 
 
-def multiplication(half: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """The matrix that takes the real form of x to the lines of the product ``u x``, shape (..., K + 1, 2K + 1).
-
-    `half` is the spectrum of u for k = 0 ... 2K. With it, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and
-    ``u sin j`` the line ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
-    """
-    differences, sums = _places((half.shape[-1] - 1) // 2)
-    full = two_sided(half)
-    minus, plus = full[..., differences], full[..., sums]
-    matrix = np.concatenate((plus + minus, 1j * (plus - minus)[..., 1:]), axis=-1)
-    matrix[..., 0, :] *= 0.5
-    return matrix
-
-
 @lru_cache(maxsize=64)
 def _exponents(count: int) -> NDArray[np.complex128]:
     return 1j * np.arange(count + 1, dtype=np.complex128)
-
-
-@lru_cache(maxsize=32)
-def _places(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Places of lines k - j and k + j in a spectrum of 2K lines."""
-    k = np.arange(count + 1)
-    return 2 * count + k[:, None] - k, 2 * count + k[:, None] + k
 
 
 class Grid(NamedTuple):
@@ -113,50 +67,3 @@ def grid(count: int) -> Grid:
     values = np.hstack((wave.real, wave.imag[:, 1:]))
     slopes = np.hstack((-k * wave.imag, k[1:] * wave.real[:, 1:]))
     return Grid(phi, np.ascontiguousarray(values.T), np.ascontiguousarray(slopes.T))
-
-
-class Bracket(NamedTuple):
-    """Angles between which functions change their signs, and their values there; each of shape (functions,)."""
-
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    at_low: NDArray[np.float64]
-    at_high: NDArray[np.float64]
-
-
-def zeros(lines: NDArray[np.complex128], bracket: Bracket) -> NDArray[np.float64]:
-    """One zero of each function, shape (functions,), by Halley's method; by a safe one where that leaves the bracket.
-
-    `lines` has shape (functions, K + 1), one row for each zero sought.
-    """
-    low, high, at_low, at_high = bracket
-    phi = low + (high - low) * (at_low / (at_low - at_high))
-    slopes = differentiated(lines)
-    functions = np.concatenate((lines[:, None], slopes[:, None], differentiated(slopes)[:, None]), axis=1)
-    for _ in range(_QUICK):
-        value, slope, bend = (functions @ waves(phi, lines.shape[-1] - 1)[:, :, None])[:, :, 0].real.T
-        change = value * slope / (slope * slope - 0.5 * value * bend + _TINY)
-        phi = phi - change
-        if max(map(abs, change.tolist())) < _CLOSE:
-            break
-    else:
-        return _safe_zeros(functions[:, :2], bracket)
-    if ((phi < low - _ROUNDING) | (phi > high + _ROUNDING)).any():
-        return _safe_zeros(functions[:, :2], bracket)
-    return phi
-
-
-def _safe_zeros(functions: NDArray[np.complex128], bracket: Bracket) -> NDArray[np.float64]:
-    """The same by Newton's method with bisection wherever it would leave its bracket; functions and their slopes."""
-    low, high = bracket[:2]
-    phi, count, rises = 0.5 * (low + high), functions.shape[-1] - 1, bracket.at_high > bracket.at_low
-    for _ in range(_ITERATIONS):
-        value, slope = (functions @ waves(phi, count)[:, :, None])[:, :, 0].real.T
-        beyond = (value > 0.0) == rises
-        high, low = np.where(beyond, phi, high), np.where(beyond, low, phi)
-        following = phi - value / (slope + _TINY)
-        following = np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
-        change, phi = np.abs(following - phi).max(), following
-        if change < _ROUNDING:
-            break
-    return phi

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance
+from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance, pole_compliance
 from gapwalk.orbit.balance.laws import Laws, laws_of
 from gapwalk.orbit.balance.linear import Linear, linear_of
 from gapwalk.orbit.balance.linearised import Linearised
-from gapwalk.orbit.balance.lines import multiplication
 from gapwalk.orbit.balance.poles import Poles, poles_of
 
 _LOOSE = 1e10  # condition of the stiffness beyond which only contacts hold the system in place
@@ -59,12 +58,12 @@ class Parts:
     def compliance(
         self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> PoleCompliance | DirectCompliance:
-        """The linear part on all lines, and on as many beyond, which measure what is neglected."""
-        frequencies = self._orders / coefficients[0]
+        """The linear part on the lines of the motion."""
+        frequencies = self.orders[: self.count + 1] / coefficients[0]
         slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
         lines = Lines(frequencies, slopes, self._load_lines)
         if self.poles is not None:
-            return PoleCompliance(self.poles, lines)
+            return pole_compliance(self.poles, lines)
         if self._fixed is not None:
             return DirectCompliance(self._fixed, None, lines, self.shift)
         change = None if slope is None else linear_of(self.layout, slope)
@@ -97,13 +96,6 @@ class Parts:
         return _SHARE * total / np.maximum(number, 1.0)
 
     @cached_property
-    def share(self) -> NDArray[np.complex128]:
-        """The shifts as matrices from real forms to lines, shape (contacts, K + 1, 2K + 1)."""
-        half = np.zeros((len(self.shift), 2 * self.count + 1), dtype=complex)
-        half[:, 0] = self.shift
-        return multiplication(half)
-
-    @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, where it does not change with the parameter."""
         if self.parameter not in (None, "frequency"):
@@ -124,7 +116,8 @@ class Parts:
         return Linearised(self._fixed, self._fixed_laws)
 
     @cached_property
-    def _orders(self) -> NDArray[np.float64]:
+    def orders(self) -> NDArray[np.float64]:
+        """Lines from 0 to 2K in multiples of the forcing frequency: what lies beyond K measures what is neglected."""
         return np.arange(2 * self.count + 1) / self.period
 
     @cached_property

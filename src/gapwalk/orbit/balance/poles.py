@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.orbit.balance.compiled import kernel, part
 from gapwalk.orbit.balance.linear import Linear
 
 _DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits
@@ -110,3 +111,73 @@ def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
     vectors = vectors.astype(np.complex128)
     left = np.asarray(np.linalg.inv(vectors)[:, n:], dtype=np.complex128)
     return values.astype(np.complex128), left, vectors[:n]
+
+
+@kernel("Tuple((c16[:, ::1], c16[:, ::1]))(f8[::1], c16[::1], c16[:, ::1], i8[::1], c16[:, ::1])")
+def gains_of(frequencies, values, loads, load_lines, deflections):
+    """Amplitude of each eigenvector under a unit load, shape (lines, poles); deflections under the loads alone."""
+    gains = np.empty((len(frequencies), len(values)), np.complex128)
+    free = np.zeros((len(frequencies), len(deflections)), np.complex128)
+    for line in range(len(frequencies)):
+        for p in range(len(values)):
+            gains[line, p] = 1.0 / (complex(0.0, frequencies[line]) - values[p])
+    for order in range(len(load_lines)):
+        line = load_lines[order]
+        for c in range(len(deflections)):
+            for p in range(len(values)):
+                free[line, c] += deflections[c, p] * gains[line, p] * loads[p, order]
+    return gains, free
+
+
+@part
+def _amplitudes(gains, loads, load_lines, inputs, forces, result):
+    """See `amplitudes_of`."""
+    for line in range(len(gains)):
+        for p in range(gains.shape[1]):
+            push = 0.0j
+            for c in range(inputs.shape[1]):
+                push += inputs[p, c] * forces[line, c]
+            result[line, p] = -gains[line, p] * push
+    for order in range(len(load_lines)):
+        line = load_lines[order]
+        for p in range(gains.shape[1]):
+            result[line, p] += gains[line, p] * loads[p, order]
+
+
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1])")
+def amplitudes_of(gains, loads, load_lines, inputs, forces):
+    """Amplitude of each eigenvector under the loads and contact forces (against them), shape (lines, poles)."""
+    result = np.empty(gains.shape, np.complex128)
+    _amplitudes(gains, loads, load_lines, inputs, forces, result)
+    return result
+
+
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1])")
+def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, force_slopes):
+    """Derivatives of the deflections by the parameter, shape (lines, contacts)."""
+    amplitudes, result = np.empty(gains.shape, np.complex128), np.zeros(forces.shape, np.complex128)
+    _amplitudes(gains, loads, load_lines, inputs, forces, amplitudes)
+    for line in range(len(gains)):
+        for p in range(gains.shape[1]):
+            push = complex(0.0, slopes[line]) * amplitudes[line, p]
+            for c in range(inputs.shape[1]):
+                push += inputs[p, c] * force_slopes[line, c]
+            push *= gains[line, p]
+            for c in range(len(deflections)):
+                result[line, c] -= deflections[c, p] * push
+    return result
+
+
+@kernel("c16[:, ::1](f8[::1], c16[::1], c16[:, ::1], c16[:, ::1], c16[:, ::1])")
+def answers_of(frequencies, values, inputs, deflections, forces):
+    """Deflections under contact forces alone (against them), both of shape (lines, contacts)."""
+    result = np.zeros(forces.shape, np.complex128)
+    for line in range(len(forces)):
+        for p in range(len(values)):
+            push = 0.0j
+            for c in range(inputs.shape[1]):
+                push += inputs[p, c] * forces[line, c]
+            push /= complex(0.0, frequencies[line]) - values[p]
+            for c in range(len(deflections)):
+                result[line, c] += deflections[c, p] * push
+    return result

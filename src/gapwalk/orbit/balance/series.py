@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.motion.flow import PERIOD
-from gapwalk.orbit.balance.lines import Bracket, differentiated, grid, real_form, waves, zeros
+from gapwalk.orbit.balance.lines import differentiated, grid, waves
 
 
 @dataclass(frozen=True)
@@ -35,19 +35,21 @@ class Series:
         rates = (self.frequency / self.period) * differentiated(self.lines)
         return np.hstack(((wave @ self.lines.T).real, (wave @ rates.T).real))
 
+    def start(self) -> NDArray[np.float64]:
+        """The state at theta = 0, shape (2n,)."""
+        k = np.arange(self.lines.shape[1])
+        rates = self.lines.imag @ (k * (-self.frequency / self.period))
+        return np.concatenate((self.lines.real.sum(axis=1), rates))
+
     def turns(self) -> list[NDArray[np.float64]]:
         """For each coordinate the angles theta at which it turns, and its values there; shape (2, turns) each."""
+        from gapwalk.orbit.balance.kernels import turns  # numba takes longer to load than all the rest
+
         phi, _, slopes = grid(self.lines.shape[1] - 1)
-        speeds = real_form(self.lines) @ slopes
-        rising = speeds > 0.0
-        row, cell = np.nonzero(rising[:, 1:] != rising[:, :-1])
-        if not len(row):
-            return [np.empty((2, 0)) for _ in self.lines]
-        bracket = Bracket(phi[cell], phi[cell + 1], speeds[row, cell], speeds[row, cell + 1])
-        at = zeros(differentiated(self.lines[row]), bracket)
-        values = (self.lines[row] * waves(at, self.lines.shape[1] - 1)).sum(axis=1).real
-        both = np.array((at * self.period % (PERIOD * self.period), values))
-        return [both[:, row == index] for index in range(len(self.lines))]
+        found = [turns(row, phi, slopes) for row in self.lines]
+        for row in found:
+            row[0] = row[0] * self.period % (PERIOD * self.period)
+        return found
 
     def extremes(self) -> NDArray[np.float64]:
         """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""

@@ -1,0 +1,59 @@
+"""A branch as a curve in the space of states, as shooting walks it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.space import Knot, orbit_of
+from gapwalk.continuation.branch import Branch
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+
+
+class StateSpace:
+    """Of the states at the start of each segment, by shooting; the first of them tells the motion."""
+
+    def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
+        self.size, self._period = 2 * branch.system.size, branch.period
+        segments = (len(points[0].x) - 1) // self.size
+        physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
+        scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
+        scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
+        self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
+        equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(segments))
+        self._corrector = Corrector(equation, self.scales)
+
+    def knot(self, point: BranchPoint) -> Knot:
+        """See `Space.knot`."""
+        return point.x, point.tangent, point.arclength
+
+    def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
+        """See `Space.places`."""
+        return list(stroboscopic(orbit))
+
+    def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+        """See `Space.goal`."""
+        if len(self.scales) == self.size + 1:
+            return np.append(place / self.scales[:-1], value)
+        unknowns = self._corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
+        return np.append(unknowns / self.scales[:-1], value)
+
+    def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
+        """See `Space.correct`."""
+        correction = self._corrector.correct(guess, normal)
+        return None if correction is None else correction.x
+
+    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
+        """See `Space.orbit_at`."""
+        return orbit_of(self._corrector, self._corrector.at_value(guess, value), value)
+
+    def tolerance(self, orbit: Orbit) -> float:
+        """See `Space.tolerance`."""
+        return 0.0

@@ -1,0 +1,1 @@
+"""What was measured: records, aligned with computed motions, and parameters fitted to them."""

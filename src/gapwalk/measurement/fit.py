@@ -1,0 +1,202 @@
+"""Fit named parameters to a record by least squares, with the exact sensitivities of the orbit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.measurement.alignment import Alignment, aligned, found_phase
+from gapwalk.measurement.descent import Descent, descend
+from gapwalk.measurement.estimate import Estimate, Verdict, judge
+from gapwalk.measurement.misfit import Misfit
+from gapwalk.measurement.record import Record
+from gapwalk.motion.signal import Signal, signal_of
+from gapwalk.orbit.orbit import Orbit
+
+_NEVER_NEGATIVE = ("clearance", "impact_damping", "viscous_damping")
+_EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """Parameters fitted to a record.
+
+    Attributes
+    ----------
+    estimates
+        The parameters, each with its standard error.
+    phase
+        The same of the phase of the record's first sample, in radians; its error is 0 if it was given.
+    correlation : shape (k, k)
+        Correlations of the estimates' errors.
+    before, after
+        The alignments of the orbit at the start, and of the fitted one.
+    evaluations
+        Orbits that were compared with the record.
+    notes
+        What else is to be known.
+    failures
+        Why the result is not to be trusted: parameters that the record does not determine, or a branch that ended.
+    """
+
+    estimates: tuple[Estimate, ...]
+    phase: Estimate
+    correlation: NDArray[np.float64]
+    before: Alignment
+    after: Alignment
+    evaluations: int
+    notes: tuple[str, ...]
+    failures: tuple[str, ...]
+
+    @property
+    def orbit(self) -> Orbit:
+        """The fitted orbit; its system has the fitted values."""
+        return self.after.orbit
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of one parameter."""
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise ModelError(f"{name} was not fitted; fitted were {', '.join(each.name for each in self.estimates)}")
+
+    def plot(self, title: str | None = None, **options):
+        """Draw the record over the fitted motion, and their lines; see `gapwalk.plot.plot_alignment`."""
+        return self.after.plot(title, **options)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{each.name} = {each}" for each in self.estimates)
+        parts = [values, f"rms error {self.before.agreement.rms:.4g} to {self.after.agreement.rms:.4g}", *self.failures]
+        return f"Fit({'; '.join(parts)})"
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """How to fit.
+
+    Parameters
+    ----------
+    max_evaluations
+        Orbits that are compared with the record, at most.
+    """
+
+    max_evaluations: int = 200
+
+    def __post_init__(self) -> None:
+        if isinstance(self.max_evaluations, bool) or not isinstance(self.max_evaluations, int):
+            raise ModelError(f"max_evaluations is {self.max_evaluations!r}; it must be an integer >= 1")
+        if self.max_evaluations < 1:
+            raise ModelError(f"max_evaluations is {self.max_evaluations}; it must be an integer >= 1")
+
+
+def fit(
+    orbit: Orbit,
+    record: Record,
+    parameters: Sequence[str],
+    signal: str | Mapping[str, float] | Signal,
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    phase: float | None = None,
+    order: float = 1.0,
+    options: FitOptions | None = None,
+) -> Fit:
+    """Fit named parameters of a system to a record, starting from one of its orbits.
+
+    The sum of squares over the record is minimised (trust region, `scipy.optimize.least_squares`), with derivatives by
+    the implicit function theorem on the shooting equation. The orbit is carried along its branch from trial to trial,
+    so the result is a motion of the same branch. Standard errors are those of independent errors of equal size in the
+    samples.
+
+    Parameters
+    ----------
+    orbit
+        The orbit to begin with; its system has the first guess of the parameters.
+    record
+        What was measured, in the units of the model.
+    parameters
+        Names of what is to be fitted, such as ``"stage2.impact_damping"``; any parameter of the system.
+    signal, order
+        As in `align`.
+    bounds
+        Lowest and highest value by name. Clearances and damping coefficients are never negative.
+    phase
+        Phase of the excitation at the first sample, if it is known; otherwise it is fitted too.
+    options
+        How long to try.
+
+    Raises
+    ------
+    ModelError
+        If there is no such parameter or signal, a bound makes no sense, or the record suits no period of the orbit.
+    ConvergenceError
+        If no minimum is found within the evaluations that are allowed.
+    """
+    names, limits = _checked(orbit, parameters, bounds or {}, record)
+    misfit = Misfit(orbit, record, signal_of(orbit.system, signal), order)
+    begun = found_phase(misfit, orbit) if phase is None else phase
+    before = aligned(misfit, orbit, begun)
+    first = np.array([orbit.system[name] for name in names] + ([begun] if phase is None else []))
+    if not len(first):
+        raise ModelError("parameters is empty, and the phase is given; name what is to be fitted")
+    low, high = np.full(len(first), -np.inf), np.full(len(first), np.inf)
+    low[: len(names)], high[: len(names)] = limits
+    found = descend(misfit, orbit, names, first, (low, high), phase, (options or FitOptions()).max_evaluations)
+    after = aligned(misfit, found.orbit, begun if phase is not None else float(found.values[-1]))
+    residual, size = after.computed - after.measured, float(np.linalg.norm(after.measured))
+    all_names = (*names, "phase")[: len(first)]
+    verdict = judge(all_names, first, found.values, (low, high), residual, found.slopes, size)
+    lost = _edge(found, after, verdict)
+    return _fit(names, phase, verdict, before, after, found.evaluations, lost)
+
+
+def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple[float, float]], record: Record):
+    """The names, and their lowest and highest values, shape (2, k)."""
+    names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
+    limits: list[tuple[float, float]] = []
+    for place, name in enumerate(names):
+        value = orbit.system[name]  # refuses an unknown name
+        if name in names[:place]:
+            raise ModelError(f"{name} is to be fitted twice; name it once")
+        if name == "frequency" and record.speed is not None:
+            raise ModelError("the frequency is known from the measured speed; do not fit it")
+        low, high = bounds.get(name, (-math.inf, math.inf))
+        low = max(low, 0.0) if name.rpartition(".")[2] in _NEVER_NEGATIVE else low
+        if not low <= value <= high or not low < high:
+            raise ModelError(f"{name} begins at {value:g}, which does not lie between its bounds {low:g} and {high:g}")
+        limits.append((low, high))
+    for name in bounds:
+        if name not in names:
+            raise ModelError(f"there are bounds for {name}, which is not fitted")
+    return names, np.array(limits, dtype=float).reshape(-1, 2).T
+
+
+def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:
+    """That the fit ended where the branch does, if it is not a minimum."""
+    free = found.slopes.table[:, ~verdict.held & found.free]
+    residual = after.computed - after.measured
+    sizes, size = np.linalg.norm(free, axis=0), np.linalg.norm(residual)
+    if not found.lost or not size or not sizes.all():
+        return ()
+    cosine = float(np.abs(free.T @ residual / (sizes * size)).max(initial=0.0))
+    text = f"no minimum: the fit came to where the branch of this motion ends ({found.lost})"
+    return (text,) if cosine > _EDGE else ()
+
+
+def _fit(names, phase, verdict: Verdict, before: Alignment, after: Alignment, evaluations: int, lost) -> Fit:
+    count = len(names)
+    fixed = Estimate("phase", after.phase, after.phase, 0.0)
+    return Fit(
+        verdict.estimates[:count],
+        verdict.estimates[count] if phase is None else fixed,
+        verdict.correlation[:count, :count],
+        before,
+        after,
+        evaluations,
+        (*verdict.notes, *after.doubts),
+        (*verdict.failures, *lost),
+    )

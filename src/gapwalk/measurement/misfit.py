@@ -1,0 +1,127 @@
+"""The misfit between a record and an orbit, at the record's own instants, with exact derivatives.
+
+Nothing is interpolated: the orbit is evaluated at every instant of the record, whose first sample lies at an unknown
+phase of the excitation. Means are left out: an accelerometer does not see them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.agreement import lines_of, orders_of
+from gapwalk.errors import ModelError
+from gapwalk.measurement.record import Record
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.signal import Signal
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.sensitivity import sensitivity, signal_along
+
+_HIGHEST = 20.0  # order of the lines that are compared
+_FEWEST = 8  # samples a forcing period
+_ROUNDING = 1e-9  # of a derivative, relative to what it is made of
+_GRID = 1024  # phases a forcing period that are tried
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the residual.
+
+    Attributes
+    ----------
+    table : shape (samples, k)
+        By each parameter, and by the phase.
+    moving : shape (k,)
+        Where they are more than rounding.
+    """
+
+    table: NDArray[np.float64]
+    moving: NDArray[np.bool_]
+
+    def first(self, count: int) -> Slopes:
+        """Those by the first parameters."""
+        return Slopes(self.table[:, :count], self.moving[:count])
+
+
+class Misfit:
+    """A record beside the orbits of one branch, over as many whole periods of them as it holds.
+
+    Parameters
+    ----------
+    orbit
+        The first orbit; others that are compared have its period, and its frequency unless that is fitted.
+    record
+        What was measured.
+    signal
+        What of the motion it measures.
+    order
+        Excitation periods in a turn of the shaft whose speed was measured.
+
+    Raises
+    ------
+    ModelError
+        If the record is too short or too coarse for the orbit, constant, or at another speed.
+    """
+
+    def __init__(self, orbit: Orbit, record: Record, signal: Signal, order: float = 1.0) -> None:
+        self.record, self.signal, self.period, self._order = record, signal, orbit.period, order
+        length = PERIOD * orbit.period
+        turned = record.angles(orbit.system.frequency, order)
+        step = float(turned[-1]) / (len(turned) - 1)
+        if PERIOD / step < _FEWEST:
+            raise ModelError(
+                f"{record.name}: it has {PERIOD / step:.2g} samples a forcing period; at least {_FEWEST} are needed"
+            )
+        self.periods = int((float(turned[-1]) + 1.001 * step) // length)
+        if not self.periods:
+            raise ModelError(
+                f"{record.name}: it holds {turned[-1] / PERIOD:.3g} forcing periods, but the motion repeats after "
+                f"{orbit.period} at frequency {orbit.system.frequency:.6g}; are time, its scale and frequency right?"
+            )
+        self._keep = turned < length * self.periods - 1e-6 * step
+        measured = record.acceleration[self._keep]
+        self.measured = measured - measured.mean()
+        if not self.measured.any():
+            raise ModelError(f"{record.name}: it is constant, so there is nothing to compare")
+        self.orders = orders_of(orbit.period, min(_HIGHEST, 0.4 * PERIOD / step))
+
+    def angles(self, frequency: float) -> NDArray[np.float64]:
+        """Angles that the excitation has turned through since the first sample, shape (samples,)."""
+        return self.record.angles(frequency, self._order)[self._keep]
+
+    @cached_property
+    def times(self) -> NDArray[np.float64]:
+        """Derivative of the angles by the frequency, shape (samples,)."""
+        time = self.record.time[self._keep]
+        return time - time[0] if self.record.speed is None else np.zeros(len(time))
+
+    def computed(self, orbit: Orbit, phase: float) -> NDArray[np.float64]:
+        """The signal of an orbit at the instants of the record, its mean left out, shape (samples,)."""
+        values = signal_along(orbit, self.signal, self.angles(orbit.system.frequency) + phase)
+        return values - values.mean()
+
+    def residual(self, orbit: Orbit, phase: float) -> NDArray[np.float64]:
+        """By how much the orbit exceeds the record, shape (samples,)."""
+        return self.computed(orbit, phase) - self.measured
+
+    def slopes(self, orbit: Orbit, phase: float, names: tuple[str, ...]) -> Slopes:
+        """Derivatives of the residual by named parameters, and by the phase."""
+        along = sensitivity(orbit, names).signal(self.signal, self.angles(orbit.system.frequency) + phase)
+        table = np.column_stack((along.by_parameters, along.by_angle))
+        if "frequency" in names:  # then the angles change too
+            table[:, names.index("frequency")] += self.times * along.by_angle
+        sizes = np.maximum(np.append(along.sizes, 0.0), np.sqrt(np.mean(table**2, axis=0)))
+        table -= table.mean(axis=0)
+        return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _ROUNDING * sizes)
+
+    def best_phase(self, orbit: Orbit) -> float:
+        """The phase of the record's first sample at which record and orbit correlate best, on a fine grid."""
+        count = _GRID * orbit.period
+        theta = PERIOD * orbit.period * np.arange(count) / count
+        theirs = np.fft.rfft(signal_along(orbit, self.signal, theta)) / count
+        ours = lines_of(self.angles(orbit.system.frequency), self.measured, self.orders)
+        product = np.zeros(count // 2 + 1, dtype=complex)
+        product[1 : len(ours) + 1] = ours.conj() * theirs[1 : len(ours) + 1]
+        return float(theta[np.argmax(np.fft.irfft(product, count))])

@@ -1,0 +1,100 @@
+"""A signal of a motion: a coordinate, velocity, acceleration or contact force, or a sum of several with factors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.problem import did_you_mean
+from gapwalk.model.system import System
+from gapwalk.motion.forces import accelerations, contact_forces
+from gapwalk.motion.motion import Motion, signal_names
+
+_STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A sum of signals with factors: what a sensor sees.
+
+    Parameters
+    ----------
+    terms
+        Names as in `Motion.signal`, each with its factor.
+    """
+
+    terms: tuple[tuple[str, float], ...]
+
+    @property
+    def name(self) -> str:
+        """The same as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        if len(self.terms) == 1 and self.terms[0][1] == 1.0:
+            return self.terms[0][0]
+        text = " ".join(f"{'-' if factor < 0 else '+'} {_size(factor)}{name}" for name, factor in self.terms)
+        return text.removeprefix("+ ").replace("- ", "-", 1) if text.startswith("- ") else text.removeprefix("+ ")
+
+    def of(self, motion: Motion) -> NDArray[np.float64]:
+        """Its values along a motion, shape (samples,)."""
+        return np.sum([factor * motion.signal(name) for name, factor in self.terms], axis=0)
+
+    def slope(
+        self,
+        motion: Motion,
+        states: NDArray[np.float64],
+        coefficients: NDArray[np.float64] | None = None,
+        theta: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """Its derivative along a direction, exact to rounding, shape (samples,).
+
+        Parameters
+        ----------
+        motion
+            The motion.
+        states : shape (samples, 2n)
+            How positions and velocities change in that direction.
+        coefficients
+            How the coefficients of the flow change; None if they do not.
+        theta
+            How the angle of the excitation changes.
+        """
+        system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
+        n = system.size
+        q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n:]
+        numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
+        a = accelerations(layout, numbers, motion.theta + step * theta, q, v)
+        shifted = np.hstack((q, v, a, contact_forces(layout, numbers, q, v))).imag / _STEP
+        known = signal_names(system)
+        return np.sum([factor * shifted[:, known.index(name)] for name, factor in self.terms], axis=0)
+
+
+def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Signal:
+    """A signal of a system's motions from its name, or from names with factors.
+
+    Raises
+    ------
+    ModelError
+        If the system has no such signal, or a factor is no number.
+    """
+    if isinstance(given, str):
+        terms = ((given, 1.0),)
+    else:
+        terms = given.terms if isinstance(given, Signal) else tuple(given.items())
+    known = signal_names(system)
+    for name, factor in terms:
+        if name not in known:
+            raise ModelError(f"there is no signal {name!r}; {did_you_mean(name, known, 'signals are')}")
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not math.isfinite(factor):
+            raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
+    if not any(factor for _, factor in terms):
+        raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
+    return Signal(terms)
+
+
+def _size(factor: float) -> str:
+    return "" if abs(factor) == 1.0 else f"{abs(factor):g} "

@@ -1,0 +1,135 @@
+"""How a whole orbit changes with parameters: exact derivatives of its state, and of its motion over the period.
+
+By the implicit function theorem on the shooting equation ``Phi(x; p) - x = 0``: ``(Phi_x - I) dx/dp = -Phi_p``. A later
+state of the orbit changes by ``Phi_x(theta) dx/dp + Phi_p(theta)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import NumericalError
+from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.motion.flow import PERIOD, Flow, flow_of
+from gapwalk.motion.motion import Motion, sample
+from gapwalk.motion.signal import Signal
+from gapwalk.orbit.orbit import Orbit
+
+_SINGULAR = 1e-11  # smallest singular value of ``Phi_x - I``, relative to the largest, of an orbit that can be varied
+
+
+class SignalSlopes(NamedTuple):
+    """A signal at some angles of an orbit.
+
+    Attributes
+    ----------
+    values : shape (samples,)
+        The signal.
+    by_parameters : shape (samples, k)
+        Its derivatives by the parameters, at the same angles.
+    by_angle : shape (samples,)
+        Its derivative by the angle.
+    sizes : shape (k,)
+        Rms of each derivative by a parameter before its two parts are added: what the state and what the parameter
+        itself contribute. Where they cancel, what is left is rounding.
+    """
+
+    values: NDArray[np.float64]
+    by_parameters: NDArray[np.float64]
+    by_angle: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """The derivatives of one orbit by some named parameters.
+
+    Attributes
+    ----------
+    orbit, names
+        The orbit and the parameters.
+    """
+
+    orbit: Orbit
+    names: tuple[str, ...]
+
+    @cached_property
+    def state(self) -> NDArray[np.float64]:
+        """Derivative of the orbit's state at theta = 0, shape (2n, k).
+
+        Raises
+        ------
+        NumericalError
+            At a fold or a branch point, where there is no such derivative.
+        """
+        length = PERIOD * self.orbit.period
+        arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
+        assert arc.transition is not None
+        size = len(self.orbit.state)
+        matrix = arc.transition - np.eye(size)
+        singular = np.linalg.svd(matrix, compute_uv=False)
+        if singular[-1] <= _SINGULAR * singular[0]:
+            raise NumericalError("the orbit lies on a fold or a branch point, where it has no derivative by parameters")
+        by_parameters = np.zeros((size, 0)) if arc.sensitivity is None else arc.sensitivity.reshape(size, -1)
+        return np.linalg.solve(matrix, -by_parameters).astype(float, copy=False)
+
+    @cached_property
+    def slopes(self) -> NDArray[np.float64]:
+        """Derivative of the flow's coefficients, shape (k, coefficients)."""
+        system = self.orbit.system
+        lines = [ParameterLine(system, name).coefficients(system[name])[1] for name in self.names]
+        return np.array(lines).reshape(len(self.names), len(self._coefficients))
+
+    def vary(self, theta: NDArray[np.float64]) -> tuple[Motion, NDArray[np.float64]]:
+        """The motion at increasing angles from 0 on, and the derivative of each state, shape (samples, 2n, k)."""
+        orbit = self.orbit
+        found = self._flow.vary(self._coefficients, orbit.state, theta, self.slopes)
+        n = orbit.system.size
+        motion = Motion(orbit.system, theta, found.states[:, :n], found.states[:, n:], tuple(found.contacts))
+        return motion, found.transitions @ self.state + found.sensitivities
+
+    def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
+        """A signal at any angles, with its derivatives by the parameters and by the angle."""
+        grid, back = _grid(self.orbit, theta)
+        motion, states = self.vary(grid)
+        by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
+        for k, direction in enumerate(self.slopes):
+            through_state = signal.slope(motion, states[:, :, k])
+            by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
+            sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
+        rate = np.hstack((motion.v, motion.a)) / self.orbit.system.frequency
+        by_angle = signal.slope(motion, rate, theta=1.0)
+        return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
+
+    @cached_property
+    def _coefficients(self) -> NDArray[np.float64]:
+        return coefficients_of(self.orbit.system)
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return flow_of(self.orbit.system, *self.names, transition=True)
+
+
+def sensitivity(orbit: Orbit, names: Sequence[str]) -> Sensitivity:
+    """How an orbit changes with named parameters; a ModelError if there is none of that name."""
+    for name in names:
+        orbit.system.structure.place(name)
+    return Sensitivity(orbit, tuple(names))
+
+
+def signal_along(orbit: Orbit, signal: Signal, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The values of a signal of an orbit at any angles, exact at each; shape (samples,)."""
+    grid, back = _grid(orbit, theta)
+    return signal.of(sample(orbit.system, orbit.state, grid))[back]
+
+
+def _grid(orbit: Orbit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Any angles within one period of an orbit: increasing ones that begin with 0, and where each is among them."""
+    grid, back = np.unique(np.concatenate(([0.0], theta % (PERIOD * orbit.period))), return_inverse=True)
+    return grid, back[1:]

@@ -1,0 +1,65 @@
+"""Two motions side by side: histories on the left, spectra on the right (paper, figures 3, 5 to 7)."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+
+from gapwalk.attractor.contrast import Contrast, SignalPair
+from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
+from gapwalk.plot.style import RC
+
+_WIDTH, _HEIGHT = 9.5, 2.9  # of a row, in inches
+
+
+def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure | SubFigure | None = None):
+    """Draw two motions side by side.
+
+    Parameters
+    ----------
+    found
+        As from `gapwalk.contrast`.
+    title
+        By default the frequencies of the two motions.
+    figure
+        Where to draw; by default a new figure of pyplot.
+    """
+    with mpl.rc_context(RC):
+        if figure is None:
+            from matplotlib import pyplot as plt
+
+            figure = plt.figure(figsize=(_WIDTH, _HEIGHT * len(found.pairs) + 0.5), layout="constrained")
+        axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
+        for (left, right), pair in zip(axes, found.pairs, strict=True):
+            draw_histories(left, pair.theta, pair.histories, found.names, pair.signal)
+            if pair.agreement is not None:
+                text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
+                left.set_title(text, fontsize=8.5)
+            _draw_spectra(right, pair)
+        handles, labels = axes[0][0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
+        figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=10.5)
+    return figure
+
+
+def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
+    if pair.agreement is not None:
+        orders, first, second, _ = np.array(pair.agreement.lines).T
+        draw_lines(ax, orders, first, second, pair.signal)
+        return
+    largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
+    for found, style in zip(pair.spectra, (FIRST, SECOND), strict=True):
+        ax.plot(found.orders[1:], found.amplitudes[1:], **{**style, "linewidth": 0.8})
+    ax.set_yscale("log")
+    ax.set_xlim(0.0, 8.0)
+    ax.set_ylim(1e-4 * largest, 3.0 * largest)
+    ax.set_xlabel("multiples of the excitation frequency Ω")
+    ax.set_ylabel(f"amplitude of {pair.signal}")
+
+
+def _title(found: Contrast) -> str:
+    first, second = (motion.system.frequency for motion in found.motions)
+    where = f"Ω = {first:g}" if first == second else f"Ω = {first:g} and {second:g}"
+    return f"{found.names[0]} and {found.names[1]} at {where}"

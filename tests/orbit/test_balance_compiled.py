@@ -1,0 +1,41 @@
+"""How the kernels of harmonic balance are compiled: only for harmonic balance, and wherever they can be kept."""
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from gapwalk.orbit.balance import compiled
+
+
+def test_shooting_and_the_command_load_no_kernels() -> None:
+    program = (
+        "import sys, gapwalk, gapwalk.cli, gapwalk.study; from gapwalk.paper import case; "
+        "orbit = gapwalk.find_orbit(case('9b'), frequency=1.9); "
+        "gapwalk.follow(orbit, 'frequency', to=1.85); gapwalk.Balance(); sys.exit('numba' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_a_kernel_is_compiled_where_nothing_can_be_kept(monkeypatch) -> None:
+    asked = []
+
+    def njit(*signature, cache: bool = False, **options):
+        asked.append(cache)
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return lambda function: function
+
+    monkeypatch.setattr(compiled, "numba", SimpleNamespace(njit=njit))
+    assert compiled.kernel("f8(f8)")(abs)(-2.0) == 2.0
+    assert asked == [True, False]
+
+
+def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
+    def njit(*signature, **options):
+        raise TypeError("no such type")
+
+    monkeypatch.setattr(compiled, "numba", SimpleNamespace(njit=njit))
+    with pytest.raises(TypeError, match="no such type"):
+        compiled.kernel("f8(f8)")(abs)
