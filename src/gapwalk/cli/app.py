@@ -312,15 +312,12 @@ def paper(
     json: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Draw the figures of the paper (Padmanabhan and Singh, 1995), and check what it says of them.
-
-    Without a figure, all of them, with a page that shows everything: index.html in the folder. What is computed already
-    is not computed again.
+    """Draw the figures of the paper (Padmanabhan and Singh, 1995), and check what it says; what is computed is kept.
 
     Parameters
     ----------
     figures
-        Figures, or parts of them, such as 13 or 20a; by default all.
+        Figures, or parts of them, such as 13 or 20a; by default all, with a page (index.html).
     list_
         List the figures.
     slope
@@ -341,11 +338,11 @@ def paper(
 
     def job() -> int:
         from gapwalk.cli.paper import list_figures, run_figures, write_claims
-        from gapwalk.paper import Reading
+        from gapwalk.paper.reading import Reading
 
         if list_:
             return list_figures(json=json)
-        if claims is not None:
+        if claims:
             return write_claims(claims, output, force=force)
         return run_figures(figures, Reading.of(slope, damping), output, force=force, json=json)
 
