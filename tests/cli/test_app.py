@@ -97,7 +97,6 @@ def test_check_says_what_is_wrong_in_words_and_in_json(model, capsys) -> None:
         ["run"],
         ["run", "stop.toml", "--backwards"],
         ["frobnicate"],
-        ["paper"],
         ["paper", "99"],
     ],
 )
