@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+import time
 
 from gapwalk import Balance, Study, run
 from tests.study.studies import stop_study
@@ -25,6 +26,7 @@ def main(path: str) -> None:
         nonlocal count
         count += 1
         print(count, flush=True)
+        time.sleep(0.01)  # so that there is time to kill it: the whole walk takes little longer
 
     result = run(growing_study(), path, resume=True, report=report)
     print("complete" if result.complete else "stopped", flush=True)
