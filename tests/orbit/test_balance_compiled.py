@@ -1,5 +1,6 @@
 """How the kernels of harmonic balance are compiled: only for harmonic balance, and wherever they can be kept."""
 
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -39,3 +40,21 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
     monkeypatch.setattr(compiled, "numba", SimpleNamespace(njit=njit))
     with pytest.raises(TypeError, match="no such type"):
         compiled.kernel("f8(f8)")(abs)
+
+
+def test_kernels_that_were_kept_compute_the_same_bits(tmp_path) -> None:
+    """A part that is called, not inlined, may be another copy in the process that compiles it than in those that load."""
+    program = (
+        "import gapwalk as gw; from gapwalk.paper import case; "
+        "start = gw.find_orbit(case('9b'), frequency=1.0); method = gw.Balance(8, error=1.0); "
+        "branch = gw.follow(start, 'frequency', to=0.8, method=method); "
+        "print([(point.x.tobytes().hex(), point.orbit.multipliers.tobytes().hex()) for point in branch.points])"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def run() -> bytes:
+        return subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, env=environment).stdout
+
+    compiling = run()
+    assert list(tmp_path.rglob("*.nbc"))
+    assert run() == compiling
