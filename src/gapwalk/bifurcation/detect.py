@@ -143,10 +143,8 @@ class Detector:
                 point = stretch.at(crossing.arclength)
                 return _Zero(kind, point, abs(float(point.tangent[-1])) * crossing.spread)
 
-        ends = {end.arclength: end for end in (a, b)}  # as they are: made more exact, one might change its sign
-
         def function(arclength: float) -> float:
-            return _deflated(kind, ends.get(arclength) or stretch.at(arclength), known)
+            return _deflated(kind, stretch.at(arclength), known)
 
         root, report = brentq(
             function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False

@@ -48,8 +48,7 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
         graze = _locate(stretch, first, last, int(np.flatnonzero(changes)[0]))
         if graze is not None:
             return [graze]
-    # exact: a depth that is off by 1e-9 puts the grazing point itself off, where halving has come as near to it
-    middle = stretch.at(0.5 * (first.arclength + last.arclength))
+    middle = stretch.middle(first, last)
     return find_grazing(stretch, before, first, middle) + find_grazing(stretch, first, middle, last)
 
 

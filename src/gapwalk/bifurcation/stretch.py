@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 
 from gapwalk.bifurcation.crossing import Crossing
-from gapwalk.continuation.corrector import TRUST, Corrector, length_of
+from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
@@ -25,7 +25,6 @@ class Stretch:
         self.corrector = corrector
         self._points = [first, last]
         self._lengths = [first.arclength, last.arclength]
-        self._rough: set[float] = set()  # arclengths of points that were only trusted to be exact
         self.crossings: list[Crossing] = []
 
     @property
@@ -33,8 +32,8 @@ class Stretch:
         """All points known so far, in order."""
         return list(self._points)
 
-    def at(self, arclength: float, trust: float = 0.0) -> BranchPoint:
-        """The point at an arclength; see `Corrector.correct` for `trust`.
+    def at(self, arclength: float) -> BranchPoint:
+        """The point at an arclength.
 
         Raises
         ------
@@ -42,20 +41,18 @@ class Stretch:
             If the corrector does not converge.
         """
         index = bisect_left(self._lengths, arclength)
-        known = index < len(self._lengths) and self._lengths[index] == arclength
-        if known and (trust or arclength not in self._rough):
+        if index < len(self._lengths) and self._lengths[index] == arclength:
             return self._points[index]
-        point = self._between(self._points[index - 1], self._points[index + known], arclength, trust)
-        self._points[index : index + known] = [point]
-        self._lengths[index : index + known] = [arclength]
-        (self._rough.add if trust else self._rough.discard)(arclength)
+        point = self._between(self._points[index - 1], self._points[index], arclength)
+        self._points.insert(index, point)
+        self._lengths.insert(index, arclength)
         return point
 
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
-        """The point halfway between two points, as exact as the points of a walk."""
-        return self.at(0.5 * (first.arclength + last.arclength), TRUST)
+        """The point halfway between two points."""
+        return self.at(0.5 * (first.arclength + last.arclength))
 
-    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float, trust: float) -> BranchPoint:
+    def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
         for crossing in self.crossings:
             if arclength in crossing:
                 return self.corrector.uncorrected(crossing.x(arclength), crossing.tangent(arclength), arclength)
@@ -64,7 +61,7 @@ class Stretch:
         share = (arclength - a.arclength) / (b.arclength - a.arclength)
         normal = chord / length if length > 1e-12 else a.tangent
         for guess in (hermite(a, b, share), a.x + share * chord):
-            correction = self.corrector.correct(guess, normal, trust)
+            correction = self.corrector.correct(guess, normal)
             if correction is not None and correction.distance <= max(length, 1e-9):
                 point = self.corrector.point(correction, a.tangent, arclength)
                 if point.tangent @ normal >= _ASTRAY:
