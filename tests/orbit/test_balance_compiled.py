@@ -43,7 +43,7 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
 
 
 def test_kernels_that_were_kept_compute_the_same_bits(tmp_path) -> None:
-    """A part that is called, not inlined, may be another copy in the process that compiles it than in those that load."""
+    """A part that is called may be another copy in the process that compiles it than in those that load it."""
     program = (
         "import gapwalk as gw; from gapwalk.paper import case; "
         "start = gw.find_orbit(case('9b'), frequency=1.0); method = gw.Balance(8, error=1.0); "
