@@ -132,7 +132,7 @@ class Walk(Iterator[BranchPoint]):
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
-        state = resume or WalkState(None, first, options.initial_step, 0)
+        state = resume or WalkState(None, first, options.first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
@@ -216,7 +216,7 @@ class Walk(Iterator[BranchPoint]):
 
     def _closes(self, point: BranchPoint) -> bool:
         """Whether the step to `point` passes through the walk's origin."""
-        if self.point is self.origin or point.arclength < 4 * self.options.initial_step:
+        if self.point is self.origin or point.arclength < 4 * self.options.first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x
         length2 = float(chord @ chord)

@@ -67,7 +67,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Contact:
-    """A force ``f(x, x')`` that depends on one deflection ``x = e . q`` and acts along one direction ``d``.
+    """A force ``f(x, x')`` that depends on one deflection ``x = e @ q`` and acts along one direction ``d``.
 
     Parameters
     ----------

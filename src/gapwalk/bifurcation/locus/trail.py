@@ -231,7 +231,7 @@ class LocusTrail(Iterator[LocusStep]):
 
     def _passes_start(self, point: BranchPoint, corner: Corner) -> bool:
         """Whether the way round a corner leads over the point from which the trail began."""
-        if point.arclength < 4.0 * self.options.initial_step:
+        if point.arclength < 4.0 * self.options.first_step:
             return False
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
