@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
+from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
 from gapwalk.cli.screen import console
 from gapwalk.paper.claims import CLAIMS, Claim, claims_about
@@ -68,7 +68,7 @@ def list_figures(*, json: bool) -> int:
 
 def _line(figure: Figure) -> dict[str, Any]:
     words: dict[str, Any] = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
-    return words | {"drawn": figure.drawn, "notes": notes(figure)}
+    return words | {"notes": notes(figure)}
 
 
 def run_figures(
@@ -122,7 +122,7 @@ def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
 
 def _draw_all(work: _Work, found: _Found, folder: Path, *, show: bool) -> dict[str, list[str]]:
     """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures."""
-    figures = [each for each in work.figures if each.drawn and set(each.jobs) <= set(found.results)]
+    figures = [each for each in work.figures if set(each.jobs) <= set(found.results)]
     with CountProgress("pictures", len(figures), show=show) as progress, workers(1) as hands:
         drawn: dict[str, list[str]] = {}
 
@@ -167,9 +167,6 @@ def _print(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: P
     screen = console()
     for figure in work.figures:
         screen.print(f"Figure {figure.name}. {figure.caption}", style="bold", soft_wrap=True)
-        if not figure.drawn:
-            text = f"figure {figure.name} is not drawn yet"
-            print(f"gapwalk: {text}", file=sys.stderr) if not work.whole else screen.print(f"  {text}")
         for name, note in notes(figure).items():
             screen.print(f"  note on the set of figure {name}: {printable(note)}", soft_wrap=True)
         for key in figure.jobs:
@@ -202,7 +199,4 @@ def _say_what_failed(work: _Work, found: _Found) -> None:
 
 
 def _code(work: _Work, found: _Found) -> int:
-    if _failures(work, found):
-        return FAILED
-    pending = not work.whole and any(not figure.drawn for figure in work.figures)
-    return BAD_INPUT if pending else DONE
+    return FAILED if _failures(work, found) else DONE

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from gapwalk.bifurcation.search import SearchOptions
+from gapwalk.orbit.balance import Balance
 from gapwalk.paper.reading import USUAL, Reading
 from gapwalk.study.file import Study
-from gapwalk.study.options import DiagramStudyOptions, StudyOptions
+from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, StudyOptions
 from gapwalk.study.settle.study_options import SettleStudyOptions
 
 
@@ -106,6 +107,31 @@ class BranchJob(Job):
             search_values=self.search_values,
             search=self._SEARCH,
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BalanceJob(Job):
+    """The branch of period 1 over the frequency by harmonic balance, as figure 9 compares it with shooting.
+
+    Parameters
+    ----------
+    harmonics
+        What the paper takes for its lighter loads (section 5: 15 to 20). The truncation may be large: the comparison
+        shows what it does.
+    """
+
+    harmonics: int = 20
+
+    @property
+    def begin(self) -> dict[str, float]:
+        """Where frequency responses begin."""
+        return {"frequency": BranchJob.begins}
+
+    @property
+    def options(self) -> ResponseOptions:
+        """The response."""
+        method = Balance(self.harmonics, error=0.01)
+        return ResponseOptions("frequency", BranchJob.begins, BranchJob.ends, "half.q1", method=method)
 
 
 @dataclass(frozen=True, kw_only=True)
