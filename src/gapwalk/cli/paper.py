@@ -190,7 +190,8 @@ def _sentence(result: Result) -> str:
 
 def _failures(work: _Work, found: _Found) -> dict[str, str]:
     """What failed of that which was asked for; a reading that a claim looks at besides may fail: that is a finding."""
-    return {key: text for key, text in found.failures.items() if find_job(key).reading == work.reading}
+    shown = {key for figure in work.figures for key in figure.jobs}
+    return {key: text for key, text in found.failures.items() if key in shown or find_job(key).reading == work.reading}
 
 
 def _say_what_failed(work: _Work, found: _Found) -> None:

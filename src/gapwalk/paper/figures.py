@@ -92,8 +92,8 @@ FIGURES = (
     Figure(
         "8",
         FigureKind.RECORD,
-        "Acceleration u3'' of the third inertia under a very low mean load, beside a SYNTHETIC record: the measured one "
-        "of the paper is not printed as numbers.",
+        "Acceleration u3'' of the third inertia under a very low mean load, beside a SYNTHETIC record: the measured "
+        "one of the paper is not printed as numbers.",
         (
             Panel("a", View.RECORD, ("8-impact", "8-record"), "computed with impact damping"),
             Panel("b", View.RECORD, ("8-viscous", "8-record"), "computed with viscous damping"),

@@ -8,10 +8,12 @@ from dataclasses import replace
 from gapwalk.errors import ModelError
 from gapwalk.model.problem import did_you_mean
 from gapwalk.paper.cases import DampingReading, SlopeReading
-from gapwalk.paper.job import BalanceJob, BranchJob, Job, MotionJob
+from gapwalk.paper.job import PERIOD_1, BalanceJob, BranchJob, Job, MotionJob
 from gapwalk.paper.reading import Reading
 
 _AMPLITUDE = "harmonic1.amplitude"
+# Islands away from 0 come in pairs, since the sign of Te1 is a shift by half a period: for their extents one will do.
+_POSITIVE = tuple(round(0.025 + 0.05 * place, 3) for place in range(16))
 _OVER_AMPLITUDE = BranchJob(
     case="27", parameter=_AMPLITUDE, begins=-0.8, ends=0.8, max_period=2, search_values=32, effort=10.0
 )
@@ -87,6 +89,7 @@ _FIGURES = (
 # What claims look at besides.
 _MORE = (
     MotionJob(case="5", signal="stage2", effort=0.5),
+    MotionJob(case="6", name="6-near-rest", changes=_NEAR, effort=0.5),
     MotionJob(case="6", signal="stage2", effort=0.5),
     BranchJob(case="5", name="5-mean", parameter="mean.q1", begins=0.25, ends=0.0, max_period=1),
     BranchJob(case="6", name="6-mean", parameter="mean.q1", begins=0.25, ends=0.0, max_period=1),
@@ -100,7 +103,15 @@ _MORE = (
     MotionJob(case="19", effort=0.5),
     BranchJob(case="23b", name="23b-120", changes=(("harmonic2.phase", math.radians(120)),), max_period=1),
     BranchJob(case="23b", name="23b-180", changes=(("harmonic2.phase", math.pi),), max_period=1),
-    replace(_OVER_AMPLITUDE, case="28", name="28-overlap", changes=(("frequency", 0.2576),), max_period=1),
+    replace(
+        _OVER_AMPLITUDE,
+        case="28",
+        name="28-overlap",
+        changes=(("frequency", 0.2576),),
+        max_period=1,
+        search_values=_POSITIVE,
+        effort=5.0,
+    ),
     *(
         MotionJob(case="29", name=f"29-{value}", changes=((_AMPLITUDE, value),), effort=3.0)
         for value in (0.16, 0.2, 0.27, 0.36)
@@ -113,7 +124,9 @@ JOBS: dict[str, Job] = {job.key: job for job in (*_FIGURES, *_MORE)}
 
 
 def find_job(key: str) -> Job:
-    """A job by its key; the end of the key tells a reading that is not the default, as in ``12-literal``.
+    """A job by its key, whose end may tell more, as in ``12-literal`` or ``24-period-1-literal``.
+
+    First comes `PERIOD_1`, then a reading that is not the default.
 
     Raises
     ------
@@ -123,6 +136,11 @@ def find_job(key: str) -> Job:
     readings = (Reading(slope, damping) for slope in SlopeReading for damping in DampingReading)
     for reading in readings:
         name = key.removesuffix(reading.suffix)
-        if name in JOBS and f"{name}{reading.suffix}" == key:
+        if f"{name}{reading.suffix}" != key:
+            continue
+        if name in JOBS:
             return JOBS[name].at(reading)
+        whole = JOBS.get(name.removesuffix(PERIOD_1))
+        if isinstance(whole, BranchJob) and name.endswith(PERIOD_1):
+            return whole.shortest.at(reading)
     raise ModelError(f"the paper has no job {key!r}; {did_you_mean(key, list(JOBS))}")

@@ -26,7 +26,7 @@ def synthetic_record(orbit: Orbit) -> Record:
     exact = np.tile(once, -(-(_PERIODS + 1) // orbit.period))[begin : begin + _PERIODS * _SAMPLES + 1]
     noise = np.random.default_rng(_SEED).normal(0.0, NOISE * float(np.std(once)), len(exact))
     time = PERIOD / orbit.system.frequency * np.arange(len(exact)) / _SAMPLES
-    return Record(time, exact + noise, name="SYNTHETIC, with noise: no measurement")
+    return Record(time, exact + noise, name="SYNTHETIC, no measurement")
 
 
 def beside_record(computed: Result, recorded: Result) -> Alignment:

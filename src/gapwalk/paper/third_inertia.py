@@ -27,4 +27,4 @@ def third_inertia(system: System) -> Signal:
     n = -system["stage2.force.q3"] / system["stage2.force.q1"]
     first, second = system["mean.q1"], system["mean.q3"]
     r = k12 * (second + n * first) / (n * (first * k22 + second * k12))
-    return Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)))
+    return Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)), "u3''")

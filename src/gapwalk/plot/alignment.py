@@ -110,4 +110,4 @@ def _words(found: Alignment) -> str:
 
 
 def _name(name: str) -> str:
-    return f"measured ({name})".replace("$", r"\$")
+    return f"record ({name})".replace("$", r"\$")

@@ -28,6 +28,7 @@ MEASURE = "half.q1"
 _WIDTH = {1: 8.0, 2: 7.2}  # of a panel in inches, by the number of columns
 _HEIGHT = 4.3
 _ABOVE = 31.0  # of a title above its panel in points: the legend stands between them
+_LEGEND_INSIDE = (View.OVERLAY, View.HYSTERESIS)
 _OVERLAY = ((BLACK, "-"), (VERMILLION, (0, (4.5, 1.6))), (BLUE, (0, (1.3, 1.3))))
 
 Finish = Callable[[], None] | None
@@ -49,12 +50,17 @@ def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str 
     title = f"Figure {figure.name}. {figure.caption}" if title is None else title
     whole = WHOLE.get(figure.panels[0].view)
     picture = whole(figure, results, title) if whole else _draw_panels(figure, results, title)
-    # One layout is enough: it would be made again for each file. (Without an engine a figure is drawn as it is.)
-    with mpl.rc_context(RC):
-        if picture.get_layout_engine() is not None:
-            picture.draw_without_rendering()
-            picture.set_layout_engine(None)
+    _lay_out(picture)
     return picture
+
+
+def _lay_out(picture: Picture) -> None:
+    """Make the layout once and for all: with its engine the picture would make it anew for each file."""
+    engine = picture.get_layout_engine()
+    if engine is not None:
+        with mpl.rc_context(RC):
+            engine.execute(picture)
+        picture.set_layout_engine(None)
 
 
 def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
@@ -65,13 +71,13 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
         picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
         axes = picture.subplots(rows, columns, squeeze=False)
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
-            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=_ABOVE)
+            pad = None if panel.view in _LEGEND_INSIDE else _ABOVE
+            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=pad)
         finish: list[Finish] = [
             _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
             for ax, panel in zip(axes.flat, figure.panels, strict=False)
         ]
-        picture.draw_without_rendering()  # names are placed for the final layout, so after everything else
-        picture.set_layout_engine(None)
+        _lay_out(picture)  # names are placed for the final layout, so after everything else
         for draw_the_rest in filter(None, finish):
             draw_the_rest()
     return picture

@@ -66,7 +66,7 @@ def plot_settled(
 
             figure = plt.figure(figsize=SIZE, layout="constrained")
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
-        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5)
+        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5, wrap=True)
     return figure
 
 

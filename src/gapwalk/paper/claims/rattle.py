@@ -84,11 +84,11 @@ def _place(system: System) -> str:
     return ", ".join(f"{word} = {system[name]:.4g}" for word, name in (_PRINTED | _BETA).items())
 
 
-def _one_sided_there(viscous: Result, impact: Result) -> Outcome:
-    one, two = orbit_of(viscous), orbit_of(impact)
+def _one_sided_there(viscous: Result, impact: Result, from_rest: Result) -> Outcome:
+    one, two, other = orbit_of(viscous), orbit_of(impact), orbit_of(from_rest)
     evidence = (
-        f"at the place of 5-elsewhere {_told(one)}, where the impact model has {_told(two)}; beside it there is a stable "
-        "motion that never opens"
+        f"at the place of 5-elsewhere, from the motion of the impact model ({_told(two)}): {_told(one)}; from rest: "
+        f"{_told(other)}"
     )
     return holds(_hits_one_side(one) and one.stable and not _hits_one_side(two), evidence)
 
@@ -178,7 +178,7 @@ CLAIMS = (
     Claim(
         "6-elsewhere",
         "It does at the place where the impact model hits on both.",
-        ("6-near", "5-near"),
+        ("6-near", "5-near", "6-near-rest"),
         _one_sided_there,
     ),
     Claim("6-weaker", "Its higher harmonics are much smaller.", ("6-near", "5-near"), _weaker_lines),

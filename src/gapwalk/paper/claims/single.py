@@ -111,7 +111,14 @@ CLAIMS = (
         _balance,
     ),
     Claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", ("4a", "10b"), _shrinks),
-    Claim("10-gone", "With n1 = 0.8 it is gone altogether.", ("10b", "10b-softer"), _disappears, (AS_PRINTED,)),
+    Claim(
+        "10-gone",
+        "With n1 = 0.8 it is gone altogether.",
+        ("10b", "10b-softer"),
+        _disappears,
+        (AS_PRINTED,),
+        short=True,
+    ),
     Claim(
         "11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", ("11a", "11b", "11a-mended"), _spacing
     ),
@@ -134,5 +141,6 @@ CLAIMS = (
         ("12",),
         _heavy_beats,
         BOTH,
+        short=True,
     ),
 )
