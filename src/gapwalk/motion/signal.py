@@ -98,7 +98,7 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
             raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
     if not any(factor for _, factor in terms):
         raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
-    return Signal(terms)
+    return given if isinstance(given, Signal) else Signal(terms)
 
 
 def _size(factor: float) -> str:

@@ -21,6 +21,7 @@ def third_inertia(system: System) -> Signal:
     the same torque Tm is behind Tm1 and Tm2, and with n2/n1 = Ia/(I2 r) that leaves
     ``r = K12 (Tm2 + n Tm1) / (n (Tm1 K22 + Tm2 K12))``, n = n2/n1. (At equal mean loads r = 16/17.) Then the mean of
     K2/I3 q3 is Tm2 for every motion, so that the train keeps its speed, and u3'' is what is left about the mean.
+    C2/I3 is taken from the tables as K2/I3 is; they hold no damper that would fit both C12 and C22.
     """
     k12, k22 = -system["stiffness.q1.q3"], system["stiffness.q3.q3"]
     c12, c22 = -system["damping.q1.q3"], system["damping.q3.q3"]
