@@ -9,7 +9,8 @@ from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
-from gapwalk.plot.style import DPI, RC
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import RC
 
 _WIDTH, _HEIGHT, _ABOVE = 9.5, 2.9, 0.5  # of a row, and of title and legend, in inches
 
@@ -28,9 +29,7 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=_size(found), layout="constrained")
+            figure = open_window(_size(found))
         _draw(figure, found, title)
     return figure
 
@@ -38,7 +37,7 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
 def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=_size(found), dpi=DPI, layout="constrained")
+        figure = new_sheet(_size(found))
         _draw(figure, found, title)
     return figure
 

@@ -19,8 +19,9 @@ from gapwalk.plot.hysteresis import plot_hysteresis
 from gapwalk.plot.legend import draw_period_legend
 from gapwalk.plot.paper_motions import WHOLE
 from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREEN, RC, VERMILLION
+from gapwalk.plot.style import BLACK, BLUE, GREEN, RC, VERMILLION
 from gapwalk.plot.words import measure_words, parameter_words, state_words
 from gapwalk.study.result import Result
 
@@ -67,7 +68,7 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
     columns = figure.columns
     rows = -(-len(figure.panels) // columns)
     with mpl.rc_context(RC):
-        picture = Picture(figsize=(_WIDTH[columns] * columns, _HEIGHT * rows), dpi=DPI, layout="constrained")
+        picture = new_sheet((_WIDTH[columns] * columns, _HEIGHT * rows))
         picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
         axes = picture.subplots(rows, columns, squeeze=False)
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
