@@ -1,6 +1,7 @@
 """``gapwalk paper``: figures as pictures and as JSON, and the page of all of them."""
 
 import json
+import os
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -67,7 +68,14 @@ def test_pictures_go_into_a_folder_and_nothing_is_computed_twice(capsys, monkeyp
     results = {path.name for path in Path("paper/results").iterdir() if not path.name.endswith("-lock")}
     assert results == {"12-literal.gapwalk", "12-literal-points.csv", "12-literal-special-points.csv"}
     monkeypatch.setattr("gapwalk.study.diagram.study._grow", None)  # a second computation would fail
+    drawn = Path("paper/figure-12-literal.png").stat().st_mtime_ns
     assert main(["paper", "12", "--slope", "literal"]) == 0
+    assert Path("paper/figure-12-literal.png").stat().st_mtime_ns == drawn
+    assert "written: paper/figure-12-literal.png" in capsys.readouterr().out
+    result = Path("paper/results/12-literal.gapwalk")
+    os.utime(result, ns=(drawn + 1, drawn + 1))  # as if it had been computed again
+    assert main(["paper", "12", "--slope", "literal"]) == 0
+    assert Path("paper/figure-12-literal.png").stat().st_mtime_ns > drawn
 
 
 class Links(HTMLParser):

@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import gapwalk
 from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
@@ -28,6 +29,7 @@ from gapwalk.study.work.workers import sharing, workers
 
 _FOLDER = Path("paper")
 _FEW = 2
+_FORMS = ("png", "svg")
 
 
 class _Work(NamedTuple):
@@ -82,7 +84,7 @@ def run_figures(
     with TemporaryDirectory() as scratch, sharing() if len(work.figures) > _FEW else nullcontext():
         found = _compute(work, (folder or Path(scratch)) / "results", force=force, show=not json)
         if folder is not None:
-            pictures = _draw_all(work, found, folder, show=not json)
+            pictures = _draw_all(work, found, folder, force=force, show=not json)
     if folder is not None and work.whole:
         _write_page(work, found, pictures, folder)
     if json:
@@ -120,18 +122,44 @@ def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
     return _Found(results, dict(computed.failures), checked)
 
 
-def _draw_all(work: _Work, found: _Found, folder: Path, *, show: bool) -> dict[str, list[str]]:
-    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures."""
-    figures = [each for each in work.figures if set(each.jobs) <= set(found.results)]
-    with CountProgress("pictures", len(figures), show=show) as progress, workers(1) as hands:
-        drawn: dict[str, list[str]] = {}
+def _draw_all(work: _Work, found: _Found, folder: Path, *, force: bool, show: bool) -> dict[str, list[str]]:
+    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures.
+
+    What is newer than its results, and than gapwalk itself, is left as it is.
+    """
+    whole = [each for each in work.figures if set(each.jobs) <= set(found.results)]
+    changed = _last_change()
+    figures = [each for each in whole if force or not _is_drawn(each, folder, changed)]
+    drawn = {each.name: _names(each) for each in whole if each not in figures}
+    if not figures:
+        return drawn
+    with CountProgress("pictures", len(whole), show=show) as progress, workers(1) as hands:
 
         def accept(index: int, names: list[str]) -> None:
             drawn[figures[index].name] = names
-            progress(figures[index].name, len(drawn), len(figures))
+            progress(figures[index].name, len(drawn), len(whole))
 
         hands.run(_draw, [(figure, folder) for figure in figures], accept, in_order=False)
     return drawn
+
+
+def _names(figure: Figure) -> list[str]:
+    return [f"{figure.file_name}.{form}" for form in _FORMS]
+
+
+def _last_change() -> float:
+    """When the code that draws was changed last, which is when it was installed."""
+    return max(path.stat().st_mtime for path in Path(gapwalk.__file__).parent.rglob("*.py"))
+
+
+def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
+    """Whether the pictures of a figure, which are written last, show its results as they are."""
+    pictures = [folder / name for name in _names(figure)]
+    if not all(path.exists() for path in pictures):
+        return False
+    results = [folder / "results" / f"{key}.gapwalk" for key in figure.jobs]
+    newest = max((path.stat().st_mtime for path in results), default=0.0)
+    return min(path.stat().st_mtime for path in pictures) > max(changed, newest)
 
 
 def _draw(piece: tuple[Figure, Path]) -> list[str]:
@@ -142,12 +170,11 @@ def _draw(piece: tuple[Figure, Path]) -> list[str]:
     figure, folder = piece
     results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
     picture = draw_paper_figure(figure, results)
-    names = [f"{figure.file_name}.{form}" for form in ("png", "svg")]
-    for name, form in zip(names, ("png", "svg"), strict=True):
-        write_whole(folder / name, picture_bytes(picture, form))
     for key, result in results.items():
         export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
-    return names
+    for name, form in zip(_names(figure), _FORMS, strict=True):
+        write_whole(folder / name, picture_bytes(picture, form))
+    return _names(figure)
 
 
 def _write_page(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path) -> None:
