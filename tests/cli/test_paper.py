@@ -118,6 +118,8 @@ def test_all_as_json(capsys) -> None:
     assert main(["paper", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [figure["figure"] for figure in document["figures"]] == ["1", "12", "17"]
+    assert document["figures"][0]["loops"]["viscous damping"]["loss"] == pytest.approx(0.5037, abs=1e-4)
+    assert document["figures"][1]["loops"] == {}
     (claim,) = document["claims"]
     assert (claim["claim"], claim["verdict"]) == ("12-folds", "reproduced")
     assert document["figures"][2]["results"]["17-near"]["attractor"]["label"] == "P3"
