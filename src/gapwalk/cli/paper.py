@@ -9,7 +9,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import gapwalk
 from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
@@ -149,7 +148,7 @@ def _names(figure: Figure) -> list[str]:
 
 def _last_change() -> float:
     """When the code that draws was changed last, which is when it was installed."""
-    return max(path.stat().st_mtime for path in Path(gapwalk.__file__).parent.rglob("*.py"))
+    return max(path.stat().st_mtime for path in Path(__file__).parents[1].rglob("*.py"))
 
 
 def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
