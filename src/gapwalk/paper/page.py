@@ -29,7 +29,8 @@ section { background: var(--card); border: 1px solid var(--line); border-radius:
 img { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; margin: .6rem 0; }
 table { border-collapse: collapse; width: 100%; font-size: .88rem; } .wide { overflow-x: auto; }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem .3rem 0; border-top: 1px solid var(--line); }
-th { color: var(--soft); font-weight: 600; } td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
+th { color: var(--soft); font-weight: 600; } td:first-child { white-space: nowrap; }
+td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 summary { cursor: pointer; color: var(--soft); margin: .5rem 0; }
 .good { color: var(--good); } .other { color: var(--other); } .bad { color: var(--bad); }
 .good, .other, .bad { font-weight: 600; white-space: nowrap; }
