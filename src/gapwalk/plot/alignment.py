@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
@@ -43,6 +45,17 @@ def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     with mpl.rc_context(RC):
         figure = new_sheet(SIZE)
         _draw(figure, found, title)
+    return figure
+
+
+def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
+    """Several records over several motions, one below the other, as a figure without pyplot."""
+    with mpl.rc_context(RC):
+        figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, wrap=True)
+        parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
+        for part, each, name in zip(parts, found, names, strict=True):
+            _draw(part, each, name)
     return figure
 
 
@@ -96,4 +109,4 @@ def _words(found: Alignment) -> str:
 
 
 def _name(name: str) -> str:
-    return f"measured ({name})".replace("$", r"\$")
+    return f"record ({name})".replace("$", r"\$")

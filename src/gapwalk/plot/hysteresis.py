@@ -37,7 +37,7 @@ def plot_hysteresis(
             name = names[place] if place < len(names) else loop.law.value
             label = f"{name}: loss {loop.loss:.4g} a cycle"
             ax.plot(loop.deflection, loop.force, color=color, linestyle=line, linewidth=1.3, label=label)
-        ax.axhline(0.0, color=GREY, linewidth=0.8)
+        ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
         for level in sorted({level for loop in loops for level in loop.breakpoints}):
             if any(loop.deflection.min() < level < loop.deflection.max() for loop in loops):
                 ax.axvline(level, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)

@@ -65,7 +65,7 @@ def plot_settled(
         if figure is None:
             figure = open_window(SIZE)
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
-        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5)
+        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5, wrap=True)
     return figure
 
 
