@@ -57,6 +57,12 @@ if TYPE_CHECKING:
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.study.family.family import family
+    from gapwalk.study.family.options import FamilyOptions
+    from gapwalk.study.family.over import Over
+    from gapwalk.study.family.record import Family, Strand
+    from gapwalk.study.family.store import load_family
+    from gapwalk.study.family.study_options import FamilyStudyOptions
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
@@ -93,6 +99,9 @@ __all__ = [
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
+    "Family",
+    "FamilyOptions",
+    "FamilyStudyOptions",
     "Fit",
     "FitOptions",
     "Gear",
@@ -109,6 +118,7 @@ __all__ = [
     "ModalDamping",
     "Modes",
     "Orbit",
+    "Over",
     "Plane",
     "ProportionalDamping",
     "Record",
@@ -131,6 +141,7 @@ __all__ = [
     "Side",
     "SpecialPoint",
     "Stage",
+    "Strand",
     "Study",
     "Sweep",
     "SweepOptions",
@@ -150,6 +161,7 @@ __all__ = [
     "contrast",
     "diagram",
     "errors",
+    "family",
     "find_orbit",
     "fit",
     "follow",
@@ -160,6 +172,7 @@ __all__ = [
     "integrate",
     "load",
     "load_basins",
+    "load_family",
     "load_regimes",
     "load_sweep",
     "lyapunov",
@@ -209,6 +222,9 @@ _HOMES = {
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
     "Equilibrium": "model.rest",
+    "Family": "study.family.record",
+    "FamilyOptions": "study.family.options",
+    "FamilyStudyOptions": "study.family.study_options",
     "Fit": "measurement.fit",
     "FitOptions": "measurement.fit",
     "Gear": "model.train",
@@ -225,6 +241,7 @@ _HOMES = {
     "ModalDamping": "model.damping",
     "Modes": "model.modes",
     "Orbit": "orbit.orbit",
+    "Over": "study.family.over",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
     "Record": "measurement.record",
@@ -247,6 +264,7 @@ _HOMES = {
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
+    "Strand": "study.family.record",
     "Study": "study.file",
     "Sweep": "study.sweep.record",
     "SweepOptions": "study.sweep.options",
@@ -264,6 +282,7 @@ _HOMES = {
     "compare_results": "study.compare",
     "contrast": "attractor.contrast",
     "diagram": "study.diagram.diagram",
+    "family": "study.family.family",
     "find_orbit": "orbit.find",
     "fit": "measurement.fit",
     "follow": "bifurcation.follow",
@@ -274,6 +293,7 @@ _HOMES = {
     "integrate": "motion.motion",
     "load": "study.store.stored",
     "load_basins": "study.basins.store",
+    "load_family": "study.family.store",
     "load_regimes": "study.regimes.store",
     "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",

@@ -25,8 +25,8 @@ WAY = "way"
 class WayAssembly:
     """Parameters that move together, evenly, while the way goes from 0 to 1.
 
-    Its own numbers are those of the system, then the way, then where each parameter goes: with them as numbers, all ways
-    of the same parameters share one compiled flow.
+    Its own numbers are those of the system, then the way, then where each parameter goes: as they are numbers, all
+    ways of the same parameters share one compiled flow.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class WayAssembly:
     def __hash__(self) -> int:
         return hash((self.structure, self.moved))
 
-    @cached_property
+    @property
     def names(self) -> ParameterNames:
         """The names of the system's parameters, the way, and ``way.`` with the name of each parameter that moves."""
         inner = self.structure.names

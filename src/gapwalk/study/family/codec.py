@@ -150,5 +150,3 @@ def _place(plain: Any) -> Place:
 def _pair(plain: Any) -> tuple[float, float]:
     first, second = plain
     return float(first), float(second)
-
-

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import asdict
 
 from gapwalk.bifurcation.departure import directions
 from gapwalk.continuation.branch import Kind
@@ -18,10 +17,7 @@ from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.record import Family
 from gapwalk.study.family.store import FamilyStore
-from gapwalk.study.store.plain import plain_system
 from gapwalk.study.work.workers import Workers, workers
-
-KIND = "family"
 
 
 def family(
@@ -41,9 +37,9 @@ def family(
 ) -> Family:
     """The response of one system, repeated for several values of a parameter, with the special points joined.
 
-    Between two neighbouring members each special point is followed along its exact locus: to a special point of the next
-    member, to another one with which it meets and vanishes, or out of the range. Ctrl-C ends the work and keeps what
-    there is.
+    Between two neighbouring members each special point is followed along its exact locus: to a special point of the
+    next member, to another one with which it meets and vanishes, or out of the range. Ctrl-C ends the work and keeps
+    what there is.
 
     Parameters
     ----------
@@ -64,8 +60,8 @@ def family(
     report
         Called with each part when it is done, and is in the file.
     output
-        A file to write while the work is done. If it holds a part of the same family, that is gone on with, and comes to
-        the same result.
+        A file to write while the work is done; `gapwalk.load_family` reads it. If it holds a part of the same family,
+        that is gone on with, and comes to the same result.
 
     Raises
     ------
@@ -87,7 +83,7 @@ def family(
     blank = Family(system, parameter, (min(begin, end), max(begin, end)), over)
     job = FamilyJob(blank, how, options)
     with ExitStack() as stack:
-        store = None if output is None else stack.enter_context(FamilyStore(output, job, _plain(job)))
+        store = None if output is None else stack.enter_context(FamilyStore(output, job))
         if store is not None:
             job.take(store.members, store.joints)
         try:
@@ -103,23 +99,3 @@ def _check_kinds(options: FamilyOptions) -> None:
     """A ModelError if nothing can be joined as it is asked for."""
     if options.exact and set(options.kinds) == {Kind.BRANCH_POINT}:
         raise ModelError("branch points have no locus; write exact=False to join them by nearness")
-
-
-def _plain(job: FamilyJob) -> dict[str, object]:
-    """What is to be done, in plain JSON values; the number of workers changes nothing of it."""
-    made, how = job.family, job.how
-    options = asdict(job.options)
-    del options["workers"]
-    return {
-        "kind": KIND,
-        "system": plain_system(made.system),
-        "parameter": made.parameter,
-        "over": asdict(made.over),
-        "begin": how.begin,
-        "end": how.end,
-        "start": how.start if isinstance(how.start, str) else list(how.start),
-        "period": how.period,
-        "walk": None if how.walk is None else asdict(how.walk),
-        "method": None if how.method is None else [how.method.name, asdict(how.method)],
-        "options": options,
-    }

@@ -105,7 +105,7 @@ class FamilyJob:
         self._before = len(self.members) + len(self.joints)
 
     def work(self, hands: Workers, keep: Callable[[int, Part], object], report: Report | None = None) -> None:
-        """Do what is left. Members come first; `keep` gets the number of each part, those of gaps after the members'."""
+        """Do what is left, members first; `keep` gets the number of each part, those of gaps after the members'."""
 
         def accept(number: int, part: Part) -> None:
             keep(number, part)

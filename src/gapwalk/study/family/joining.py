@@ -131,8 +131,7 @@ class _Joiner:
             special = self.left[0].pop(one)
             across = self.left[1].pop(other)
             curve = tuple(
-                (each.value, member.value)
-                for each, member in zip((special, across), self.gap.members, strict=True)
+                (each.value, member.value) for each, member in zip((special, across), self.gap.members, strict=True)
             )
             detail = self.lost.get(one, self.lost.get(other, ""))
             about = (special.kind, special.contact, special.orbit.period, Fate.NEAR, one, other)

@@ -111,6 +111,11 @@ class Joint:
             Fate.ALONE: "has none of its kind near",
             Fate.LOST: "could not be followed",
         }[self.fate]
-        event = f" in a {self.event}" if self.event and self.event != TURN else ""
+        if self.fate is Fate.MET and self.end is None:
+            words += " that lies on no known branch"
+        if self.event == TURN:
+            event = ", where branches part or join," if self.kind is Kind.FOLD else ""
+        else:
+            event = f" in a {self.event}" if self.event else ""
         place = "" if self.at is None else f" at ({self.at[0]:.8g}, {self.at[1]:.8g})"
         return f"{words}{event}{place}{f': {self.detail}' if self.detail else ''}"

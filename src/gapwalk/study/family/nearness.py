@@ -38,11 +38,7 @@ def nearest_pairs(
     costs[len(rows) :, : len(columns)][np.diag_indices(len(columns))] = alone
     costs[len(rows) :, len(columns) :] = 0.0
     pairs = zip(*linear_sum_assignment(costs), strict=True)
-    return [
-        (rows[a], columns[b])
-        for a, b in pairs
-        if a < len(rows) and b < len(columns) and distances[a, b] < LIMIT
-    ]
+    return [(rows[a], columns[b]) for a, b in pairs if a < len(rows) and b < len(columns) and distances[a, b] < LIMIT]
 
 
 def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, float]) -> float:

@@ -52,7 +52,9 @@ class Over:
                     f"over has {len(others)} values of {name} and {len(values)} of {first}; each member needs one of each"
                 )
         if self.values and len(self.values) != len(values):
-            raise ModelError(f"values has {len(self.values)} numbers, and over has {len(values)}; each member needs one")
+            raise ModelError(
+                f"values has {len(self.values)} numbers, and over has {len(values)}; each member needs one"
+            )
         if bool(self.called) != bool(self.values) and self.called != first:
             raise ModelError(
                 "called and values belong together: what the family is over, and its value at each member, as in "
@@ -100,7 +102,9 @@ class Over:
                 system.at(self.at(number))
             except ModelError as error:
                 where = f"{self.name} = {self.axis[number]:g}"
-                raise ModelError("\n".join(f"over is refused at {where}: {line}" for line in str(error).splitlines())) from None
+                raise ModelError(
+                    "\n".join(f"over is refused at {where}: {line}" for line in str(error).splitlines())
+                ) from None
 
 
 def _check_steps(name: str, axis: tuple[float, ...]) -> None:

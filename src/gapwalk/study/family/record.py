@@ -162,7 +162,9 @@ class Family:
         for strand in self.strands:
             if strand.name == name:
                 return strand
-        raise KeyError(f"there is no strand {name}; there are {', '.join(each.name for each in self.strands) or 'none'}")
+        raise KeyError(
+            f"there is no strand {name}; there are {', '.join(each.name for each in self.strands) or 'none'}"
+        )
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{len(self.of_kind(kind))} of {kind.value}" for kind in Kind if self.of_kind(kind))

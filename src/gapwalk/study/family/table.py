@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from gapwalk.continuation.branch import Kind
 from gapwalk.model.fields import Count, Number, Text, one_of
 from gapwalk.model.system import System
+from gapwalk.study.changes import leaves_of
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.store.plain import with_tuples
@@ -21,15 +22,9 @@ _OVER = 'write what differs from member to member, as in over = { "mean.q1" = [0
 
 def _flat(value: Any) -> Any:
     """A table of lists with the full names of parameters: ``mean.q1`` may be written with or without quotes."""
-    return dict(_leaves(value)) if isinstance(value, Mapping) else value
-
-
-def _leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _leaves(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
+    if not isinstance(value, Mapping):
+        return value
+    return {".".join(str(key) for key in leaf.path): leaf.value for leaf in leaves_of(value, ())}
 
 
 class FamilyPart(BranchPart):

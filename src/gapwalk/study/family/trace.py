@@ -56,7 +56,9 @@ def trace(special: SpecialPoint, side: int, gap: Gap) -> Trace:
     NumericalError
         If it cannot be followed.
     """
-    locus = _inwards(follow_locus(gap.lifted(special, side), gap.parameter, gap.second, gap.ranges, walk=_WALK), special)
+    locus = _inwards(
+        follow_locus(gap.lifted(special, side), gap.parameter, gap.second, gap.ranges, walk=_WALK), special
+    )
     share = gap.share(locus.points[-1].values[1])
     at_edge = locus.ends[1].reason is LocusEndReason.RANGE and len(locus.points) > 1
     arrives = next((end for end in (0, 1) if at_edge and abs(share - end) <= _EDGE), None)
