@@ -116,8 +116,8 @@ def _new_figure() -> Figure:
 
 def _draw_members(ax: Axes, family: Family, measure: str, colours: ScalarMappable) -> None:
     ranks = _ranks(family)
-    for member in family.members:
-        color = _COLOURS(colours.norm(member.value))
+    shades = _COLOURS(colours.norm(np.array([member.value for member in family.members])))
+    for member, color in zip(family.members, shades, strict=True):
         for branch in member.branches:
             width = _THIN * (1.0 if ranks[branch.period] == 0 else 0.6)
             for piece in pieces_of(branch, measure):

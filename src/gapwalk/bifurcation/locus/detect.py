@@ -12,7 +12,7 @@ from typing import NamedTuple
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
-from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
+from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine, speed_in_plane
 from gapwalk.bifurcation.locus.locus import Codim2
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind
@@ -24,6 +24,8 @@ _FINEST = 1e-5  # arclength below which two zeros are not told apart
 _NOISE = 1e-8  # size of a test function that is nothing but rounding
 _ECHO = 1e-4  # arclength within which the margin of a grazing orbit shows beside a degenerate grazing point
 _EXACT = 1e-13  # arclength to which zeros are located
+_BESIDE = 1e-6  # arclength from a cusp at which the locus has taken up speed again
+_DIP = 0.01  # share of that speed that is left at the cusp, because it is located to rounding only
 
 
 class Finding(NamedTuple):
@@ -55,8 +57,19 @@ def find_codim2(
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, stretch, first, last, rate)
-        found += [Finding(what, point) for point in zeros if is_genuine(locus, what, point)]
+        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, stretch)]
     return sorted(_without_echoes(found), key=lambda finding: finding.point.arclength)
+
+
+def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch) -> bool:
+    """Whether a zero of a test function is what it is taken for; a sharp cusp shows in the speed beside it alone."""
+    if is_genuine(locus, what, point):
+        return True
+    if what not in (Codim2.CUSP, Codim2.DEGENERATE_GRAZING):
+        return False
+    first, *_, last = (each.arclength for each in stretch.points)
+    places = (max(first, point.arclength - _BESIDE), min(last, point.arclength + _BESIDE))
+    return speed_in_plane(point) < _DIP * max(speed_in_plane(stretch.at(place)) for place in places)
 
 
 def _without_echoes(found: list[Finding]) -> list[Finding]:

@@ -101,7 +101,8 @@ class FamilyFinding(Finding):
 
     def _special_rows(self) -> Iterator[list[object]]:
         found, names = self.family, self.family.system.coordinates
-        header = ["strand", "kind", "contact", "period", found.over.name, "branch", *self._parameter, "uncertainty"]
+        first, second = self._headings
+        header = ["strand", "kind", "contact", "period", second, "branch", first, "uncertainty"]
         header += ["unstable.before", "unstable.after", "nature", "contacts", "joined"]
         yield [*header, *measure_names(names), *method_names(self.options)]
         for strand in found.strands:
@@ -119,8 +120,7 @@ class FamilyFinding(Finding):
     def _joint_rows(self) -> Iterator[list[object]]:
         """What becomes of special points between members, but for those that just go on: births, meetings, ends."""
         found = self.family
-        name = found.over.name
-        yield ["strand", "kind", "contact", "side", "fate", "event", *self._parameter, name, "with", "detail"]
+        yield ["strand", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
         strands = {place: strand.name for strand in found.strands for place in strand.places}
         for strand in found.strands:
             for side, joint in (("before", strand.before), ("after", strand.after)):
@@ -139,7 +139,8 @@ class FamilyFinding(Finding):
     def _point_rows(self) -> Iterator[list[object]]:
         found, names = self.family, self.family.system.coordinates
         states = [*(f"{q}(0)" for q in names), *(f"{q}'(0)" for q in names)]
-        header = [found.over.name, "branch", "period", *self._parameter, "stable", "instability", "contacts"]
+        first, second = self._headings
+        header = [second, "branch", "period", first, "stable", "instability", "contacts"]
         yield [*header, *measure_names(names), *states, *method_names(self.options)]
         for member in found.members:
             for name, branch in member.named:
@@ -153,8 +154,9 @@ class FamilyFinding(Finding):
                     ]
 
     @property
-    def _parameter(self) -> list[str]:
-        return parameter_headings([self.family.parameter], self.family.system.coordinates)
+    def _headings(self) -> list[str]:
+        """The headings of the parameter of the members, and of what differs."""
+        return parameter_headings([self.family.parameter, self.family.over.name], self.family.system.coordinates)
 
 
 def _member_document(member: Member, points: bool) -> dict[str, Any]:

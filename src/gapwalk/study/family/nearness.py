@@ -23,8 +23,8 @@ def nearest_pairs(
 ) -> list[tuple[Place, Place]]:
     """The pairs whose distances are least in all, each within the `LIMIT`; others stay alone.
 
-    To leave one alone costs half of the limit, so a pair is made only if it is nearer than that: what is born or vanishes
-    between the members must not be forced upon what goes on.
+    To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
+    what goes on.
     """
     if not left or not right:
         return []

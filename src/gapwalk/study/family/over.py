@@ -49,7 +49,8 @@ class Over:
         for name, others in self.moved[1:]:
             if len(others) != len(values):
                 raise ModelError(
-                    f"over has {len(others)} values of {name} and {len(values)} of {first}; each member needs one of each"
+                    f"over has {len(others)} values of {name} and {len(values)} of {first}; each member needs one of "
+                    "each"
                 )
         if self.values and len(self.values) != len(values):
             raise ModelError(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -83,9 +84,8 @@ class Family:
 
     @property
     def gaps(self) -> tuple[tuple[Member, Member], ...]:
-        """The pairs of neighbouring members between which special points are joined; members without branches are left out."""
-        found = [member for member in self.members if member.branches]
-        return tuple(zip(found, found[1:], strict=False))
+        """The pairs of neighbours between which special points are joined; members without branches are left out."""
+        return tuple(pairwise(member for member in self.members if member.branches))
 
     @property
     def branches(self) -> tuple[Branch, ...]:

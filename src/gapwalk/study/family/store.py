@@ -37,6 +37,7 @@ class FamilyStore:
         The file. If it holds a part of the same family, that is gone on with.
     job
         The work.
+
     Raises
     ------
     StoreError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gapwalk.bifurcation.locus import Codim2, Locus, LocusEndReason, follow_locus
 from gapwalk.bifurcation.locus.curve import Secant, zero_along
@@ -56,31 +56,21 @@ def trace(special: SpecialPoint, side: int, gap: Gap) -> Trace:
     NumericalError
         If it cannot be followed.
     """
-    locus = _inwards(
-        follow_locus(gap.lifted(special, side), gap.parameter, gap.second, gap.ranges, walk=_WALK), special
-    )
+    lifted = gap.lifted(special, side)
+    locus = _inwards(follow_locus(lifted, gap.parameter, gap.second, gap.ranges, walk=_WALK))
     share = gap.share(locus.points[-1].values[1])
     at_edge = locus.ends[1].reason is LocusEndReason.RANGE and len(locus.points) > 1
     arrives = next((end for end in (0, 1) if at_edge and abs(share - end) <= _EDGE), None)
     return Trace(locus, arrives)
 
 
-def _inwards(locus: Locus, special: SpecialPoint) -> Locus:
-    """The locus from its start on: on the edge of the gap, one of its two directions leads outwards and ends at once."""
+def _inwards(locus: Locus) -> Locus:
+    """The locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
     begin, end = locus.ends
     if begin.reason is LocusEndReason.START:
         return locus
-    turned = Locus(
-        locus.kind,
-        locus.first,
-        locus.second,
-        locus.period,
-        locus.points[::-1],
-        locus.codim2_points[::-1],
-        (end, begin),
-        locus.contact,
-    )
-    return turned
+    points, codim2 = locus.points[::-1], locus.codim2_points[::-1]
+    return replace(locus, points=points, codim2_points=codim2, ends=(end, begin))
 
 
 def farthest(found: Trace, special: SpecialPoint, side: int, gap: Gap) -> tuple[tuple[float, float], str]:
