@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
-from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine, speed_in_plane
+from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
 from gapwalk.bifurcation.locus.locus import Codim2
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind
@@ -24,8 +25,8 @@ _FINEST = 1e-5  # arclength below which two zeros are not told apart
 _NOISE = 1e-8  # size of a test function that is nothing but rounding
 _ECHO = 1e-4  # arclength within which the margin of a grazing orbit shows beside a degenerate grazing point
 _EXACT = 1e-13  # arclength to which zeros are located
-_BESIDE = 1e-6  # arclength from a cusp at which the locus has taken up speed again
-_DIP = 0.01  # share of that speed that is left at the cusp, because it is located to rounding only
+_BESIDE = 1e-5  # arclength from a cusp at which the locus has taken up speed again
+_TURNED = 0.5  # share of the change of a speed that is left over, beside a cusp, where it should only change its sign
 
 
 class Finding(NamedTuple):
@@ -62,14 +63,20 @@ def find_codim2(
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch) -> bool:
-    """Whether a zero of a test function is what it is taken for; a sharp cusp shows in the speed beside it alone."""
+    """Whether a zero of a test function is what it is taken for.
+
+    At a sharp cusp rounding leaves some speed in the plane. What tells it then is that both parameters turn back.
+    """
     if is_genuine(locus, what, point):
         return True
     if what not in (Codim2.CUSP, Codim2.DEGENERATE_GRAZING):
         return False
     first, *_, last = (each.arclength for each in stretch.points)
-    places = (max(first, point.arclength - _BESIDE), min(last, point.arclength + _BESIDE))
-    return speed_in_plane(point) < _DIP * max(speed_in_plane(stretch.at(place)) for place in places)
+    beside = min(_BESIDE, point.arclength - first, last - point.arclength)
+    if beside <= 0.0:
+        return False
+    before, after = (stretch.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
+    return bool((np.abs(after + before) < _TURNED * np.abs(after - before)).all())
 
 
 def _without_echoes(found: list[Finding]) -> list[Finding]:

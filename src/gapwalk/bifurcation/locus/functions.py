@@ -109,7 +109,7 @@ def multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex12
 def is_genuine(locus: Kind, what: Codim2, point: BranchPoint) -> bool:
     """Whether a zero of the test function is what it is taken for."""
     if what in _TURNING.values():
-        return speed_in_plane(point) < _TURNED  # both components vanish: no mere turn of 90 degrees
+        return float(np.linalg.norm(point.tangent[-2:])) < _TURNED  # both components vanish: no mere turn of 90 degrees
     if locus is Kind.NEIMARK_SACKER:
         return True
     if what in (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING):
@@ -118,11 +118,6 @@ def is_genuine(locus: Kind, what: Codim2, point: BranchPoint) -> bool:
         complex_ones = others[np.abs(others.imag) > _CIRCLE]
         return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # no neutral saddle
     return True
-
-
-def speed_in_plane(point: BranchPoint) -> float:
-    """How fast a locus goes in the plane of its two parameters, of 1 along the locus."""
-    return float(np.linalg.norm(point.tangent[-2:]))
 
 
 def ends_locus(locus: Kind, what: Codim2) -> bool:
