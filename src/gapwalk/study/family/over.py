@@ -92,6 +92,11 @@ class Over:
 
     def check(self, system: System, parameter: str) -> None:
         """A ModelError if the members of a family of a system along a parameter cannot have these values."""
+        for name in self.names:
+            try:
+                system.structure.place(name)
+            except ModelError as error:
+                raise ModelError(f"over names {name!r}, but {error}") from None
         if parameter in self.names:
             raise ModelError(f"over has {parameter}, along which each member is walked; choose another one")
         if "frequency" in self.names and len(self.moved) > 1:

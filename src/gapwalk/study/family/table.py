@@ -14,7 +14,7 @@ from gapwalk.study.changes import leaves_of
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.store.plain import with_tuples
-from gapwalk.study.tables import BranchPart, Surroundings, check_parameter
+from gapwalk.study.tables import BranchPart, Surroundings
 
 _LIMITS = ("max_period", "kinds", "exact", "workers")
 _OVER = 'write what differs from member to member, as in over = { "mean.q1" = [0.25, 0.3, 0.35] }'
@@ -42,8 +42,6 @@ class FamilyPart(BranchPart):
     @field_validator("over")
     @classmethod
     def _makes_a_family(cls, over: dict[str, list[float]], info: ValidationInfo[Surroundings]) -> Any:
-        for name in over:
-            check_parameter(name, info.context)
         given = Over.of(over, info.data.get("called", ""), info.data.get("values", ()))
         if info.context.system and info.data.get("parameter"):
             given.check(info.context.system, info.data["parameter"])
