@@ -142,10 +142,17 @@ def _draw_joints(ax: Axes, family: Family) -> None:
         for passage in joint.passages:
             if CODIM2[Codim2(passage.kind)].label:
                 ax.plot(passage.first, passage.value, zorder=6, **codim2_options(Codim2(passage.kind)))
-        if joint.at is not None and joint.fate is Fate.OUTSIDE:
-            ax.plot(*joint.at, zorder=5, **_OUTSIDE)
-        elif joint.at is not None and joint.fate is Fate.MET and not _has_symbol(joint.event):
+        if joint.at is not None and _leads_nowhere(joint):
+            ax.plot(*(joint.at if joint.fate is Fate.OUTSIDE else joint.curve[-1]), zorder=5, **_OUTSIDE)
+        if joint.at is None:
+            continue
+        if joint.fate is Fate.MET and not _has_symbol(joint.event):
             ax.plot(*joint.at, zorder=5, **_TURN)
+
+
+def _leads_nowhere(joint: Joint) -> bool:
+    """Whether a way leads to a member, but to none of the branches that are known there."""
+    return joint.fate is Fate.OUTSIDE or (joint.fate is Fate.MET and joint.end is None)
 
 
 def _has_symbol(event: str) -> bool:
@@ -196,7 +203,7 @@ def _event_handles(family: Family) -> Iterator[Line2D]:
             yield Line2D([], [], label=f"{style.text} ({style.label})", **codim2_options(kind))
     if any(joint.fate is Fate.MET and not _has_symbol(joint.event) for joint in joints):
         yield Line2D([], [], label="two meet", **_TURN)
-    if any(joint.fate is Fate.OUTSIDE for joint in joints):
+    if any(_leads_nowhere(joint) for joint in joints):
         yield Line2D([], [], label="leads to no known branch", **_OUTSIDE)
     if any(joint.fate is Fate.NEAR for joint in joints):
         yield Line2D([], [], label="joined by nearness", **_GUESS)
