@@ -1,4 +1,4 @@
-"""What a study finds beside branches: families, settled motions, sweeps, basins, regimes, each by a class of its own."""
+"""What studies find that is more, or other, than branches: each kind by a class of its own."""
 
 from __future__ import annotations
 
