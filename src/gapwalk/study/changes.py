@@ -13,6 +13,11 @@ from gapwalk.model.source import Source
 from gapwalk.model.system import System
 
 
+def parse_changes(texts: Iterable[str]) -> dict[str, object]:
+    """The changes of ``--set`` by their names; see `parse_change`."""
+    return dict(parse_change(text) for text in texts)
+
+
 def parse_change(text: str) -> tuple[str, object]:
     """Split ``name=value``; the value is written as in TOML, but a word needs no quotes, and .5 no zero before it.
 
