@@ -19,7 +19,8 @@ from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.map_style import CODIM2, SECTION, codim2_options, locus_options
 from gapwalk.plot.pieces import pieces_of
-from gapwalk.plot.style import BLACK, DPI, GREY, LINES, RC, SIZE, SYMBOLS, symbol_options
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import BLACK, GREY, LINES, RC, SIZE, SYMBOLS, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.record import Family
@@ -80,7 +81,7 @@ def plot_family(
         raise ModelError("the family has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, family.system.coordinates)
     with mpl.rc_context(RC):
-        figure = _new_figure() if figure is None else figure
+        figure = figure or open_window(_TALL)
         panels = figure.subplots(2, 1, sharex=True, height_ratios=[1.25, 1.0])
         colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)
         _draw_members(panels[0], family, measure, colours)
@@ -102,16 +103,9 @@ def plot_family(
 
 def draw_family(family: Family, measure: str = "half", title: str = "") -> Figure:
     """The picture of a family as a matplotlib figure, without pyplot."""
-    with mpl.rc_context(RC):
-        figure = Figure(figsize=_TALL, dpi=DPI, layout="constrained")
+    figure = new_sheet(_TALL)
     plot_family(family, measure, figure=figure, title=title)
     return figure
-
-
-def _new_figure() -> Figure:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.figure(figsize=_TALL, layout="constrained")
 
 
 def _draw_members(ax: Axes, family: Family, measure: str, colours: ScalarMappable) -> None:
