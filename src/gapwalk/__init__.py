@@ -60,9 +60,8 @@ if TYPE_CHECKING:
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
-    from gapwalk.study.family.record import Family, Strand
+    from gapwalk.study.family.record import Family
     from gapwalk.study.family.store import load_family
-    from gapwalk.study.family.study_options import FamilyStudyOptions
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
@@ -101,7 +100,6 @@ __all__ = [
     "Equilibrium",
     "Family",
     "FamilyOptions",
-    "FamilyStudyOptions",
     "Fit",
     "FitOptions",
     "Gear",
@@ -141,7 +139,6 @@ __all__ = [
     "Side",
     "SpecialPoint",
     "Stage",
-    "Strand",
     "Study",
     "Sweep",
     "SweepOptions",
@@ -225,7 +222,6 @@ _HOMES = {
     "Equilibrium": "model.rest",
     "Family": "study.family.record",
     "FamilyOptions": "study.family.options",
-    "FamilyStudyOptions": "study.family.study_options",
     "Fit": "measurement.fit",
     "FitOptions": "measurement.fit",
     "Gear": "model.train",
@@ -265,7 +261,6 @@ _HOMES = {
     "Side": "model.contact",
     "SpecialPoint": "continuation.branch",
     "Stage": "model.contact",
-    "Strand": "study.family.record",
     "Study": "study.file",
     "Sweep": "study.sweep.record",
     "SweepOptions": "study.sweep.options",

@@ -10,6 +10,7 @@ from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.study.export import export_csv
+from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import check_study
 from gapwalk.study.store.plain_options import options_of, plain_options
 from tests.study.families import MODEL, second_resonance, study_of
@@ -107,7 +108,7 @@ def test_tables_and_document_tell_the_same(tmp_path) -> None:
 def test_all_keys_are_read() -> None:
     text = MODEL.replace(OVER, "max_period = 2\nkinds = ['flip', 'fold', 'flip']\nexact = false\n" + OVER)
     options = study_of(text).options
-    assert isinstance(options, gw.FamilyStudyOptions)
+    assert isinstance(options, FamilyStudyOptions)
     assert options.limits == gw.FamilyOptions(2, (gw.Kind.FLIP, gw.Kind.FOLD), exact=False, workers=1)
     again = options_of(json.loads(json.dumps(plain_options(options))))
     assert again == options
