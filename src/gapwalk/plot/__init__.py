@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
+    from gapwalk.plot.family import plot_family
     from gapwalk.plot.history import plot_history, plot_loop
     from gapwalk.plot.hysteresis import plot_hysteresis
     from gapwalk.plot.map import plot_map
@@ -34,6 +35,7 @@ __all__ = [
     "plot_contact_figures",
     "plot_contrast",
     "plot_diagram",
+    "plot_family",
     "plot_history",
     "plot_hysteresis",
     "plot_loop",
@@ -59,6 +61,7 @@ _HOMES = {
     "plot_contact_figures": "regimes",
     "plot_contrast": "contrast",
     "plot_diagram": "diagram",
+    "plot_family": "family",
     "plot_history": "history",
     "plot_hysteresis": "hysteresis",
     "plot_loop": "history",

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.grazing import describe_switch, find_grazing
@@ -24,6 +25,8 @@ _FINEST = 1e-5  # arclength below which two zeros are not told apart
 _NOISE = 1e-8  # size of a test function that is nothing but rounding
 _ECHO = 1e-4  # arclength within which the margin of a grazing orbit shows beside a degenerate grazing point
 _EXACT = 1e-13  # arclength to which zeros are located
+_BESIDE = 1e-5  # arclength from a cusp at which the locus has taken up speed again
+_TURNED = 0.5  # share of the change of a speed that is left over, beside a cusp, where it should only change its sign
 
 
 class Finding(NamedTuple):
@@ -55,8 +58,25 @@ def find_codim2(
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, stretch, first, last, rate)
-        found += [Finding(what, point) for point in zeros if is_genuine(locus, what, point)]
+        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, stretch)]
     return sorted(_without_echoes(found), key=lambda finding: finding.point.arclength)
+
+
+def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch) -> bool:
+    """Whether a zero of a test function is what it is taken for.
+
+    At a sharp cusp rounding leaves some speed in the plane. What tells it then is that both parameters turn back.
+    """
+    if is_genuine(locus, what, point):
+        return True
+    if what not in (Codim2.CUSP, Codim2.DEGENERATE_GRAZING):
+        return False
+    first, *_, last = (each.arclength for each in stretch.points)
+    beside = min(_BESIDE, point.arclength - first, last - point.arclength)
+    if beside <= 0.0:
+        return False
+    before, after = (stretch.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
+    return bool((np.abs(after + before) < _TURNED * np.abs(after - before)).all())
 
 
 def _without_echoes(found: list[Finding]) -> list[Finding]:
