@@ -19,8 +19,8 @@ from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.action import Place
 from gapwalk.explorer.curve import LABELS, curve_of, quantity
 from gapwalk.explorer.desk import Desk
-from gapwalk.explorer.flows import Superseded
-from gapwalk.explorer.guard import Guard, TooLarge
+from gapwalk.explorer.flows import SupersededError
+from gapwalk.explorer.guard import Guard, TooLargeError
 from gapwalk.explorer.model_file import model_file
 from gapwalk.explorer.panels import check_signal, details_of, panels_of
 from gapwalk.explorer.plan import orbit_at
@@ -71,9 +71,9 @@ def _told(answer: Answer) -> Answer:
     async def told(request: Request) -> Response:
         try:
             return await answer(request)
-        except TooLarge as error:
+        except TooLargeError as error:
             return JSONResponse({"error": str(error)}, 413)
-        except Superseded:
+        except SupersededError:
             return JSONResponse({"error": "superseded by a newer request"}, 409)
         except GapwalkError as error:
             return JSONResponse({"error": str(error)}, 400)

@@ -73,12 +73,8 @@ class Board:
 
     def special(self, place: Place) -> tuple[Line, SpecialPoint]:
         """The special point at a place, and its branch; a ModelError if there is none."""
-        entry = self.entry(place.result)
         with self.guard:
-            line, special = entry.special(place)
-        if not line.parameter and entry.action is not None:
-            raise ModelError("this branch is still being walked; switch when it has come to its end, or stop it")
-        return line, special
+            return self.entry(place.result).special(place)
 
     def prepare(self, action: Action) -> tuple[Entry, Task]:
         """A new entry for an action, and the task that fills it; its result file has a name of its own.

@@ -109,7 +109,7 @@ class Desk:
             "y": shown,
             "range": [options.begin, options.end] if walked else [],
             "studies": [{"name": each.name, "plan": each.options.plan} for each in board.studies],
-            "results": [_progress(entry) for entry in board.entries.values()],
+            "results": board_progress(board),
         }
 
     def close(self) -> None:
@@ -128,8 +128,13 @@ def _parameters(board: Board) -> list[dict[str, Any]]:
     return [{"name": name, "value": value, "words": parameter_words(name)} for name, value in items]
 
 
+def board_progress(board: Board) -> list[dict[str, Any]]:
+    """How far the results of a board have come."""
+    with board.guard:
+        return [_progress(entry) for entry in board.entries.values()]
+
+
 def _progress(entry: Entry) -> dict[str, Any]:
-    lines = entry.lines()
     return {
         "key": entry.key,
         "title": entry.title,
@@ -141,7 +146,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "can_go_on": entry.result is not None and not entry.result.complete,
         "done": [entry.live.done, entry.live.total],
         "branches": [
-            {"name": line.name, "period": line.period, "parameter": line.parameter, "points": len(line.points)}
-            for line in lines
+            {"name": line.name, "period": line.period, "points": len(line.points), "range": line.within}
+            for line in entry.lines()
         ],
     }

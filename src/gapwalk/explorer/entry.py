@@ -17,6 +17,8 @@ from gapwalk.explorer.task import Progress
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.result import Result
 
+_NOWHERE = (0.0, 0.0)  # the range of a branch that is not finished: nothing leaves it yet
+
 
 class State(StrEnum):
     """How far a job has come."""
@@ -35,10 +37,11 @@ class State(StrEnum):
 
 
 class Line(NamedTuple):
-    """A branch as it is shown: its name, its parameter, and its points so far."""
+    """A branch as it is shown: its name, its parameter and the range of that, its period, and its points so far."""
 
     name: str
     parameter: str
+    within: tuple[float, float]
     period: int
     points: list[BranchPoint] | tuple[BranchPoint, ...]
     special_points: list[SpecialPoint] | tuple[SpecialPoint, ...]
@@ -89,12 +92,12 @@ class Entry:
     def lines(self) -> list[Line]:
         """Its branches as they are shown."""
         if self.result is not None:
-            named = zip(self.result.names, self.result.branches, strict=True) if self.result.branches else ()
-            return [_line(name, branch) for name, branch in named]
-        found = [_line(limb.name, limb.branch) for limb in self.live.limbs]
-        if self.live.points:
-            found += list(_growing(self.live))
-        return found
+            if not self.result.branches:
+                return []
+            within = _range(self.result)
+            return [_line(*each, within) for each in zip(self.result.names, self.result.branches, strict=True)]
+        found = [_line(limb.name, limb.branch, _NOWHERE) for limb in self.live.limbs]
+        return [*found, *_growing(self.live)] if self.live.points else found
 
     def settled(self) -> Settled | None:
         """Where a motion has settled, if that is what was asked."""
@@ -131,10 +134,15 @@ class Entry:
         raise ModelError(f"{self.title} has no such special point any more; reload the page")
 
 
-def _line(name: str, branch: Branch) -> Line:
-    return Line(name, branch.parameter, branch.period, branch.points, branch.special_points)
+def _range(result: Result) -> tuple[float, float]:
+    low, high = sorted((result.walked.begin, result.walked.end))
+    return low, high
+
+
+def _line(name: str, branch: Branch, within: tuple[float, float]) -> Line:
+    return Line(name, branch.parameter, within, branch.period, branch.points, branch.special_points)
 
 
 def _growing(live: Progress) -> Iterator[Line]:
     period = live.points[0].orbit.period
-    yield Line(f"P{period}-1", "", period, list(live.points), list(live.special_points))
+    yield Line(f"P{period}-1", "", _NOWHERE, period, list(live.points), list(live.special_points))

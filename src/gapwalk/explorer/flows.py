@@ -13,7 +13,7 @@ T = TypeVar("T")
 _TABS = 1000  # whose last click is remembered
 
 
-class Superseded(Exception):
+class SupersededError(Exception):
     """A newer click of the same tab has made an answer useless."""
 
 
@@ -34,7 +34,7 @@ class Flows:
 
         Raises
         ------
-        Superseded
+        SupersededError
             If it did.
         """
         with self._guard:
@@ -53,5 +53,5 @@ class Flows:
 
     def _unless_old(self, tab: str, number: int, part: Callable[[], T]) -> T:
         if self._last.get(tab) != number:
-            raise Superseded
+            raise SupersededError
         return part()

@@ -116,7 +116,7 @@ class Guard:
         return None
 
 
-class TooLarge(Exception):
+class TooLargeError(Exception):
     """A body that goes on beyond the limit."""
 
 
@@ -129,7 +129,7 @@ def _bounded(receive: Receive) -> Receive:
         message = await receive()
         total += len(message.get("body", b""))
         if total > MAX_BODY:
-            raise TooLarge(f"the request is larger than {MAX_BODY} bytes")
+            raise TooLargeError(f"the request is larger than {MAX_BODY} bytes")
         return message
 
     return bounded

@@ -103,7 +103,8 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     parameter, orbit = line.parameter, special.orbit
     if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT):
         raise ModelError(
-            f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point (BP)"
+            f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point "
+            "(BP)"
         )
     check_range(special.value, (action.low, action.high))
     for bound in (action.low, action.high):

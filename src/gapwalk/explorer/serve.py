@@ -50,7 +50,10 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
     config = uvicorn.Config(
         application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
     )
-    print(f"the explorer of {root} is at\n    {address}\nCtrl-C ends it; what is computed is kept", flush=True)
+    print(
+        f"the explorer of {desk.workspace.root} is at\n    {address}\nCtrl-C ends it; what is computed is kept",
+        flush=True,
+    )
     if browser:
         webbrowser.open(address)
     asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))

@@ -16,7 +16,6 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.study.diagram.store import DiagramStore
 from gapwalk.study.file import Study
 from gapwalk.study.options import BranchOptions
-from gapwalk.study.result import Result
 from gapwalk.study.run import run
 from gapwalk.study.store.database import lock
 from gapwalk.study.store.result_file import ResultFile
@@ -76,10 +75,7 @@ def do(task: Task, tell: Callable[[Progress], object]) -> bool:
     """
     news = _News(tell)
     try:
-        if task.special is None:
-            complete = _run(task, news).complete
-        else:
-            complete = _switch(task, task.special, news)
+        complete = _run(task, news) if task.special is None else _switch(task, task.special, news)
     finally:
         with suppress(OSError):  # nobody listens any more
             news.tell()
@@ -115,10 +111,10 @@ class _News:
             self.tell()
 
 
-def _run(task: Task, news: _News) -> Result:
+def _run(task: Task, news: _News) -> bool:
     reports = {"response": news.point, "diagram": news.limb}
     report = reports.get(task.study.options.kind, news.part)
-    return run(task.study, task.output, resume=task.resume and task.output.exists(), report=report)
+    return run(task.study, task.output, resume=task.resume and task.output.exists(), report=report).complete
 
 
 def _switch(task: Task, special: SpecialPoint, news: _News) -> bool:

@@ -1,0 +1,178 @@
+// The diagram: Plotly draws it, and this says what is drawn and what a click means.
+
+import { thinned } from "./curves.js";
+
+const KINDS = ["stable", "below", "above", "pair"];
+const DASHES = { stable: "solid", below: "dash", above: "dot", pair: "dashdot" };
+const SYMBOLS = {
+  fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
+  "branch-point": ["cross", "--chosen", 10], grazing: ["line-ns-open", "--stop", 9],
+};
+const REACH = 16; // pixels within which a click means a point
+
+export class Diagram {
+  constructor(place, curves, chosen) {
+    this.place = place;
+    this.curves = curves;
+    this.chosen = chosen; // called with { curve, index } after a click, or { settled }
+    this.mark = null;
+    this.names = { x: "", y: "" };
+    this.watchClicks();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    new ResizeObserver(() => this.ready && this.later()).observe(place);
+  }
+
+  /** Show everything. */
+  fit() {
+    this.range = null;
+    this.draw();
+  }
+
+  /** Draw again within the next frame, once. */
+  later() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const started = performance.now();
+    const style = getComputedStyle(document.documentElement);
+    const color = (name) => style.getPropertyValue(name).trim();
+    const everything = this.extent();
+    const view = this.range ?? everything;
+    const width = this.place.clientWidth || 600, height = this.place.clientHeight || 400;
+    const scaleX = width / (view.x[1] - view.x[0]), scaleY = height / (view.y[1] - view.y[0]);
+    const all = [...this.curves.all.values()];
+    const lines = thinned(all, KINDS.length, view.x, scaleX, scaleY);
+    const traces = KINDS.map((kind, i) => ({
+      type: "scatter", mode: "lines", name: kind, x: lines[i][0], y: lines[i][1], hoverinfo: "skip",
+      line: { color: color(`--${kind}`), dash: DASHES[kind], width: kind === "stable" ? 2 : 1.7, simplify: false },
+    }));
+    traces.push(...this.specialPoints(all, color), this.settledPoints(color), this.markTrace(color));
+    const axis = (title, range) => ({
+      title: { text: title, standoff: 6 }, range, gridcolor: color("--grid"), zeroline: false, linecolor: color("--line"),
+      tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
+    });
+    const layout = {
+      autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest", uirevision: "kept",
+      margin: { l: 56, r: 12, t: 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
+      xaxis: axis(this.names.x, view.x), yaxis: axis(this.names.y, view.y),
+      hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") } },
+    };
+    this.programmatic = true;
+    window.Plotly.react(this.place, traces, layout, {
+      responsive: false, scrollZoom: true, displaylogo: false, doubleClick: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "resetScale2d", "toImage"],
+    });
+    this.programmatic = false;
+    this.watchView();
+    this.ready = true;
+    this.drawn = traces.slice(0, KINDS.length).reduce((sum, trace) => sum + trace.x.length, 0);
+    this.drawTime = performance.now() - started;
+  }
+
+  /** Put the mark at a node of a curve, or at a place, without drawing the rest again. */
+  choose(curve, index, place = null) {
+    this.mark = place ?? (curve ? [curve.x[index], curve.y[index]] : null);
+    if (!this.ready) return;
+    const number = this.place.data.length - 1;
+    window.Plotly.restyle(this.place, { x: [this.mark ? [this.mark[0]] : []], y: [this.mark ? [this.mark[1]] : []] }, [number]);
+  }
+
+  async picture(format) {
+    const url = await window.Plotly.toImage(this.place, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
+    return fetch(url).then((answer) => answer.blob());
+  }
+
+  extent() {
+    let [a, b, c, d] = [Infinity, -Infinity, Infinity, -Infinity];
+    const take = (x, y) => { a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
+    for (const curve of this.curves.all.values()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
+    for (const { place } of this.curves.settled.values()) take(...place);
+    if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
+    const pad = (low, high) => { const p = 0.04 * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
+    return { x: pad(a, b), y: pad(c, d) };
+  }
+
+  specialPoints(all, color) {
+    return Object.entries(SYMBOLS).map(([kind, [symbol, shade, size]]) => {
+      const found = all.flatMap((curve) => curve.special.filter((s) => s.kind === kind).map((s) => ({ ...s, branch: curve.name })));
+      return {
+        type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
+        x: found.map((s) => s.x), y: found.map((s) => s.y),
+        text: found.map((s) => s.label), textposition: "top center", textfont: { size: 11, color: color("--soft") },
+        customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
+        marker: { symbol, size, color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
+      };
+    });
+  }
+
+  settledPoints(color) {
+    const found = [...this.curves.settled.values()];
+    return {
+      type: "scatter", mode: "markers", name: "settled", x: found.map((s) => s.place[0]), y: found.map((s) => s.place[1]),
+      text: found.map((s) => escaped(s.title)), hovertemplate: "%{text}<extra></extra>",
+      marker: { symbol: "x", size: 10, color: color("--chosen"), line: { width: 1, color: color("--card") } },
+    };
+  }
+
+  markTrace(color) {
+    return {
+      type: "scatter", mode: "markers", name: "chosen", hoverinfo: "skip", x: this.mark ? [this.mark[0]] : [], y: this.mark ? [this.mark[1]] : [],
+      marker: { symbol: "circle-open", size: 17, color: color("--chosen"), line: { width: 3 } },
+    };
+  }
+
+  /** A press and release at one place is a click; anything else is a drag, which Plotly minds. */
+  watchClicks() {
+    let down = null;
+    this.place.addEventListener("pointerdown", (event) => { down = [event.clientX, event.clientY]; }, true);
+    window.addEventListener("pointerup", (event) => {
+      const from = down;
+      down = null;
+      if (!from || !this.ready || Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 4) return;
+      const { xaxis, yaxis } = this.place._fullLayout, box = this.place.getBoundingClientRect();
+      const px = event.clientX - box.left - xaxis._offset, py = event.clientY - box.top - yaxis._offset;
+      if (px < 0 || py < 0 || px > xaxis._length || py > yaxis._length) return;
+      const toX = (v) => xaxis.l2p(v), toY = (v) => yaxis.l2p(v);
+      for (const [key, { place }] of this.curves.settled) {
+        if (Math.hypot(toX(place[0]) - px, toY(place[1]) - py) < 9) return this.chosen({ settled: key });
+      }
+      const found = this.curves.nearest(px, py, toX, toY, REACH);
+      if (found) this.chosen(found);
+    });
+  }
+
+  /** After a zoom, lines are thinned for the new window. */
+  watchView() {
+    if (this.watched) return;
+    this.watched = true;
+    this.place.on("plotly_relayout", () => {
+      if (this.programmatic) return;
+      const { xaxis, yaxis } = this.place._fullLayout;
+      this.range = { x: [...xaxis.range], y: [...yaxis.range] };
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.later(), 120);
+    });
+  }
+}
+
+export function describe(special) {
+  const parts = [
+    `<b>${escaped(special.text)}</b> on ${escaped(special.branch)}`,
+    `at ${special.value.toPrecision(11)} ± ${special.uncertainty.toExponential(0)}`,
+    escaped(special.change),
+    escaped(special.nature),
+    escaped(special.contact),
+  ];
+  return parts.filter(Boolean).join("<br>");
+}
+
+function escaped(text) {
+  return text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
+}
