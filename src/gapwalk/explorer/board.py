@@ -41,8 +41,13 @@ class Board:
         self.file = workspace.path(name)
         self.guard = threading.RLock()
         self.entries: dict[str, Entry] = {}
+        self._stamp = self._seen()
         self.studies = self._open()
         self._read_exploration()
+
+    def is_old(self) -> bool:
+        """Whether the file has been changed since it was opened."""
+        return self._seen() != self._stamp
 
     def base(self) -> Study:
         """The first study of the file that was opened."""
@@ -108,6 +113,14 @@ class Board:
             entry.result = result
             entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
             entry.version += 1
+
+    def _seen(self) -> tuple[int, int]:
+        """What tells the file from what it was before; zeros if there is none."""
+        try:
+            found = self.file.stat()
+        except OSError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
 
     def _refuse_unfinished(self, action: Action) -> None:
         """Points of a branch that is still being walked may have other numbers in the end."""

@@ -59,10 +59,10 @@ class Desk:
             return found
 
     def reopen(self, name: str) -> Board:
-        """The board of a file, read anew if nothing of it is being computed: the file may have been changed."""
+        """The board of a file; read anew if the file has been changed, unless something of it is being computed."""
         with self._guard:
             board = self._boards.get(name)
-            if board is not None and all(entry.state.is_over for entry in board.entries.values()):
+            if board is not None and board.is_old() and all(entry.state.is_over for entry in board.entries.values()):
                 del self._boards[name]
         return self.board(name)
 
