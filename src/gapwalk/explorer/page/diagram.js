@@ -86,7 +86,9 @@ export class Diagram {
 
   async picture(format) {
     const url = await window.Plotly.toImage(this.place, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
-    return fetch(url).then((answer) => answer.blob());
+    const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
+    const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
+    return new Blob([bytes], { type: head.split(";")[0] });
   }
 
   extent() {

@@ -18,7 +18,7 @@ export class Walker {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const action = this.actions[event.key.toLowerCase()];
     if (action) return action();
-    const keys = [...this.curves.all.keys()];
+    const keys = [...this.curves.all.keys()].sort(); // they have come in any order
     if (!keys.length) return;
     const curve = this.curves.all.get(this.at);
     if (!curve) {
