@@ -91,6 +91,7 @@ class Desk:
         board = self.reopen(name)
         study = board.base()
         system, options = study.system, study.options
+        self.flows.warm(system)
         walked = isinstance(options, BranchOptions)
         parameters = _parameters(board)
         measures = [f"{kind}.{q}" for q in system.coordinates[:50] for kind in ("half", "max", "min", "mean", "rms")]

@@ -6,7 +6,14 @@ import asyncio
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import TypeVar
+
+import numpy as np
+
+from gapwalk.errors import GapwalkError
+from gapwalk.model.system import System
+from gapwalk.motion.motion import integrate
 
 T = TypeVar("T")
 
@@ -17,6 +24,14 @@ class SupersededError(Exception):
     """A newer click of the same tab has made an answer useless."""
 
 
+def _warm(system: System) -> None:
+    from scipy import signal  # the windows of spectra: a second
+
+    del signal
+    with suppress(GapwalkError):
+        integrate(system, np.zeros(2 * system.size))
+
+
 class Flows:
     """Does what needs a compiled flow, one call after the other: a flow has one state."""
 
@@ -24,6 +39,10 @@ class Flows:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="gapwalk-flows")
         self._last: dict[str, int] = {}
         self._guard = threading.Lock()
+
+    def warm(self, system: System) -> None:
+        """Load and compile what the first click on an orbit of a system would have to wait for."""
+        self._thread.submit(_warm, system)
 
     async def do(self, call: Callable[[], T]) -> T:
         """What a call returns."""

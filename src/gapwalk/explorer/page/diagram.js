@@ -1,8 +1,7 @@
 // The diagram: Plotly draws it, and this says what is drawn and what a click means.
 
-import { thinned } from "./curves.js";
+import { KINDS, Lines } from "./lines.js";
 
-const KINDS = ["stable", "below", "above", "pair"];
 const DASHES = { stable: "solid", below: "dash", above: "dot", pair: "dashdot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
@@ -12,7 +11,8 @@ const REACH = 16; // pixels within which a click means a point
 
 export class Diagram {
   constructor(place, curves, chosen) {
-    this.place = place;
+    this.place = place.querySelector(".plot");
+    this.lines = new Lines(place.querySelector("canvas"));
     this.curves = curves;
     this.chosen = chosen; // called with { curve, index } after a click, or { settled }
     this.mark = null;
@@ -40,40 +40,41 @@ export class Diagram {
 
   draw() {
     const started = performance.now();
-    const style = getComputedStyle(document.documentElement);
-    const color = (name) => style.getPropertyValue(name).trim();
-    const everything = this.extent();
-    const view = this.range ?? everything;
-    const width = this.place.clientWidth || 600, height = this.place.clientHeight || 400;
-    const scaleX = width / (view.x[1] - view.x[0]), scaleY = height / (view.y[1] - view.y[0]);
+    const view = this.range ?? this.extent();
     const all = [...this.curves.all.values()];
-    const lines = thinned(all, KINDS.length, view.x, scaleX, scaleY);
-    const traces = KINDS.map((kind, i) => ({
-      type: "scatter", mode: "lines", name: kind, x: lines[i][0], y: lines[i][1], hoverinfo: "skip",
-      line: { color: color(`--${kind}`), dash: DASHES[kind], width: kind === "stable" ? 2 : 1.7, simplify: false },
-    }));
-    traces.push(...this.specialPoints(all, color), this.settledPoints(color), this.markTrace(color));
+    this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    this.programmatic = true;
+    window.Plotly.react(this.place, this.marks(all), this.layout(view), {
+      responsive: false, scrollZoom: true, displaylogo: false, doubleClick: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "resetScale2d", "toImage"],
+    });
+    this.programmatic = false;
+    this.ready = true;
+    this.watchView();
+    this.paint();
+    this.drawTime = performance.now() - started;
+  }
+
+  paint(moving = false) {
+    this.lines.paint(this.place._fullLayout, color, moving);
+  }
+
+  marks(all) {
+    return [...this.specialPoints(all), this.settledPoints(), this.markTrace()];
+  }
+
+  layout(view) {
     const axis = (title, range) => ({
-      title: { text: title, standoff: 6 }, range, gridcolor: color("--grid"), zeroline: false, linecolor: color("--line"),
+      title: { text: title, standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
       tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
     });
-    const layout = {
-      autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest", uirevision: "kept",
+    return {
+      autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
       xaxis: axis(this.names.x, view.x), yaxis: axis(this.names.y, view.y),
       hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") } },
     };
-    this.programmatic = true;
-    window.Plotly.react(this.place, traces, layout, {
-      responsive: false, scrollZoom: true, displaylogo: false, doubleClick: false,
-      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "resetScale2d", "toImage"],
-    });
-    this.programmatic = false;
-    this.watchView();
-    this.ready = true;
-    this.drawn = traces.slice(0, KINDS.length).reduce((sum, trace) => sum + trace.x.length, 0);
-    this.drawTime = performance.now() - started;
   }
 
   /** Put the mark at a node of a curve, or at a place, without drawing the rest again. */
@@ -84,8 +85,17 @@ export class Diagram {
     window.Plotly.restyle(this.place, { x: [this.mark ? [this.mark[0]] : []], y: [this.mark ? [this.mark[1]] : []] }, [number]);
   }
 
+  /** The diagram as a file: the lines become Plotly's own. */
   async picture(format) {
-    const url = await window.Plotly.toImage(this.place, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
+    const { xaxis, yaxis } = this.place._fullLayout, view = { x: [...xaxis.range], y: [...yaxis.range] };
+    const traces = KINDS.map((kind, i) => ({
+      type: "scatter", mode: "lines", name: kind, x: this.lines.kinds[i][0], y: this.lines.kinds[i][1],
+      line: { color: color(`--${kind}`), dash: DASHES[kind], width: 2, simplify: false },
+    }));
+    const layout = { ...this.layout(view), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
+    for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
+    const figure = { data: [...traces, ...this.marks([...this.curves.all.values()])], layout };
+    const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
     const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
     const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
     return new Blob([bytes], { type: head.split(";")[0] });
@@ -101,7 +111,7 @@ export class Diagram {
     return { x: pad(a, b), y: pad(c, d) };
   }
 
-  specialPoints(all, color) {
+  specialPoints(all) {
     return Object.entries(SYMBOLS).map(([kind, [symbol, shade, size]]) => {
       const found = all.flatMap((curve) => curve.special.filter((s) => s.kind === kind).map((s) => ({ ...s, branch: curve.name })));
       return {
@@ -114,7 +124,7 @@ export class Diagram {
     });
   }
 
-  settledPoints(color) {
+  settledPoints() {
     const found = [...this.curves.settled.values()];
     return {
       type: "scatter", mode: "markers", name: "settled", x: found.map((s) => s.place[0]), y: found.map((s) => s.place[1]),
@@ -123,7 +133,7 @@ export class Diagram {
     };
   }
 
-  markTrace(color) {
+  markTrace() {
     return {
       type: "scatter", mode: "markers", name: "chosen", hoverinfo: "skip", x: this.mark ? [this.mark[0]] : [], y: this.mark ? [this.mark[1]] : [],
       marker: { symbol: "circle-open", size: 17, color: color("--chosen"), line: { width: 3 } },
@@ -154,14 +164,20 @@ export class Diagram {
   watchView() {
     if (this.watched) return;
     this.watched = true;
+    this.place.on("plotly_relayouting", () => this.paint(true));
     this.place.on("plotly_relayout", () => {
       if (this.programmatic) return;
       const { xaxis, yaxis } = this.place._fullLayout;
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
+      this.paint();
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.later(), 120);
     });
   }
+}
+
+function color(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
 export function describe(special) {
