@@ -42,14 +42,8 @@ def explore(
     """
 
     def job() -> int:
-        from gapwalk.errors import ModelError
+        from gapwalk.explorer.serve import serve
 
-        try:
-            from gapwalk.explorer.serve import serve
-        except ImportError as error:
-            if (error.name or "").partition(".")[0] not in ("starlette", "uvicorn", "plotly"):
-                raise
-            raise ModelError(f"the explorer needs {error.name}: pip install 'gapwalk[explore]'") from None
         serve(file, host, port, browser=browser)
         return DONE
 

@@ -11,8 +11,10 @@ import uvicorn
 
 from gapwalk.errors import ModelError
 from gapwalk.explorer.app import application
+from gapwalk.explorer.board import Board
 from gapwalk.explorer.desk import Desk
 from gapwalk.explorer.guard import is_loopback, new_token
+from gapwalk.explorer.workspace import Workspace
 
 _GRACE = 1  # seconds that open connections have when the server ends
 
@@ -37,26 +39,20 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
         If there is no such file, it cannot be opened, or the server cannot listen there.
     """
     root, name = _workspace(file)
-    listener = _listen(host, port)
-    token = "" if is_loopback(host) else new_token()
-    desk = Desk(root, name)
-    try:
-        if name:
-            desk.board(name)  # what is wrong with the file is told here rather than on a page
-    except BaseException:
-        desk.close()
-        raise
-    address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
-    config = uvicorn.Config(
-        application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
-    )
-    print(
-        f"the explorer of {desk.workspace.root} is at\n    {address}\nCtrl-C ends it; what is computed is kept",
-        flush=True,
-    )
-    if browser:
-        webbrowser.open(address)
-    asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
+    if name:
+        Board(Workspace(root), name)  # what is wrong with the file is told here rather than on a page
+    with _listen(host, port) as listener:
+        token = "" if is_loopback(host) else new_token()
+        desk = Desk(root, name)
+        address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
+        config = uvicorn.Config(
+            application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
+        )
+        print(f"the explorer of {desk.workspace.root} is at\n    {address}", flush=True)
+        print("Ctrl-C ends it; what is computed is kept", flush=True)
+        if browser:
+            webbrowser.open(address)
+        asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
 
 
 def _workspace(file: Path | None) -> tuple[Path, str]:
@@ -75,9 +71,13 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.socket(family, socket.SOCK_STREAM)
+    except OSError as error:
+        raise ModelError(f"{host} is no address to listen at: {error.strerror}") from None
+    try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host, port))
     except OSError as error:
+        listener.close()
         raise ModelError(f"cannot listen at {host}, port {port}: {error.strerror}; try --port 0") from None
     return listener
 

@@ -28,6 +28,18 @@ export class Diagram {
     this.draw();
   }
 
+  /** Show less (factor < 1) or more, about the chosen point or the middle. */
+  zoom(factor) {
+    if (!this.ready) return;
+    const { xaxis, yaxis } = this.place._fullLayout;
+    const about = ([low, high], v) => {
+      const middle = v > low && v < high ? v : (low + high) / 2;
+      return [middle - (middle - low) * factor, middle + (high - middle) * factor];
+    };
+    this.range = { x: about(xaxis.range, this.mark?.[0]), y: about(yaxis.range, this.mark?.[1]) };
+    this.draw();
+  }
+
   /** Draw again within the next frame, once. */
   later() {
     if (this.waiting) return;
@@ -45,8 +57,7 @@ export class Diagram {
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
     this.programmatic = true;
     window.Plotly.react(this.place, this.marks(all), this.layout(view), {
-      responsive: false, scrollZoom: true, displaylogo: false, doubleClick: false,
-      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "resetScale2d", "toImage"],
+      responsive: false, scrollZoom: true, displayModeBar: false, doubleClick: false,
     });
     this.programmatic = false;
     this.ready = true;

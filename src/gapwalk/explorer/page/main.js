@@ -15,7 +15,9 @@ const curves = new Curves();
 const diagram = new Diagram($("diagram"), curves, choose);
 const motion = new MotionView(tell);
 const parameters = new Parameters($("parameters"), $("filter"));
-const walker = new Walker($("diagram"), curves, choose, { w: walk, b: switchBranch, t: settle });
+const walker = new Walker($("diagram"), curves, choose, {
+  w: walk, b: switchBranch, t: settle, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
+});
 
 begin().catch(tell);
 
@@ -231,6 +233,8 @@ $("switch").addEventListener("click", switchBranch);
 $("settle").addEventListener("click", settle);
 $("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
 $("fit").addEventListener("click", () => diagram.fit());
+$("nearer").addEventListener("click", () => diagram.zoom(0.5));
+$("farther").addEventListener("click", () => diagram.zoom(2));
 for (const format of ["svg", "png"]) {
   $(`save-${format}`).addEventListener("click", async () => {
     try {
