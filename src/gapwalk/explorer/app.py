@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -17,7 +18,7 @@ from starlette.staticfiles import StaticFiles
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.action import Place
-from gapwalk.explorer.curve import LABELS, curve_of, quantity
+from gapwalk.explorer.curve import LABELS, curve_of, is_at_hand, quantity
 from gapwalk.explorer.desk import Desk
 from gapwalk.explorer.flows import SupersededError
 from gapwalk.explorer.guard import Guard, TooLargeError
@@ -104,7 +105,7 @@ class _Api:
     async def about(self, request: Request) -> Response:
         """What there is to know of a file."""
         name = _text(request, "file")
-        return JSONResponse(await self.desk.flows.do(lambda: self.desk.about(name)))
+        return JSONResponse(await asyncio.to_thread(self.desk.about, name))
 
     async def curve(self, request: Request) -> Response:
         """A branch, or a settled motion, as arrays."""
@@ -122,7 +123,12 @@ class _Api:
         if branch >= len(lines):
             raise ModelError(f"{entry.title} has no branch {branch}")
         line = lines[branch]
-        found = await self.desk.flows.do(lambda: curve_of(line.points, line.special_points, x, y, first))
+
+        def call() -> dict[str, Any]:
+            return curve_of(line.points, line.special_points, x, y, first)
+
+        at_hand = all(is_at_hand(line.points, line.special_points, name) for name in (x, y))
+        found = await (asyncio.to_thread(call) if at_hand else self.desk.flows.do(call))
         return JSONResponse({**found, "name": line.name, "period": line.period, "labels": LABELS})
 
     async def motion(self, request: Request) -> Response:
@@ -153,7 +159,7 @@ class _Api:
         """Begin a job."""
         body = await _body(request)
         name = str(body.pop("file", ""))
-        entry = await self.desk.flows.do(lambda: self.desk.act(name, body))
+        entry = await asyncio.to_thread(self.desk.act, name, body)
         return JSONResponse({"key": entry.key, "title": entry.title})
 
     async def job(self, request: Request) -> Response:

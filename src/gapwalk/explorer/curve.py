@@ -10,6 +10,7 @@ import numpy as np
 
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import SYMBOLS
 
@@ -20,6 +21,16 @@ LABELS = ("stable", "below", "above", "pair")
 def quantity(orbit: Orbit, name: str) -> float:
     """A parameter of an orbit's system, or a measure of the orbit, by name."""
     return orbit.system[name] if name in orbit.system.parameters else orbit.measure(name)
+
+
+def is_at_hand(points: Sequence[BranchPoint], special_points: Sequence[SpecialPoint], name: str) -> bool:
+    """Whether a quantity of all points is known without an integration, so that it need not wait for a flow."""
+    kind, _, signal = name.partition(".")
+    orbits = [point.orbit for point in points] + [special.orbit for special in special_points]
+    if not orbits or name in orbits[0].system.parameters:
+        return True
+    known = kind in MEASURES and signal in orbits[0].system.coordinates
+    return known and all("extremes" in vars(orbit) for orbit in orbits)
 
 
 def curve_of(
