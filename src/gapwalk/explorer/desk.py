@@ -35,7 +35,7 @@ class Desk:
 
     def __init__(self, root: Path, name: str = "") -> None:
         self.workspace, self.first = Workspace(root), name
-        self._guard = threading.Lock()
+        self._guard, self._opening = threading.Lock(), threading.Lock()
         self._boards: dict[str, Board] = {}
         self.flows = Flows()
         self.events = Events(self.progress)
@@ -49,13 +49,17 @@ class Desk:
         ModelError
             If it cannot be opened.
         """
-        with self._guard:
+        found = self._boards.get(name)
+        if found is not None:
+            return found
+        with self._opening:  # not the guard: reading a long result must not keep others waiting
             found = self._boards.get(name)
             if found is None:
                 if len(self._boards) >= _BOARDS:
                     raise ModelError(f"{_BOARDS} files are open; stop the explorer, and start it again")
                 found = Board(self.workspace, name)
-                self._boards[name] = found
+                with self._guard:
+                    self._boards[name] = found
             return found
 
     def reopen(self, name: str) -> Board:
