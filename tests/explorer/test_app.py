@@ -132,6 +132,24 @@ def test_a_motion_settles_from_a_point_at_other_values(client, do, model) -> Non
     assert walked["state"] == "done"
 
 
+def test_a_motion_without_period_is_shown_too(client, do, desk) -> None:
+    name = "torus.toml"
+    (desk.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
+    settled = do(name, do="settle", values={"frequency": 0.4})
+    place = {"file": name, "result": settled["key"], "signal": "q1", "tab": "a"}
+    motion, details = (client.get(f"/api/{what}", params=place).json() for what in ("motion", "details"))
+    assert motion["period"] is None
+    assert motion["multipliers"] == []
+    assert motion["theta"][-1] == 24.0
+    assert len({round(q, 3) for q in details["section"]["q"]}) > 100
+    # it has no place on the diagram, and no branch to walk
+    query = {"file": name, "result": settled["key"], "x": "frequency", "y": "half.q1"}
+    assert client.get("/api/curve", params=query).json() == {"settled": None}
+    walk = {"do": "walk", "start": {"result": settled["key"]}, "parameter": "frequency", "to": 0.5}
+    refused = client.post("/api/act", json={"file": name, **walk})
+    assert "not periodic" in refused.json()["error"]
+
+
 def test_what_was_done_is_there_when_the_file_is_opened_again(client, do, desk, model) -> None:
     first = do(model, do="compute")
     do(model, do="walk", start={"result": first["key"], "point": 0}, parameter="frequency", to=0.6)

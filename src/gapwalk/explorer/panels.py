@@ -19,6 +19,7 @@ from gapwalk.orbit.orbit import Orbit
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _LOG = 200  # entries of the contact log
 _SAMPLES = 4096  # of a motion, at most
+_PERIODS = 24  # of a motion that does not repeat
 _ORDERS = 20.0  # of the spectrum
 _STROBES = 400  # of a motion without period
 
@@ -79,7 +80,7 @@ def check_signal(system: System, name: str) -> str:
 
 def _sampled(motion: Orbit | Settled) -> Motion:
     if isinstance(motion, Settled):
-        return motion.motion(samples=256) if motion.orbit is None else _sampled(motion.orbit)
+        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit)
     return motion.motion(max(32, min(motion.samples, _SAMPLES // motion.period)))
 
 
