@@ -13,7 +13,7 @@ from gapwalk.explorer.board import Board
 from gapwalk.explorer.curve import is_at_hand
 from gapwalk.explorer.desk import board_progress
 from gapwalk.explorer.flows import Flows, SupersededError
-from tests.explorer.conftest import CLUTCH, about, wait
+from tests.explorer.conftest import CLUTCH, STOP, about, wait
 
 
 def amplitude(frequency: float) -> float:
@@ -162,6 +162,13 @@ def test_what_was_done_is_there_when_the_file_is_opened_again(client, do, desk, 
     (found,) = desk.workspace.exploration(desk.workspace.path(model)).glob("01-*.gapwalk")
     opened = about(client, f"{found.parent.name}/{found.name}")
     assert opened["results"][0]["branches"] == first["branches"]
+
+
+def test_many_files_can_be_opened_one_after_the_other(client, desk) -> None:
+    for number in range(25):
+        (desk.workspace.root / f"many{number}.toml").write_text(STOP, encoding="utf-8")
+        assert about(client, f"many{number}.toml")["x"] == "frequency"
+    assert len(desk.progress()) <= 20
 
 
 def test_a_bad_model_is_told_in_sentences(client, desk) -> None:

@@ -49,6 +49,11 @@ class Board:
         """Whether the file has been changed since it was opened."""
         return self._seen() != self._stamp
 
+    def is_idle(self) -> bool:
+        """Whether nothing is being computed for it."""
+        with self.guard:
+            return all(entry.state.is_over for entry in self.entries.values())
+
     def base(self) -> Study:
         """The first study of the file that was opened."""
         return self.studies[0]

@@ -55,18 +55,26 @@ class Desk:
         with self._opening:  # not the guard: reading a long result must not keep others waiting
             found = self._boards.get(name)
             if found is None:
-                if len(self._boards) >= _BOARDS:
-                    raise ModelError(f"{_BOARDS} files are open; stop the explorer, and start it again")
                 found = Board(self.workspace, name)
                 with self._guard:
+                    self._make_room()
                     self._boards[name] = found
             return found
+
+    def _make_room(self) -> None:
+        """Forget the file that was opened first of those of which nothing is being computed: all of it is stored."""
+        if len(self._boards) < _BOARDS:
+            return
+        idle = [name for name, board in self._boards.items() if board.is_idle()]
+        if not idle:
+            raise ModelError(f"{_BOARDS} files are open, and something is computed for each; stop some of it")
+        del self._boards[idle[0]]
 
     def reopen(self, name: str) -> Board:
         """The board of a file; read anew if the file has been changed, unless something of it is being computed."""
         with self._guard:
             board = self._boards.get(name)
-            if board is not None and board.is_old() and all(entry.state.is_over for entry in board.entries.values()):
+            if board is not None and board.is_old() and board.is_idle():
                 del self._boards[name]
         return self.board(name)
 
