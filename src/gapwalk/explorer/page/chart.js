@@ -31,11 +31,11 @@ export function chart(place, { curves = [], dots = [], bars = null, across = [],
   const px = (v) => LEFT + ((v - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
   const py = (v) => height - BOTTOM - ((v - y0) / (y1 - y0)) * (height - TOP - BOTTOM);
   const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
-  for (const tick of ticks(x0, x1, 4)) {
+  for (const tick of ticks(x0, x1, 5)) {
     svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
     svg.append(element("text", { x: px(tick), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
   }
-  for (const tick of ticks(y0, y1, 4)) {
+  for (const tick of ticks(y0, y1, 5)) {
     svg.append(element("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
     svg.append(element("text", { x: LEFT - 4, y: py(tick) + 3.5, "text-anchor": "end" }, short(tick)));
   }
