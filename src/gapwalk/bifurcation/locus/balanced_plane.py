@@ -19,6 +19,7 @@ from gapwalk.orbit.balance.equation import BalanceEquation, Evidence
 from gapwalk.orbit.balance.force import contact_forces_of
 from gapwalk.orbit.balance.kernels import from_real_form
 from gapwalk.orbit.balance.laws import laws_of
+from gapwalk.orbit.balance.linearised import Linearised
 from gapwalk.orbit.balance.lines import waves
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import Evaluation
@@ -92,10 +93,12 @@ class BalancedPlane:
                 place.unknowns + STEP * unit * critical.directions[0], place.coefficients, place.slopes
             )
             return critical.covectors[0] @ (beside.jacobian - place.jacobian) / (STEP * unit)
-        matrix, by_all = self._monodromy(place.evidence), np.empty(size + 2)
+        linearised = self._equation.linearised(place.evidence)
+        matrix, by_all = self._monodromy(place.evidence, linearised), np.empty(size + 2)
         for index in range(size + 2):
             step = STEP * float(scales[index])
-            change = (self._monodromy(self._beside(place, index, step)) - matrix) / step
+            beside = self._beside(place, index, step)
+            change = (self._monodromy(beside, linearised if index < size else None) - matrix) / step
             by_all[index] = np.einsum("ja,ab,jb->", critical.covectors, change, critical.directions)
         return by_all
 
@@ -186,9 +189,9 @@ class BalancedPlane:
             coefficients=coefficients, lines=lines, laws=laws, forces=contact_forces_of(lines, laws)
         )
 
-    def _monodromy(self, evidence: Evidence) -> NDArray[np.float64]:
+    def _monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
         """The monodromy matrix, with velocities in units of the frequency where it is that of positions and momenta."""
-        matrix, n = self._equation.monodromy(evidence), self.system.size
+        matrix, n = self._equation.monodromy(evidence, linearised), self.system.size
         if len(matrix) != 2 * n:
             return matrix
         units = np.repeat([1.0, 1.0 / float(evidence.coefficients[0])], n)

@@ -20,6 +20,7 @@ from gapwalk.orbit.balance.hill import projected_monodromy
 from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
+from gapwalk.orbit.balance.linearised import Linearised
 from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
@@ -229,8 +230,15 @@ class BalanceEquation:
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
-    def monodromy(self, evidence: Evidence) -> NDArray[np.float64]:
-        """How changes of a motion are mapped over its period, in the unknowns in which `options.stability` has them."""
+    def linearised(self, evidence: Evidence) -> Linearised:
+        """The linearised equations of all motions with the coefficients and the laws of one."""
+        return self._parts.linearised(evidence.coefficients, evidence.laws)
+
+    def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
+        """How changes of a motion are mapped over its period, in the unknowns in which `options.stability` has them.
+
+        Where `linearised` is known already, that saves time.
+        """
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, breaks = evidence.forces, evidence.forces.crossings[0]
         poles, shift = self._parts.poles, self._parts.shift
@@ -238,7 +246,7 @@ class BalanceEquation:
             # eigenvectors that are faster than every line, by far, follow at once
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
             return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
-        linearised = self._parts.linearised(evidence.coefficients, evidence.laws)
+        linearised = linearised or self.linearised(evidence)
         if self.options.stability == "hill":
             tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
             return projected_monodromy(linearised, tangents, length)
