@@ -165,13 +165,11 @@ class BalancedPlane:
     def _place(
         self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slopes: NDArray[np.float64]
     ) -> Place:
-        size = len(unknowns)
-        jacobian = np.empty((size, size + 2))
-        for column, slope in enumerate(slopes, start=size):
-            evaluation = self._equation.evaluate_at(unknowns, coefficients, slope)
-            jacobian[:, column] = evaluation.by_parameter
-        jacobian[:, :size] = evaluation.by_unknowns
-        return Place(unknowns, coefficients, slopes, evaluation.residual, jacobian, evaluation.evidence)
+        one, other = (self._equation.evaluate_at(unknowns, coefficients, slope) for slope in slopes)
+        assert one.by_parameter is not None
+        assert other.by_parameter is not None
+        jacobian = np.column_stack((one.by_unknowns, one.by_parameter, other.by_parameter))
+        return Place(unknowns, coefficients, slopes, one.residual, jacobian, one.evidence)
 
     def _beside(self, place: Place, index: int, step: float) -> Evidence:
         """What is known of the motion whose unknown, or whose parameter, of an index is larger by a step."""
