@@ -25,6 +25,8 @@ from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 
+_LEAST_ERROR = 1e-12  # that may be asked of a balance
+
 
 @dataclass(frozen=True)
 class BalancedPlane:
@@ -153,9 +155,12 @@ class BalancedPlane:
         """See `OrbitPlane.mean_of_halves`: half a period turns the odd lines round."""
         return self.unknowns(orbit)[self.shared()]
 
-    def doubt(self, orbit: Orbit) -> str:
+    def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
         """See `OrbitPlane.doubt`."""
-        return self._equation.doubt(orbit)
+        if share == 1.0:
+            return self._equation.doubt(orbit)
+        stricter = replace(self.options, error=max(_LEAST_ERROR, share * self.options.error))
+        return replace(self._equation, options=stricter).doubt(orbit)
 
     def finer(self) -> BalancedPlane | None:
         """See `OrbitPlane.finer`."""

@@ -24,12 +24,14 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.equation import Method
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of both parameters."""
 
 _FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another one
+_LITTLE = 0.01  # share of the error that is allowed, below which more harmonics would not help
 _COARSE = 1e-2  # the same where the two are resolved with different numbers of harmonics
 
 
@@ -126,9 +128,15 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     names, value = plane.names, special.orbit.system[plane.names[1]]
     make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
     corrector, start = make(plane, special, within)
+    orbit, finer = _uncorrected(corrector, start), plane.finer()
+    doubt = plane.doubt(orbit)
+    if doubt and finer is not None:
+        return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
-        raise ConvergenceError(f"the start is no {special.kind.value} at {_place(special, names)}")
+        if finer is not None and plane.doubt(orbit, _LITTLE):
+            return _started(finer, special, within)
+        raise ConvergenceError(doubt or f"the start is no {special.kind.value} at {_place(special, names)}")
     held = corrector.at_value(correction.x, value)
     if held is not None and held.distance <= _FAR:  # the same point, with the second parameter exact: it may be a bound
         correction = held
@@ -138,10 +146,15 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     doubt = plane.doubt(there.orbit)
     if not doubt:
         return corrector, there
-    finer = plane.finer()
     if finer is None:
         raise ConvergenceError(doubt)
     return _started(finer, special, within)
+
+
+def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
+    """The orbit from which a locus is to start, as its equation takes it."""
+    equation, x = corrector.equation, start * corrector.scales
+    return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
 
 
 def _plane_of(special: SpecialPoint, names: tuple[str, str], method: Method | None) -> OrbitPlane:

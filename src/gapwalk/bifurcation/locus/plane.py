@@ -130,8 +130,8 @@ class OrbitPlane(Protocol):
         """The unknowns of the motion of half the period that lies between the two halves of an orbit."""
         ...
 
-    def doubt(self, orbit: Orbit) -> str:
-        """Why an orbit of a solution is not to be trusted as a motion, and what to change; empty if it is."""
+    def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
+        """Why an orbit is not to be trusted as a motion to a share of the error allowed; empty if it is."""
         ...
 
     def finer(self) -> OrbitPlane | None:

@@ -146,7 +146,7 @@ class ShotPlane:
         flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
         return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
 
-    def doubt(self, orbit: Orbit) -> str:
+    def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
         """Empty: what shooting finds is a motion to the accuracy of the flow."""
         return ""
 
