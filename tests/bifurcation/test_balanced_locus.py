@@ -21,6 +21,7 @@ from tests.bifurcation.test_many_degrees import rod
 from tests.systems import viscous_stop
 
 NEAR = ((0.15, 2.0), (0.24, 0.26))
+COARSE = WalkOptions(largest_step=0.05)
 GROWING, GROWS = ((0.76, 0.9), (0.17, 0.27)), 1
 
 
@@ -126,14 +127,14 @@ def test_a_grazing_locus_has_the_points_of_shooting_and_no_echo_of_its_own_touch
 
 
 def test_a_fold_of_doubled_motions_ends_at_a_generalised_flip():
-    doubled = walk_out(switch(response().special(Kind.FLIP)[0], "frequency", (0.15, 2.0)))
-    ranges = ((1.1, 1.4), (0.2, 0.45))
-    exact = follow_locus(doubled.special(Kind.FOLD)[0], "frequency", "mean.q1", ranges)
-    found = follow_locus(doubled.special(Kind.FOLD)[0], "frequency", "mean.q1", ranges, method=balance(10))
+    flip, ranges = response().special(Kind.FLIP)[0], ((0.15, 2.0), (0.2, 0.5))
+    fold = walk_out(switch(flip, "frequency", (0.15, 2.0))).special(Kind.FOLD)[0]
+    exact = follow_locus(fold, "frequency", "mean.q1", ranges, walk=COARSE)
+    found = follow_locus(fold, "frequency", "mean.q1", ranges, walk=COARSE, method=balance(10))
     assert (found.period, found.ends[-1].reason) == (2, LocusEndReason.JOINED)
     assert found.ends[-1].values == pytest.approx(exact.ends[-1].values, abs=2e-4)
     # the end is found twice: on the locus of folds, and on that of the flips of the parent
-    flips = follow_locus(response().special(Kind.FLIP)[0], "frequency", "mean.q1", ranges, method=balance(10))
+    flips = follow_locus(flip, "frequency", "mean.q1", ranges, walk=COARSE, method=balance(10))
     (generalised,) = flips.codim2(Codim2.GENERALISED_FLIP)
     assert generalised.values == pytest.approx(found.ends[-1].values, abs=1e-8)
 
@@ -181,7 +182,8 @@ def test_derivatives_agree_with_differences(kind):
 
 def growing(method: Balance) -> Locus:
     """A locus of flips on which ever more harmonics count."""
-    return follow_locus(response().special(Kind.FLIP)[2], "frequency", "mean.q1", GROWING, method=method)
+    special = response().special(Kind.FLIP)[2]
+    return follow_locus(special, "frequency", "mean.q1", GROWING, walk=COARSE, method=method)
 
 
 def test_harmonics_grow_along_a_locus():
@@ -207,14 +209,14 @@ def test_too_few_harmonics_end_a_locus_with_what_to_change():
 def test_a_trail_goes_on_bit_for_bit_from_its_state():
     special = response().special(Kind.FLIP)[2]
     departure = depart_locus(special, "frequency", "mean.q1", GROWING, Balance(error=7.5e-5))[GROWS]
-    whole = list(LocusTrail(departure))
+    whole = list(LocusTrail(departure, COARSE))
     counts = [step.point.orbit.harmonics for step in whole]
     grown = counts.index(max(counts))
     assert 0 < grown < len(whole) - 2
     for count in (grown, grown + 1):
-        trail = LocusTrail(departure)
+        trail = LocusTrail(departure, COARSE)
         steps = list(itertools.islice(trail, count))
-        steps += LocusTrail(departure, resume=pickle.loads(pickle.dumps(trail.state)))
+        steps += LocusTrail(departure, COARSE, resume=pickle.loads(pickle.dumps(trail.state)))
         assert [step.point.values for step in steps] == [step.point.values for step in whole]
         assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole]
 

@@ -3,7 +3,7 @@
 import sys
 import time
 
-from gapwalk import Balance, Kind, MapStudyOptions, SecondParameter, Study, run
+from gapwalk import Balance, Kind, MapStudyOptions, SecondParameter, Study, WalkOptions, run
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -20,7 +20,7 @@ def clutch_map(workers: int | None = 1, kinds: tuple[Kind, ...] = KINDS, **more)
 
 def balanced_map(workers: int | None = 1, **more) -> Study:
     """The same by harmonic balance, with as many harmonics as it takes."""
-    return clutch_map(workers, method=Balance(error=2e-5), **more)
+    return clutch_map(workers, method=Balance(error=2e-5), walk=WalkOptions(largest_step=0.05), **more)
 
 
 def main(path: str, workers: str, method: str = "shooting") -> None:

@@ -9,11 +9,14 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.paper import case
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv
+from gapwalk.study.map.codec import LocusCodec
+from tests.bifurcation.test_balanced_locus import growing
 from tests.study.killing import killed_after
 from tests.study.maps import balanced_map, clutch_map
-from tests.study.same import assert_same_result
+from tests.study.same import assert_same_locus, assert_same_result
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +28,8 @@ def test_a_balanced_map_is_that_of_shooting(undisturbed) -> None:
     assert undisturbed.complete
     orbits = [point.orbit for locus in undisturbed.map.loci for point in locus.points]
     assert all(isinstance(orbit, BalancedOrbit) and orbit.truncation <= 2e-5 for orbit in orbits)
-    comparison = gw.compare_results(gw.run(clutch_map()), undisturbed)
+    shot = gw.run(clutch_map(walk=undisturbed.walked.walk))
+    comparison = gw.compare_results(shot, undisturbed)
     loci = [pair for pair in comparison.pairs if pair.names[0] in undisturbed.map.names]
     assert len(loci) == len(undisturbed.map.loci) == 5
     for pair in loci:
@@ -63,3 +67,11 @@ def test_tables_and_documents_tell_harmonics_and_truncation(undisturbed, tmp_pat
         assert {row["harmonics"] for row in rows} <= {str(count) for count in range(10, 200)}
         assert max(float(row["truncation"]) for row in rows) <= 2e-5
         assert np.isfinite([float(row["truncation"]) for row in rows]).all()
+
+
+def test_a_locus_is_read_back_though_its_harmonics_grow() -> None:
+    locus = growing(gw.Balance(error=7.5e-5))
+    assert len({len(point.x) for point in locus.points}) > 1
+    codec = LocusCodec(case("13"), locus.first, locus.second, 1, len(locus.points[0].x), balanced=True)
+    points = codec.unpack(codec.pack(locus.points), len(locus.points))
+    assert_same_locus(replace(locus, points=tuple(points)), locus)
