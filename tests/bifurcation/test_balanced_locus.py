@@ -146,6 +146,9 @@ def test_a_viscous_stop_has_corners_too():
     found = follow_locus(special, "frequency", "stop.clearance", ranges, method=balance(60))
     assert [point.kind for point in found.codim2_points] == [point.kind for point in exact.codim2_points]
     assert apart(exact, found) < 2e-5
+    # where ten harmonics are enough for the motion, but have no fold near there, it begins with more
+    departures = depart_locus(special, "frequency", "stop.clearance", ranges, Balance(error=1e-2))
+    assert {departure.first.orbit.harmonics for departure in departures} == {22}
 
 
 def test_many_degrees_of_freedom_and_several_contacts():
