@@ -47,9 +47,9 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 
 
 def _balance_words(result: Result) -> str:
-    """How finely the orbits of branches were balanced, and what that lacks."""
-    points = (point.orbit for branch in result.branches for point in branch.points)
-    orbits = [orbit for orbit in points if isinstance(orbit, BalancedOrbit)]
+    """How finely the orbits of branches and loci were balanced, and what that lacks."""
+    curves = [*result.branches, *(result.map.loci if result.map is not None else ())]
+    orbits = [point.orbit for curve in curves for point in curve.points if isinstance(point.orbit, BalancedOrbit)]
     fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
     count = f"{most}" if fewest == most else f"{fewest} to {most}"
     return (

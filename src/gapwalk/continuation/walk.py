@@ -253,20 +253,19 @@ class Walk(Iterator[BranchPoint]):
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,): see `state_scales`, and of the range."""
-    return powers_of_two(np.append(equation.scales(_CLEARANCES * _length(orbit)), within.high - within.low))
+    """Scales of the unknowns and of the parameter, shape (N + 1,): see `unknown_scales`, and of the range."""
+    return powers_of_two(np.append(unknown_scales(equation, orbit), within.high - within.low))
 
 
-def state_scales(orbit: Orbit) -> NDArray[np.float64]:
-    """Scales of the state at the start of an orbit, shape (2n,).
+def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
+    """Scales of the unknowns of an equation near an orbit, shape (N,).
 
     A parameter is measured in widths of its range. Positions in largest clearances (the natural length of a system
     with gaps), or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that
     times the frequency. Both are divided among the unknowns and set against the parameter so that an orbit that
     changes by a tenth of that length counts as 1 % of the range.
     """
-    unit = _CLEARANCES * _length(orbit) * np.sqrt(orbit.system.size)
-    return np.repeat([unit, unit * orbit.system.frequency], orbit.system.size)
+    return equation.scales(_CLEARANCES * _length(orbit))
 
 
 def _length(orbit: Orbit) -> float:

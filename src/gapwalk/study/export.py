@@ -152,13 +152,13 @@ def table_of(result: Result, name: str) -> str:
 
 def _loci_csv(result: Result) -> str:
     assert result.map is not None
-    header, *rows = locus_rows(result.map, result.system.coordinates)
+    header, *rows = locus_rows(result.map, result.system.coordinates, method_names(result.walked))
     return table_csv(header, rows)
 
 
 def _codim2_csv(result: Result) -> str:
     assert result.map is not None
-    header, *rows = codim2_rows(result.map, result.system.coordinates)
+    header, *rows = codim2_rows(result.map, result.system.coordinates, method_names(result.walked))
     return table_csv(header, rows)
 
 
