@@ -27,7 +27,7 @@ def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.flo
 
 def _value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
     if not values[0] > 0:
-        yield f"frequency is {values[0]}; it must be > 0"
+        yield f"{structure.pace} is {values[0]}; it must be > 0"
     if structure.assembly:
         yield from structure.assembly.problems(values)
         yield from _clearance_problems(structure, values)

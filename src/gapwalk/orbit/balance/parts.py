@@ -45,14 +45,15 @@ class Parts:
     @cached_property
     def line(self) -> ParameterLine:
         """The systems along the parameter."""
-        return ParameterLine(self.system, self.parameter or "frequency")
+        return ParameterLine(self.system, self.parameter or self._pace)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
         """The coefficients at a value of the parameter, and their derivatives."""
         if self.parameter is None:
             return coefficients_of(self.system), None
-        if self.parameter == "frequency":  # the first coefficient is all that changes, and all that is asked for
-            return np.array([1.0 / value]), np.array([-1.0 / value**2])
+        if self.parameter == self._pace:  # the first coefficient is all that changes, and all that is asked for
+            first, slope = period_of(self.system, value)
+            return np.array([first]), np.array([slope])
         return self.line.coefficients(value)
 
     def compliance(
@@ -95,10 +96,14 @@ class Parts:
         total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
         return _SHARE * total / np.maximum(number, 1.0)
 
+    @property
+    def _pace(self) -> str:
+        return self.system.structure.pace
+
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, where it does not change with the parameter."""
-        if self.parameter not in (None, "frequency"):
+        if self.parameter not in (None, self._pace):
             slope = self.coefficients(self.system[self.parameter])[1]
             if slope is not None and not linear_of(self.layout, slope).is_zero:
                 return None
@@ -107,7 +112,7 @@ class Parts:
     @cached_property
     def _fixed_laws(self) -> Laws | None:
         """The laws, where the parameter does not touch them."""
-        return laws_of(self.layout, coefficients_of(self.system)) if self.parameter in (None, "frequency") else None
+        return laws_of(self.layout, coefficients_of(self.system)) if self.parameter in (None, self._pace) else None
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:
