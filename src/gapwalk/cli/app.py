@@ -18,6 +18,7 @@ app = App(
 
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
+Units = Annotated[Literal["none"] | None, Parameter(show_default=False)]
 
 
 @app.command(sort_key=1)
@@ -106,6 +107,7 @@ def run(
     output: Path | None = None,
     study: Annotated[list[str] | None, Parameter(negative=())] = None,
     changes: Changes = None,
+    units: Units = None,
     resume: Flag = False,
     force: Flag = False,
     scheduler: str | None = None,
@@ -129,6 +131,8 @@ def run(
     changes
         Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3 (of the study named light:
         --set study.light.to=0.3); may be repeated.
+    units
+        none: run a drive train that has units in its non-dimensional form; tables and pictures are in that form too.
     resume
         Go on with the results of an interrupted run; what is complete is not computed again.
     force
@@ -147,7 +151,7 @@ def run(
     def job() -> int:
         from gapwalk.cli.run import run_file
 
-        options = {"resume": resume, "force": force, "json": json, "quiet": quiet}
+        options = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
         return run_file(file, output, changes or [], study or [], **options, scheduler=scheduler)
 
     return guard(job, json=json, debug=debug)

@@ -44,10 +44,15 @@ def coordinate_words(coordinate: str, units: Units | None = None) -> str:
     return _with(coordinate, units and units.state(coordinate))
 
 
+def signal_words(signal: str, units: Units | None = None) -> str:
+    """The label of an axis over a signal."""
+    return _with(signal, units and units.signal(signal)[1])
+
+
 def value_words(value: float, name: str, units: Units | None = None) -> str:
     """A value of a parameter in a sentence: ``Ω = 0.5``, ``speed = 1500 rpm``."""
     symbol = "Ω" if name == "frequency" and units is None else name
-    return " ".join(filter(None, (f"{symbol} = {value:.10g}", units and units.parameter(name))))
+    return " ".join(filter(None, (f"{symbol} = {value:.8g}", units and units.parameter(name))))
 
 
 def _parameter_words(name: str, units: Units | None) -> str:

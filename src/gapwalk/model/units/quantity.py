@@ -113,7 +113,9 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
     usual = written or kind.usual[0]
     if isinstance(value, Quantity):
         if value.kind is not kind:
-            raise ValueError(f'is {value}, {value.kind.words}; {kind.words} is expected, as in "{value.number:g} {usual}"')
+            raise ValueError(
+                f'is {value}, {value.kind.words}; {kind.words} is expected, as in "{value.number:g} {usual}"'
+            )
         return value
     if not isinstance(value, str):
         raise ValueError(f'is {given(value)}, a number without a unit; write {kind.words} such as "{value} {usual}"')
@@ -162,7 +164,11 @@ def _normalised(unit: str) -> str:
 
 def _parsed(text: str) -> Any:
     """The unit that a text stands for."""
-    if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ_0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
+    if (
+        len(text) > _LONGEST
+        or not re.fullmatch(r"[A-Za-zµμ_0-9 ^*/().-]+", text)
+        or re.search(r"\^-?\d{2}|\d{4}", text)
+    ):
         raise ValueError("this is no unit")
     if re.search(r"/[^()/*]*[ *][^()/]", text):
         raise ValueError("what stands below the stroke needs brackets, as in N m/(rad s)")
