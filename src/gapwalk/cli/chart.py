@@ -32,12 +32,8 @@ def codim2_table(chart: Map, measure: str) -> Table:
     measure = full_measure(measure, chart.loci[0].points[0].orbit.system.coordinates)
     for heading in ("locus", "point"):
         table.add_column(heading)
-    for heading in (
-        parameter_symbol(chart.first, _units(chart)),
-        parameter_symbol(chart.second, _units(chart)),
-        "angle",
-        measure,
-    ):
+    symbols = [parameter_symbol(name, _units(chart)) for name in (chart.first, chart.second)]
+    for heading in (*symbols, "angle", measure):
         table.add_column(heading, justify="right")
     table.add_column("contact")
     for name, locus in zip(chart.names, chart.loci, strict=True):

@@ -74,10 +74,8 @@ def _print_basins(screen: Console, finding: BasinFinding) -> None:
     found = finding.basins
     assert found is not None
     (columns, rows), total = found.resolution, found.labels.size
-    screen.print(
-        f"{', '.join(coordinate_words(name, found.system.units) for name in (found.window.across, found.window.up))}: {columns} x {rows} cells",
-        soft_wrap=True,
-    )
+    axes = ", ".join(coordinate_words(name, found.system.units) for name in (found.window.across, found.window.up))
+    screen.print(f"{axes}: {columns} x {rows} cells", soft_wrap=True)
     table = _table("leads to", right=("cells", "share", "largest exponent"))
     for name, attractor in zip(found.names, found.attractors, strict=True):
         exponents = attractor.lyapunov

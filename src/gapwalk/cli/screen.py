@@ -134,7 +134,8 @@ def _sentence(branch: Branch) -> str:
     values = branch.values
     counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
     found = ", ".join(counts) or "no special points"
+    symbol = parameter_symbol(branch.parameter, branch.system.units)
     return (
-        f"period-{branch.period} motions over {parameter_symbol(branch.parameter, branch.system.units)} from {values[0]:.10g} to "
+        f"period-{branch.period} motions over {symbol} from {values[0]:.10g} to "
         f"{values[-1]:.10g}: {len(branch.points)} points, {stable} of them stable; {found}"
     )

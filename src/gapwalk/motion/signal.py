@@ -83,7 +83,8 @@ class Signal:
                     "themselves; fit to a coordinate, or to its acceleration"
                 )
             columns.append(train_histories(system, angles, q, v, a, forces))
-        shifted, known = np.hstack(columns).imag / _STEP, signal_names(system)
+        everything: NDArray[np.complex128] = np.hstack(columns)
+        shifted, known = everything.imag / _STEP, signal_names(system)
         factors = [(known.index(name), factor * signal_factor(system, name)) for name, factor in self.terms]
         return np.sum([factor * shifted[:, place] for place, factor in factors], axis=0)
 

@@ -45,9 +45,13 @@ class TrainAssembly:
     form: TrainForm
     units: Units | None = None
 
-    @cached_property
+    @property
     def names(self) -> ParameterNames:
         """The names of all numbers of its parts."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> ParameterNames:
         names = self.form.names
         if self.units is None or self.units.pace == names[0]:
             return names
@@ -106,9 +110,7 @@ class TrainAssembly:
         return turned - np.outer(speeds, momentum / np.sum(inertia * speeds * speeds))
 
     def links(self, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Of all links the stiffness and the damping that act always, shape (links,), and the deflections by the
-        coordinates, shape (links, n), in consistent units.
-        """
+        """Of all links stiffness and damping that act always, and deflections by the coordinates, shape (links, n)."""
         values, form = self.consistent(values), self.form
         return form.stiffnesses(values), form.dampings(values), geometry.deflections(form, form.ratios(values))
 

@@ -124,8 +124,8 @@ class TrainPart(Part):
     def _tells_its_unit(self, info: ValidationInfo[Names]) -> TrainPart:
         if info.context.units and self.frequency is None and self.speed is None:
             raise ValueError(
-                'the excitation has neither speed nor frequency; write speed = "1500 rpm" (orders are counted per turn) '
-                'or frequency = "50 Hz"'
+                'the excitation has neither speed nor frequency; write speed = "1500 rpm" (then orders are counted per '
+                'turn) or frequency = "50 Hz"'
             )
         return self
 

@@ -1,7 +1,7 @@
 """The non-dimensional form of a drive train with units, exactly, and back.
 
-Angles, times and torques are divided by scales: an angle (a clearance), a frequency and an inertia, as the paper divides
-by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is a product of powers of those, so the
+Angles, times and torques are divided by scales: an angle (a clearance), a frequency and an inertia, as the paper
+divides by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is a product of powers of those, so the
 form of the train, and the names of its numbers, stay the same.
 """
 

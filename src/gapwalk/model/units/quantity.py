@@ -194,6 +194,6 @@ def _other_kind(unit: str, found: Any) -> str:
 def _registry() -> Any:
     import pint  # only where units are used
 
-    registry = pint.UnitRegistry(None, cache_folder=None)
+    registry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
     registry.load_definitions(_DEFINITIONS.strip().splitlines())
     return registry

@@ -1,7 +1,7 @@
 """The units of a drive train: one for each kind of quantity, and how they become the numbers of its equations.
 
-Its equations of motion are in *consistent* units: the unit of its angles (deg, say), s, and N m. So deflections come out
-as an engineer reads them, torques in N m, and time in s.
+Its equations of motion are in *consistent* units: the unit of its angles (deg, say), s, and N m. So deflections come
+out as an engineer reads them, torques in N m, and time in s.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
 from gapwalk.model.system import System
 from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance, pole_compliance
 from gapwalk.orbit.balance.laws import Laws, laws_of
