@@ -43,7 +43,17 @@ if TYPE_CHECKING:
     from gapwalk.model.modes import Modes, modes_of
     from gapwalk.model.rest import Equilibrium, Rest, rest_of
     from gapwalk.model.system import System
-    from gapwalk.model.train import Gear, Inertia, Shaft, Train, chain
+    from gapwalk.model.train import (
+        Gear,
+        Inertia,
+        PaperNumbers,
+        Scales,
+        Shaft,
+        Train,
+        chain,
+        nondimensional,
+        paper_numbers,
+    )
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
@@ -109,6 +119,7 @@ __all__ = [
     "ModalDamping",
     "Modes",
     "Orbit",
+    "PaperNumbers",
     "Plane",
     "ProportionalDamping",
     "Record",
@@ -121,6 +132,7 @@ __all__ = [
     "Rest",
     "Result",
     "ResultComparison",
+    "Scales",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
@@ -167,8 +179,10 @@ __all__ = [
     "match",
     "match_impact_damping",
     "modes_of",
+    "nondimensional",
     "on_cluster",
     "paper",
+    "paper_numbers",
     "rattle",
     "read_measurement",
     "read_studies",
@@ -225,6 +239,7 @@ _HOMES = {
     "ModalDamping": "model.damping",
     "Modes": "model.modes",
     "Orbit": "orbit.orbit",
+    "PaperNumbers": "model.train",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
     "Record": "measurement.record",
@@ -237,6 +252,7 @@ _HOMES = {
     "Rest": "model.rest",
     "Result": "study.result",
     "ResultComparison": "study.comparison",
+    "Scales": "model.train",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
@@ -281,7 +297,9 @@ _HOMES = {
     "match": "attractor.match",
     "match_impact_damping": "measurement.damping",
     "modes_of": "model.modes",
+    "nondimensional": "model.train",
     "on_cluster": "study.work.workers",
+    "paper_numbers": "model.train",
     "rattle": "attractor.rattle",
     "read_measurement": "measurement.read",
     "read_studies": "study.file",

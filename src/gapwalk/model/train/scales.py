@@ -1,8 +1,8 @@
 """The non-dimensional form of a drive train with units, exactly, and back.
 
 Angles, times and torques are divided by scales: an angle (a clearance), a frequency and an inertia, as the paper
-divides by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is a product of powers of those, so the
-form of the train, and the names of its numbers, stay the same.
+divides by bc1 and w (section 2 of Padmanabhan and Singh 1995). Every number of a part is counted in a product
+of powers of those, so the form of the train, and the names of its numbers, stay the same.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ class Scales:
         for name in ("angle", "frequency", "inertia"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ModelError(f"the scale {name} is {getattr(self, name)!r}; it must be a number > 0")
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
     def torque(self) -> float:

@@ -105,6 +105,8 @@ class Train:
         pace = "frequency" if self.speed is None else "speed"
         if self.speed is not None and (not has_unit(self.speed) or self.frequency != 1.0):
             return [f'speed is {self.speed!r}; write a speed such as speed="1500 rpm", or frequency=..., not both']
+        if self.speed is not None and self.units is not None:
+            return [f"speed is {self.speed!r}, but this train has its units already; make a new one for another pace"]
         given = self.frequency if self.speed is None else self.speed
         contents = Contents(self.inertias, self.shafts, self.gears, self.mean, self.harmonics, given)
         found, units, problems = without_units(contents, self.units, pace)

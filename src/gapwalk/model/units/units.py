@@ -18,6 +18,7 @@ from gapwalk.model.problem import given
 from gapwalk.model.units.kind import QuantityKind, kind_of
 from gapwalk.model.units.quantity import Quantity, read_quantity
 
+_TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance", "impact_damping")
 _DEGREE = math.pi / 180.0
 
 
@@ -74,6 +75,14 @@ class Units:
         """The unit of a parameter by its name; empty for a plain number."""
         kind = kind_of(name)
         return "" if kind is None else self.of(kind).text
+
+    @property
+    def words(self) -> str:
+        """What is counted in what, in a line."""
+        kinds = {word: kind for word in _TOLD if (kind := kind_of(word)) is not None}
+        names = {"frequency": self.pace, "amplitude": "torque"}
+        kinds = {names.get(word, word.replace("_", " ")): kind for word, kind in kinds.items()}
+        return ", ".join(f"{word} in {self.of(kind).text}" for word, kind in kinds.items())
 
     @property
     def angle(self) -> float:
