@@ -73,9 +73,7 @@ def plot_loop(motion: Motion, contact: str, *, ax: Axes) -> Axes:
         ax.axvline(level, **_STOP)
     units = motion.system.units
     ax.set_xlabel(f"deflection of {signal_words(contact, units)}")
-    ax.set_ylabel(
-        f"force of {signal_words(contact, units)}" if units is None else f"torque beyond the gaps of {contact} [N m]"
-    )
+    ax.set_ylabel(f"force of {contact}" + " [N m]" * (units is not None))
     return ax
 
 

@@ -18,6 +18,7 @@ from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.model.train.parts import Inertia, Shaft
 from gapwalk.model.train.scales import Scales, nondimensional
 from gapwalk.model.train.train import Train
+from gapwalk.model.units import QuantityKind, Unit, Units
 
 _CONSISTENT = 1e-9
 
@@ -73,31 +74,25 @@ class PaperNumbers:
         flywheel, rest = hub / (self.n1 / self.n2 / r - 1.0), hub / (r * self.K22 / self.K12 - 1.0)
         stiffness, damping = r * hub * w**2, r * hub * w
         torque = flywheel * angle * w**2
-        terms = [Harmonic(f"{self.Te1 * torque!r} N m", {"flywheel": 1.0})]  # type: ignore[arg-type]
+        terms = [Harmonic(self.Te1 * torque, {"flywheel": 1.0})]
         if self.Te2:
-            size, phase = f"{self.Te2 * torque!r} N m", f"{self.phi!r} rad"
-            terms.append(Harmonic(size, {"flywheel": 1.0}, self.p, phase))  # type: ignore[arg-type]
-        stage = Stage(f"{self.b * angle!r} rad", f"{self.n2 * stiffness!r} N m/rad")  # type: ignore[arg-type]
+            terms.append(Harmonic(self.Te2 * torque, {"flywheel": 1.0}, self.p, self.phi))
         clutch = Shaft(
             "clutch",
             ("flywheel", "hub"),
-            stiffness=f"{self.K21 * stiffness!r} N m/rad" if self.K21 else None,
-            damping=f"{self.C21 * damping!r} N m s/rad",
-            stages=(stage,),
-            impact_damping=f"{self.beta / (angle * w)!r} s/rad",
+            stiffness=self.K21 * stiffness if self.K21 else None,
+            damping=self.C21 * damping,
+            stages=(Stage(self.b * angle, self.n2 * stiffness),),
+            impact_damping=self.beta / (angle * w),
         )
-        shaft = Shaft(
-            "shaft",
-            ("hub", "rest"),
-            stiffness=f"{self.K12 / r * hub * w**2!r} N m/rad",
-            damping=f"{self.C12 / r * hub * w!r} N m s/rad",
-        )
+        shaft = Shaft("shaft", ("hub", "rest"), stiffness=self.K12 / r * hub * w**2, damping=self.C12 / r * hub * w)
         return Train(
-            [Inertia(name, f"{size!r} kg m^2") for name, size in zip(_NAMES, (flywheel, hub, rest), strict=True)],
+            [Inertia(name, size) for name, size in zip(_NAMES, (flywheel, hub, rest), strict=True)],
             [clutch, shaft],
-            mean={"flywheel": f"{self.Tm1 * torque!r} N m", "rest": f"{-self.Tm1 * torque!r} N m"},  # type: ignore[dict-item]
+            mean={"flywheel": self.Tm1 * torque, "rest": -self.Tm1 * torque},
             harmonics=terms,
-            frequency=f"{self.W * w!r} rad/s",  # type: ignore[arg-type]
+            frequency=self.W * w,
+            units=_SI,
         )
 
     def _problems(self) -> Iterator[str]:
@@ -119,6 +114,13 @@ class PaperNumbers:
             yield f"the mean loads and stiffnesses ask for bc3/bc1 = {r:g}, with which an inertia would be negative"
 
 
+_SI = Units(
+    (
+        (QuantityKind.ANGLE, Unit("rad", 1.0)),
+        (QuantityKind.FREQUENCY, Unit("rad/s", 1.0)),
+        (QuantityKind.PHASE, Unit("rad", 1.0)),
+    )
+)
 _NAMES = ("flywheel", "hub", "rest")
 
 
