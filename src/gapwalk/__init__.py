@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gapwalk.measurement.fit import Fit, FitOptions, fit
     from gapwalk.measurement.read import read_measurement
     from gapwalk.measurement.record import Record
-    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.modes import Modes, modes_of
@@ -195,6 +195,7 @@ __all__ = [
     "section",
     "settle",
     "spectrum",
+    "stop",
     "strobe",
     "sweep",
     "switch",
@@ -312,6 +313,7 @@ _HOMES = {
     "section": "attractor.section",
     "settle": "attractor.settle",
     "spectrum": "attractor.spectrum",
+    "stop": "model.contact",
     "strobe": "attractor.section",
     "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",

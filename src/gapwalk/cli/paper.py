@@ -9,9 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
-from gapwalk.cli.screen import console
 from gapwalk.paper.claims import CLAIMS, Claim, claims_about
 from gapwalk.paper.compute import compute
 from gapwalk.paper.document import Checked, claim_document, figure_document, notes

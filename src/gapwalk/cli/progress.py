@@ -10,8 +10,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Te
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.locus import Locus
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import printable
-from gapwalk.cli.screen import console
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol

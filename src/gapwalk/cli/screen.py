@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -17,21 +15,6 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol, signal_words
 from gapwalk.study.result import Result
-
-_WIDTH = 120  # of what is written to a file or a pipe
-
-
-class _Screen(Console):
-    def on_broken_pipe(self) -> None:
-        """Let the command end as it does when anything else is printed to a reader that has gone."""
-        raise BrokenPipeError
-
-
-def console(*, stderr: bool = False) -> Console:
-    """Where to print; texts are printed as they are, without markup."""
-    stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else _WIDTH
-    return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width)
 
 
 def print_result(screen: Console, result: Result, *, points: bool = True) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gapwalk.plot.alignment import plot_alignment
     from gapwalk.plot.basins import draw_basins, plot_basins
-    from gapwalk.plot.branch import plot_branch
+    from gapwalk.plot.branch import plot_branch, plot_branches
     from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
@@ -29,6 +29,7 @@ __all__ = [
     "plot_alignment",
     "plot_basins",
     "plot_branch",
+    "plot_branches",
     "plot_comparison",
     "plot_contact_figures",
     "plot_contrast",
@@ -53,6 +54,7 @@ _HOMES = {
     "plot_alignment": "alignment",
     "plot_basins": "basins",
     "plot_branch": "branch",
+    "plot_branches": "branch",
     "plot_comparison": "comparison",
     "plot_contact_figures": "regimes",
     "plot_contrast": "contrast",

@@ -10,7 +10,8 @@ from gapwalk.measurement.alignment import Alignment
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
-from gapwalk.plot.style import BLACK, DPI, GREY, RC
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import BLACK, GREY, RC
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -32,9 +33,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=SIZE, layout="constrained")
+            figure = open_window(SIZE)
         _draw(figure, found, title)
     return figure
 
@@ -42,7 +41,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
 def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        figure = new_sheet(SIZE)
         _draw(figure, found, title)
     return figure
 

@@ -17,6 +17,7 @@ from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.style import LINES, RC, SIZE, SYMBOLS, line_options, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
@@ -76,7 +77,7 @@ def plot_branches(
     first = branches[0]
     measure = full_measure(measure, first.system.coordinates)
     with mpl.rc_context(RC):
-        ax = _new_axes() if ax is None else ax
+        ax = open_window(SIZE).add_subplot() if ax is None else ax
         drawing = _Drawing(branches, measure)
         drawing.draw_lines(ax)
         ax.set_xlabel(parameter_words(first.parameter, first.system.units))
@@ -147,12 +148,6 @@ class _Drawing:
 
 def _is_labelled(special: SpecialPoint) -> bool:
     return bool(SYMBOLS[special.kind].label)
-
-
-def _new_axes() -> Axes:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.subplots(figsize=SIZE, layout="constrained")[1]
 
 
 def _draw_piece(ax: Axes, piece: Piece) -> None:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.style import RC
 
 _WIDTH, _HEIGHT = 9.5, 2.9  # of a row, in inches
@@ -28,9 +29,7 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=(_WIDTH, _HEIGHT * len(found.pairs) + 0.5), layout="constrained")
+            figure = open_window((_WIDTH, _HEIGHT * len(found.pairs) + 0.5))
         axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
         for (left, right), pair in zip(axes, found.pairs, strict=True):
             draw_histories(left, pair.theta, pair.histories, found.names, pair.signal)

@@ -13,7 +13,8 @@ from gapwalk.plot.basins import draw_basins
 from gapwalk.plot.regimes import draw_regimes
 from gapwalk.plot.settled import SIZE as SETTLED_SIZE
 from gapwalk.plot.settled import plot_settled
-from gapwalk.plot.style import DPI, RC
+from gapwalk.plot.sheet import new_sheet
+from gapwalk.plot.style import RC
 from gapwalk.plot.sweep import draw_sweep
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.finding import Finding
@@ -33,7 +34,7 @@ def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:
 
 def _draw_settled(finding: SettleFinding, options: StudyOptions, title: str) -> Figure:
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SETTLED_SIZE, dpi=DPI, layout="constrained")
+        figure = new_sheet(SETTLED_SIZE)
     asked = finding.options
     plot_settled(
         finding.attractor, asked.signal, phase=asked.phase, title=title.replace("$", r"\$") or None, figure=figure

@@ -17,6 +17,7 @@ from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
 from gapwalk.plot.findings import draw_finding
 from gapwalk.plot.map import draw_map
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
 from gapwalk.study.export import write_whole
 from gapwalk.study.map import Map
@@ -100,7 +101,7 @@ def draw_picture(
 
 
 def _figure(size: tuple[float, float], title: str = "") -> Figure:
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    figure = new_sheet(size)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
     return figure

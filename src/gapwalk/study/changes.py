@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -12,6 +12,11 @@ from gapwalk.model.problem import ModelFileError, Path, Problem, given
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, kind_of
+
+
+def parse_changes(texts: Iterable[str]) -> dict[str, object]:
+    """The changes of ``--set`` by their names; see `parse_change`."""
+    return dict(parse_change(text) for text in texts)
 
 
 def parse_change(text: str) -> tuple[str, object]:
