@@ -1,6 +1,9 @@
 """Quantities: texts with units against conversions done by hand, and what is refused."""
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -85,3 +88,11 @@ def test_only_a_number_with_something_behind_it_has_a_unit() -> None:
     assert has_unit("3 deg")
     assert has_unit(".5deg")
     assert not any(has_unit(value) for value in ("3", "3.0 ", "deg", "", 3.0, None, True))
+
+
+@pytest.mark.parametrize(("example", "imported"), [("train", False), ("drivetrain", True)])
+def test_a_model_without_units_does_not_pay_for_them(example: str, imported: bool) -> None:
+    file = Path(__file__).parents[3] / "examples" / f"{example}.toml"
+    script = f"import sys, gapwalk as gw; gw.read_studies({str(file)!r}); print('pint' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(imported)
