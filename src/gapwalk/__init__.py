@@ -43,7 +43,17 @@ if TYPE_CHECKING:
     from gapwalk.model.modes import Modes, modes_of
     from gapwalk.model.rest import Equilibrium, Rest, rest_of
     from gapwalk.model.system import System
-    from gapwalk.model.train import Gear, Inertia, Shaft, Train, chain
+    from gapwalk.model.train import (
+        Gear,
+        Inertia,
+        PaperNumbers,
+        Scales,
+        Shaft,
+        Train,
+        chain,
+        nondimensional,
+        paper_numbers,
+    )
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
@@ -117,6 +127,7 @@ __all__ = [
     "Modes",
     "Orbit",
     "Over",
+    "PaperNumbers",
     "Plane",
     "ProportionalDamping",
     "Record",
@@ -129,6 +140,7 @@ __all__ = [
     "Rest",
     "Result",
     "ResultComparison",
+    "Scales",
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
@@ -177,8 +189,10 @@ __all__ = [
     "match",
     "match_impact_damping",
     "modes_of",
+    "nondimensional",
     "on_cluster",
     "paper",
+    "paper_numbers",
     "rattle",
     "read_measurement",
     "read_studies",
@@ -239,6 +253,7 @@ _HOMES = {
     "Modes": "model.modes",
     "Orbit": "orbit.orbit",
     "Over": "study.family.over",
+    "PaperNumbers": "model.train",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
     "Record": "measurement.record",
@@ -251,6 +266,7 @@ _HOMES = {
     "Rest": "model.rest",
     "Result": "study.result",
     "ResultComparison": "study.comparison",
+    "Scales": "model.train",
     "SearchOptions": "bifurcation.search",
     "SearchResult": "bifurcation.search",
     "SecondParameter": "study.options",
@@ -297,7 +313,9 @@ _HOMES = {
     "match": "attractor.match",
     "match_impact_damping": "measurement.damping",
     "modes_of": "model.modes",
+    "nondimensional": "model.train",
     "on_cluster": "study.work.workers",
+    "paper_numbers": "model.train",
     "rattle": "attractor.rattle",
     "read_measurement": "measurement.read",
     "read_studies": "study.file",

@@ -10,6 +10,7 @@ from gapwalk.attractor.impact import impacts
 from gapwalk.attractor.quadrature import quadrature
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+from tests.model.train.trains import by_hand, physical
 from tests.systems import clutch, linear, viscous_stop
 
 
@@ -140,3 +141,18 @@ def test_a_chaotic_motion_and_the_table():
     assert f"{found.coordinates[0].kurtosis:.4g}" in lines[-2]
     with pytest.raises(ModelError, match="periods is 0"):
         rattle(settled, 0)
+
+
+def test_a_drive_train_with_units_rattles_in_joules_and_radians() -> None:
+    """The same train in SI units has the same numbers."""
+    found = gw.rattle(gw.find_orbit(physical("900 rpm").system()))
+    same = gw.rattle(gw.find_orbit(by_hand(900.0).system()))
+    for first, second in zip(found.sides + found.contacts, same.sides + same.contacts, strict=True):
+        for name in ("velocity", "fastest", "peak", "loss", "costliest", "rms", "power"):
+            if hasattr(first, name):
+                assert getattr(first, name) == pytest.approx(getattr(second, name), rel=1e-8, abs=1e-12), name
+    for first, second in zip(found.coordinates, same.coordinates, strict=True):
+        assert (first.rms, first.peak) == pytest.approx((second.rms, second.peak), rel=1e-8)
+    assert found.sides[0].loss > 0.0
+    assert "peak force [N m]" in repr(found)
+    assert "[" not in repr(same)

@@ -43,7 +43,7 @@ def test_json_has_all_of_it(capsys) -> None:
     assert found["closed"][0]["angles"]["engine"] == 1.0
 
 
-@pytest.mark.parametrize("name", ["train", "clutch", "gear", "stop"])
+@pytest.mark.parametrize("name", ["train", "drivetrain", "clutch", "gear", "stop"])
 @pytest.mark.parametrize("form", ["png", "svg"])
 def test_modes_are_drawn(name: str, form: str, tmp_path, capsys) -> None:
     picture = tmp_path / f"modes.{form}"

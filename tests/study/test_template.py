@@ -178,6 +178,7 @@ def test_there_are_examples() -> None:
         "basins",
         "clutch",
         "diagram",
+        "drivetrain",
         "gear",
         "map",
         "rattle",

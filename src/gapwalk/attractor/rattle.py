@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,21 @@ from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.strobe import check_count
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
+from gapwalk.model.units import Units
 from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.motion import signal_factor
 from gapwalk.orbit.orbit import Orbit
 
+_OF_SIDES = ("velocity", "fastest", "peak force", "loss", "costliest")
+_OF_CONTACTS = ("peak force", "rms force", "power")
+_OF_SIGNALS = ("rms", "peak")
+_UNITS = dict(
+    zip(
+        (*_OF_SIDES, *_OF_CONTACTS[1:], *_OF_SIGNALS),
+        ("rad/s", "rad/s", "N m", "J", "J", "N m", "W", "rad/s^2", "rad/s^2"),
+        strict=True,
+    )
+)
 _PERIODS = 256  # forcing periods over which a motion without period is looked at
 
 
@@ -111,6 +123,11 @@ class Rattle:
         Impulsiveness by coordinate. The kurtosis of the acceleration serves as rattle index.
     impacts
         Every impact.
+
+    Notes
+    -----
+    In a system with units velocities are in rad/s, accelerations in rad/s^2, forces in N m, energies in J and powers
+    in W.
     """
 
     system: System
@@ -131,12 +148,13 @@ class Rattle:
             for s in self.sides
         ]
         loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
+        units = self.system.units
         signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
         return "\n\n".join(
             (
-                _table(("impacts", "a period", "velocity", "fastest", "peak force", "loss", "costliest"), sides),
-                _table(("contact", "closed", "peak force", "rms force", "power"), loads),
-                _table(("signal", "rms", "peak", "crest factor", "kurtosis"), signals),
+                _table(_headed(("impacts", "a period", *_OF_SIDES), units), sides),
+                _table(_headed(("contact", "closed", *_OF_CONTACTS), units), loads),
+                _table(_headed(("signal", *_OF_SIGNALS, "crest factor", "kurtosis"), units), signals),
             )
         )
 
@@ -164,10 +182,18 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
         found = _once(twice, PERIOD * period)
     else:
         found = impacts(system, along)
-    length = period or periods
+    length, found = period or periods, _in_units(system, found)
     return Rattle(
         system, length, _sides(system, found, length), _loads(system, along, found), _impulsiveness(along), found
     )
+
+
+def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
+    """Impacts with velocities in rad/s and energies in J, where the system has units."""
+    if system.units is None:
+        return found
+    unit = system.units.angle
+    return tuple(replace(each, velocity=unit * each.velocity, loss=unit * each.loss) for each in found)
 
 
 def _once(found: tuple[Impact, ...], end: float) -> tuple[Impact, ...]:
@@ -195,12 +221,12 @@ def _sides_of(contact: ContactForm) -> list[int]:
 def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tuple[ContactLoad, ...]:
     forces, share = along.motion.forces, along.weights / along.weights.sum()
     rms, power = np.sqrt(share @ forces**2), share @ damping_power(system, along)
-    closed = share @ (forces != 0.0)
+    closed, unit = share @ (forces != 0.0), signal_factor(system, "'")
     rows = []
     for k, contact in enumerate(system.structure.contacts):
         peaks = [impact.peak for impact in found if impact.contact == contact.name]
         peak = max([float(np.abs(forces[:, k]).max()), *peaks])
-        rows.append(ContactLoad(contact.name, float(closed[k]), peak, float(rms[k]), float(power[k])))
+        rows.append(ContactLoad(contact.name, float(closed[k]), peak, float(rms[k]), unit * float(power[k])))
     return tuple(rows)
 
 
@@ -211,12 +237,18 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     second, fourth = share @ varying**2, share @ varying**4
     nodes = np.arange(len(share))
     rows = []
+    unit = signal_factor(along.motion.system, "''")
     for k, name in enumerate(along.motion.system.coordinates):
-        rms = float(np.sqrt(second[k]))
-        peak = largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
+        rms = unit * float(np.sqrt(second[k]))
+        peak = unit * largest(along, nodes, lambda motion, k=k: np.abs(motion.a[:, k] - mean[k]))
         crest, kurtosis = (peak / rms, float(fourth[k] / second[k] ** 2)) if rms > 0.0 else (0.0, 0.0)
         rows.append(Impulsiveness(name, rms, peak, crest, kurtosis))
     return tuple(rows)
+
+
+def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
+    """Headings with the units of what is below them."""
+    return head if units is None else tuple(f"{name} [{_UNITS[name]}]" if name in _UNITS else name for name in head)
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:

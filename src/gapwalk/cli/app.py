@@ -106,6 +106,7 @@ def run(
     output: Path | None = None,
     study: Annotated[list[str] | None, Parameter(negative=())] = None,
     changes: Changes = None,
+    units: Literal["none"] | None = None,
     resume: Flag = False,
     force: Flag = False,
     scheduler: str | None = None,
@@ -122,20 +123,20 @@ def run(
     file
         The model file.
     output
-        The result file; by default named after the model file, with the ending .gapwalk. Where a file has several
-        studies, their names are added. Picture and tables are written beside it, over earlier ones.
+        The result file, by default named after the model file, ending in .gapwalk; names of several studies are added.
+        Picture and tables are written beside it, over earlier ones.
     study
         Run the study of this name only; may be repeated.
     changes
-        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3 (of the study named light:
-        --set study.light.to=0.3); may be repeated.
+        Another value: --set stage2.clearance=0.5, --set study.to=0.3, --set study.light.to=0.3; may be repeated.
+    units
+        none: run a drive train that has units in non-dimensional form; its tables and pictures are then in that form.
     resume
         Go on with the results of an interrupted run; what is complete is not computed again.
     force
         Write over an existing result.
     scheduler
-        Address of the scheduler of a Dask cluster that does the work, such as tcp://node7:8786, or its scheduler file;
-        it takes pip install gapwalk[cluster].
+        Scheduler of a Dask cluster (gapwalk[cluster]) that does the work: tcp://node7:8786, say, or its scheduler file.
     json
         Print one JSON document.
     quiet
@@ -147,8 +148,8 @@ def run(
     def job() -> int:
         from gapwalk.cli.run import run_file
 
-        options = {"resume": resume, "force": force, "json": json, "quiet": quiet}
-        return run_file(file, output, changes or [], study or [], **options, scheduler=scheduler)
+        how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
+        return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
 
     return guard(job, json=json, debug=debug)
 

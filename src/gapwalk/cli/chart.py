@@ -8,6 +8,7 @@ from rich.table import Table
 
 from gapwalk.bifurcation.locus import Codim2, Locus, LocusEnd
 from gapwalk.cli.outcome import printable
+from gapwalk.model.units import Units
 from gapwalk.plot.words import full_measure, parameter_symbol
 from gapwalk.study.map import KINDS, Map
 
@@ -31,7 +32,8 @@ def codim2_table(chart: Map, measure: str) -> Table:
     measure = full_measure(measure, chart.loci[0].points[0].orbit.system.coordinates)
     for heading in ("locus", "point"):
         table.add_column(heading)
-    for heading in (parameter_symbol(chart.first), parameter_symbol(chart.second), "angle", measure):
+    symbols = [parameter_symbol(name, _units(chart)) for name in (chart.first, chart.second)]
+    for heading in (*symbols, "angle", measure):
         table.add_column(heading, justify="right")
     table.add_column("contact")
     for name, locus in zip(chart.names, chart.loci, strict=True):
@@ -51,7 +53,7 @@ def codim2_table(chart: Map, measure: str) -> Table:
 
 def _summary(chart: Map) -> str:
     ranges = ", ".join(
-        f"{parameter_symbol(name)} from {low:.10g} to {high:.10g}"
+        f"{parameter_symbol(name, _units(chart))} from {low:.10g} to {high:.10g}"
         for name, (low, high) in zip((chart.first, chart.second), chart.within, strict=True)
     )
     counts = ", ".join(f"{len(chart.of_kind(kind))} of {kind.value}" for kind in KINDS if chart.of_kind(kind))
@@ -61,7 +63,7 @@ def _summary(chart: Map) -> str:
     return (
         f"{ranges}: {len(chart.loci)} loci{counts and f', {counts}'}\n"
         f"picked up at {special} special points of {branches} branches, on sections at "
-        f"{parameter_symbol(chart.second)} = {values}"
+        f"{parameter_symbol(chart.second, _units(chart))} = {values}"
     )
 
 
@@ -69,13 +71,17 @@ def _describe(chart: Map, name: str, locus: Locus) -> str:
     counts = [f"{len(locus.codim2(kind))} {kind.value}" for kind in Codim2 if locus.codim2(kind)]
     low, high = locus.values.min(axis=0), locus.values.max(axis=0)
     ranges = ", ".join(
-        f"{parameter_symbol(parameter)} {a:.8g} to {b:.8g}"
+        f"{parameter_symbol(parameter, _units(chart))} {a:.8g} to {b:.8g}"
         for parameter, a, b in zip((chart.first, chart.second), low, high, strict=True)
     )
     contact = f" of {locus.contact}" if locus.contact else ""
     parts = [f"{ranges}; {len(locus.points)} points", *([", ".join(counts)] if counts else [])]
     ends = [f"    {end.reason.value}" if locus.is_closed else f"    {_end(end)}" for end in locus.ends]
     return f"  {name}  period {locus.period}{printable(contact)}; {'; '.join(parts)}\n" + "\n".join(dict.fromkeys(ends))
+
+
+def _units(chart: Map) -> Units | None:
+    return chart.branches[0].system.units if chart.branches else None
 
 
 def _end(end: LocusEnd) -> str:

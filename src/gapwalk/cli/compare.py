@@ -79,7 +79,7 @@ def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tol
         screen.print(printable(f"{which}: {file}{title} (by {result.walked.method.name})"), soft_wrap=True)
     for note in found.notes:
         screen.print(f"note: {printable(note)}", soft_wrap=True)
-    symbols = [parameter_symbol(name) for name in found.parameters]
+    symbols = [parameter_symbol(name, found.results[0].system.units) for name in found.parameters]
     ranges = ", ".join(f"{symbol}: {width:.6g}" for symbol, width in zip(symbols, found.ranges, strict=True))
     what = f"curves over {symbols[0]} in the space of {', '.join(found.measures)}"
     screen.print(f"compared: {what}; lengths are shares of the ranges ({ranges})", soft_wrap=True)
@@ -97,7 +97,7 @@ def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tol
 
 
 def _print_pair(screen: Console, pair: Pair, found: ResultComparison) -> None:
-    symbols = [parameter_symbol(name) for name in found.parameters]
+    symbols = [parameter_symbol(name, found.results[0].system.units) for name in found.parameters]
     name = pair.names[0] if pair.names[0] == pair.names[1] else " and ".join(pair.names)
     screen.print(
         f"{name}: largest distance {pair.largest:.2g}, at {place_words(symbols, pair.worst)} "

@@ -44,12 +44,16 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
     screen, structure = console(), studies[0].system.structure
+    units = structure.units
+    turns = (units.turns if units else None) or 1
+    terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
     lines = [
         (len(studies) == 1 and printable(studies[0].title)) or str(file),
         *train_lines(studies[0].system),
         f"  coordinates: {', '.join(structure.coordinates)}",
         f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
-        f"  excitation: {', '.join(f'{form.name} of order {form.order}' for form in structure.harmonics) or 'none'}",
+        f"  excitation: {terms or 'none'}",
+        *([f"  units: {units.words}"] if units else []),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         "nothing is wrong with it",

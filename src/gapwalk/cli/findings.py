@@ -11,7 +11,7 @@ from rich.table import Table
 
 from gapwalk.cli.family import print_family
 from gapwalk.cli.outcome import printable
-from gapwalk.plot.words import parameter_symbol
+from gapwalk.plot.words import coordinate_words, parameter_symbol, signal_words, value_words
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.finding import Finding
@@ -38,13 +38,14 @@ def print_finding(screen: Console, finding: Finding) -> None:
 
 def _print_settled(screen: Console, finding: SettleFinding) -> None:
     attractor, settled = finding.attractor, finding.settled
-    where = f"{parameter_symbol('frequency')} = {attractor.system.frequency:.10g}"
+    structure = attractor.system.structure
+    where = value_words(attractor.system[structure.pace], structure.pace, structure.units)
     screen.print(f"{attractor.label}: a motion that is {attractor.kind.value}, at {where}", soft_wrap=True)
     screen.print(f"  followed for {settled.periods} forcing periods", soft_wrap=True)
     for sentence in attractor.evidence:
         screen.print(f"  {printable(sentence)}", soft_wrap=True)
     symbol = parameter_symbol("frequency")
-    screen.print(f"\nlines of {printable(finding.options.signal)}", soft_wrap=True)
+    screen.print(f"\nlines of {printable(signal_words(finding.options.signal, structure.units))}", soft_wrap=True)
     table = _table("line", right=(f"multiple of {symbol}", "amplitude"))
     for line in finding.lines[:_LINES]:
         table.add_row(line.name.replace("W", symbol), f"{line.order:.6g}", f"{line.amplitude:.6g}")
@@ -56,7 +57,7 @@ def _print_settled(screen: Console, finding: SettleFinding) -> None:
 def _print_sweep(screen: Console, finding: SweepFinding) -> None:
     sweep = finding.sweep
     low, high = sweep.values[0], sweep.values[-1]
-    symbol = parameter_symbol(sweep.parameter)
+    symbol = parameter_symbol(sweep.parameter, sweep.system.units)
     screen.print(f"{symbol} from {low:.10g} to {high:.10g}: {len(sweep.values)} values", soft_wrap=True)
     for number, lane in enumerate(sweep.lanes):
         bands = sweep.bands(number)
@@ -75,7 +76,8 @@ def _print_basins(screen: Console, finding: BasinFinding) -> None:
     found = finding.basins
     assert found is not None
     (columns, rows), total = found.resolution, found.labels.size
-    screen.print(f"{found.window.across}, {found.window.up}: {columns} x {rows} cells", soft_wrap=True)
+    axes = ", ".join(coordinate_words(name, found.system.units) for name in (found.window.across, found.window.up))
+    screen.print(f"{axes}: {columns} x {rows} cells", soft_wrap=True)
     table = _table("leads to", right=("cells", "share", "largest exponent"))
     for name, attractor in zip(found.names, found.attractors, strict=True):
         exponents = attractor.lyapunov
@@ -92,7 +94,7 @@ def _print_regimes(screen: Console, finding: RegimeFinding) -> None:
     found = finding.regimes
     assert found is not None
     (columns, rows), total = found.resolution, found.regimes.size
-    first, second = parameter_symbol(found.first), parameter_symbol(found.second)
+    first, second = (parameter_symbol(name, found.system.units) for name in (found.first, found.second))
     screen.print(f"{first}, {second}: {columns} x {rows} cells", soft_wrap=True)
     table = _table("motion", right=("cells", "share"))
     for word, count in _in_few_words(found.cells).items():

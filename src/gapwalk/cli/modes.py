@@ -20,6 +20,8 @@ from gapwalk.model.rest import Equilibrium, Rest, rest_of
 from gapwalk.model.source import read_source
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.model.units import Units
+from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import change_source, change_system, parse_changes
 
 _COLUMNS = 8  # entries of a mode that have a column each; of more, the largest are named
@@ -43,11 +45,11 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
         print_json(_document(title, system, rest, closed, picture))
         return DONE
     screen = console()
-    for line in [printable(title) or str(file), *train_lines(system), *_rest_lines(rest)]:
+    for line in [printable(title) or str(file), *train_lines(system), *_rest_lines(rest, system.units)]:
         screen.print(line, soft_wrap=True)
     for heading, modes in found.items():
         screen.print(f"\nNatural vibrations {heading}:", soft_wrap=True)
-        screen.print(_table(modes))
+        screen.print(_table(modes, system))
         if len(modes) > _ROWS:
             screen.print(
                 f"... and {len(modes) - _ROWS} more, up to W = {_number(modes.frequencies[-1])} (--json has all)"
@@ -82,22 +84,26 @@ def train_lines(system: System) -> list[str]:
     lines = [f"  train: {parts}; free to turn as a whole, which is left out"]
     acceleration = assembly.acceleration(system.values)
     if np.abs(assembly.mean(system.values)).max() > 0 and np.abs(acceleration).max() > 0:
-        first = form.inertias[0]
+        first, units = form.inertias[0], system.units
+        size = f"{acceleration[0] * units.angle:.6g} rad/s^2" if units else f"{acceleration[0]:.6g}"
         lines.append(
-            f"  mean torques do not balance: it accelerates steadily, {first} at {acceleration[0]:.6g}; "
+            f"  mean torques do not balance: it accelerates steadily, {first} at {size}; "
             f'reaction = "{form.inertias[-1]}" would take the rest'
         )
     return lines
 
 
-def _rest_lines(rest: Rest) -> list[str]:
+def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
     if not rest:
         lost = "rests nowhere: the mean load drives it away" if rest.complete else "no position of rest was found"
         return [f"  {lost}"]
-    lines = []
+    lines, angle, torque = [], "", ""
+    if units:
+        angle, torque = f" {units.signal('')[1]}", " N m"
     for each in rest.equilibria:
         forces = ", ".join(
-            f"{contact.name} {contact.deflection:.4g} (force {contact.force:.4g})" for contact in each.contacts
+            f"{contact.name} {contact.deflection:.4g}{angle} (force {contact.force:.4g}{torque})"
+            for contact in each.contacts
         )
         lines.append(f"  rests with {each}" + (f": {forces}" if forces else ""))
     if not rest.complete:
@@ -105,9 +111,11 @@ def _rest_lines(rest: Rest) -> list[str]:
     return lines
 
 
-def _table(modes: Modes) -> Table:
+def _table(modes: Modes, system: System) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for heading in ("mode", "W", "W / 2 pi", "damping"):
+    resonances = resonance_values(system, modes) if system.units else {}
+    rates = ("rad/s", "Hz") if system.units else ("W", "W / 2 pi")
+    for heading in ("mode", *rates, *resonances, "damping"):
         table.add_column(heading, justify="right")
     names, shapes = (modes.inertias, modes.angles) if modes.inertias else (modes.coordinates, modes.shapes)
     if wide := len(names) > _COLUMNS:
@@ -118,8 +126,18 @@ def _table(modes: Modes) -> Table:
     for number, (frequency, ratio) in enumerate(zip(modes.frequencies[:_ROWS], modes.damping_ratios, strict=False)):
         shape = shapes[:, number]
         entries = [_largest(names, shape)] if wide else [f"{entry:+.3f}" for entry in shape]
-        table.add_row(str(number + 1), _number(frequency), _number(frequency / (2 * math.pi)), _number(ratio), *entries)
+        rates = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
+        table.add_row(str(number + 1), *map(_number, rates), *entries)
     return table
+
+
+def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:
+    """At which values of the first parameter each order of the excitation meets each mode, by headings."""
+    structure, units = system.structure, system.units
+    orders = sorted({harmonic.order for harmonic in structure.harmonics})
+    turns = 1 if units is None else units.turns or 1
+    symbol = parameter_symbol(structure.pace, units)
+    return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
 
 
 def _largest(names: tuple[str, ...], shape: NDArray[np.float64]) -> str:
@@ -139,6 +157,7 @@ def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Pa
         "complete": rest.complete,
         "rest": [_rest_document(system, each) for each in rest.equilibria],
         "closed": _modes_document(closed),
+        "resonances": {name: _plain(values) for name, values in resonance_values(system, closed).items()},
         "picture": None if picture is None else str(picture),
     }
 
@@ -161,6 +180,10 @@ def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
         "stable": rest.stable,
         "modes": _modes_document(modes_of(system, rest)),
     }
+
+
+def _plain(values: NDArray[np.float64]) -> list[float | None]:
+    return [None if math.isnan(value) else value for value in values.tolist()]
 
 
 def _modes_document(modes: Modes) -> list[dict[str, Any]]:

@@ -24,6 +24,7 @@ from gapwalk.study.file import Study, read_studies
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
 from gapwalk.study.store.claim import check_claim
+from gapwalk.study.units import without_units
 from gapwalk.study.work.workers import on_cluster
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
@@ -39,14 +40,15 @@ def run_file(
     force: bool,
     json: bool,
     quiet: bool,
+    plain: bool = False,
     scheduler: str | None = None,
 ) -> int:
     """Run the studies of a model file, or those that are named, and return the exit code: that of the worst.
 
-    With the address of a scheduler, the work is done on its cluster.
+    With the address of a scheduler, the work is done on its cluster. `plain`: in non-dimensional form.
     """
     with nullcontext() if scheduler is None else on_cluster(scheduler):
-        return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet)
+        return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet, plain=plain)
 
 
 def _run_all(
@@ -59,8 +61,10 @@ def _run_all(
     force: bool,
     json: bool,
     quiet: bool,
+    plain: bool,
 ) -> int:
     studies = chosen(read_studies(file, parse_changes(changes)), names, file)
+    studies = [without_units(study) for study in studies] if plain else studies
     outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
         check_claim(path, study, resume=resume, force=force)  # before anything is computed
@@ -84,7 +88,7 @@ def _run_all(
         codes.append(code)
         documents.append(document)
         if code == INTERRUPTED:
-            _say_how_to_resume(file, output if len(studies) > 1 else path, changes, names)
+            _say_how_to_resume(file, output if len(studies) > 1 else path, changes, names, plain=plain)
             break
     if json:
         print_json(documents[0] if len(studies) == 1 else documents)
@@ -200,14 +204,15 @@ def _say_what_is_stored(result: Result) -> None:
     if result.diagram is not None:
         text = f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"
     else:
-        place = f"{parameter_symbol(branch.parameter)} = {branch.values[-1]:.8g}"
+        place = f"{parameter_symbol(branch.parameter, branch.system.units)} = {branch.values[-1]:.8g}"
         text = f"interrupted at {place}; all {len(branch.points)} points are stored"
     console(stderr=True).print(text, soft_wrap=True)
 
 
-def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str]) -> None:
+def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str], *, plain: bool) -> None:
     words = ["gapwalk", "run", str(file)]
     words += [] if output is None else ["--output", str(output)]
+    words += ["--units", "none"] if plain else []
     words.append("--resume")
     for option, values in (("--study", names), ("--set", changes)):
         for value in values:

@@ -13,7 +13,7 @@ from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.plot.words import full_measure, parameter_symbol
+from gapwalk.plot.words import full_measure, parameter_symbol, signal_words
 from gapwalk.study.result import Result
 
 
@@ -63,11 +63,11 @@ def special_point_table(result: Result) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     coordinate = full_measure(result.walked.measure, result.system.coordinates).partition(".")[2]
     coordinate = coordinate if coordinate in result.system.coordinates else result.system.coordinates[0]
-    diagram = result.diagram
+    diagram, units = result.diagram, result.system.units
     for heading in ["branch"] * bool(diagram) + ["kind"]:
         table.add_column(heading)
-    table.add_column(parameter_symbol(result.walked.parameter), justify="right")
-    table.add_column(f"half {coordinate}", justify="right")
+    table.add_column(parameter_symbol(result.walked.parameter, units), justify="right")
+    table.add_column(signal_words(f"half {coordinate}", units), justify="right")
     table.add_column("multiplier", justify="right")
     table.add_column("unstable" if diagram else "stability")  # the table of a diagram is wide enough as it is
     table.add_column("nature or contact")
@@ -106,7 +106,7 @@ def multiplier_text(multiplier: complex) -> str:
 
 def _print_branch(screen: Console, branch: Branch) -> None:
     screen.print(_sentence(branch), soft_wrap=True)
-    symbol = parameter_symbol(branch.parameter)
+    symbol = parameter_symbol(branch.parameter, branch.system.units)
     for end in branch.ends:
         detail = f" ({end.detail})" if end.detail else ""
         screen.print(f"  {symbol} = {end.value:.10g}: {end.reason.value}{printable(detail)}", soft_wrap=True)
@@ -117,7 +117,8 @@ def _sentence(branch: Branch) -> str:
     values = branch.values
     counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
     found = ", ".join(counts) or "no special points"
+    symbol = parameter_symbol(branch.parameter, branch.system.units)
     return (
-        f"period-{branch.period} motions over {parameter_symbol(branch.parameter)} from {values[0]:.10g} to "
+        f"period-{branch.period} motions over {symbol} from {values[0]:.10g} to "
         f"{values[-1]:.10g}: {len(branch.points)} points, {stable} of them stable; {found}"
     )

@@ -162,7 +162,7 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
         value = orbit.system[name]  # refuses an unknown name
         if name in names[:place]:
             raise ModelError(f"{name} is to be fitted twice; name it once")
-        if name == "frequency" and record.speed is not None:
+        if name == orbit.system.structure.pace and record.speed is not None:
             raise ModelError("the frequency is known from the measured speed; do not fit it")
         low, high = bounds.get(name, (-math.inf, math.inf))
         low = max(low, 0.0) if name.rpartition(".")[2] in _NEVER_NEGATIVE else low

@@ -110,8 +110,9 @@ class Misfit:
         """Derivatives of the residual by named parameters, and by the phase."""
         along = sensitivity(orbit, names).signal(self.signal, self.angles(orbit.system.frequency) + phase)
         table = np.column_stack((along.by_parameters, along.by_angle))
-        if "frequency" in names:  # then the angles change too
-            table[:, names.index("frequency")] += self.times * along.by_angle
+        structure = orbit.system.structure
+        if structure.pace in names:  # then the angles change too
+            table[:, names.index(structure.pace)] += structure.frequency * self.times * along.by_angle
         sizes = np.maximum(np.append(along.sizes, 0.0), np.sqrt(np.mean(table**2, axis=0)))
         table -= table.mean(axis=0)
         return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _ROUNDING * sizes)

@@ -28,7 +28,7 @@ def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.flo
 def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
     """What is wrong with finite values, one sentence each."""
     if not values[0] > 0:
-        yield f"frequency is {values[0]}; it must be > 0"
+        yield f"{structure.pace} is {values[0]}; it must be > 0"
     if structure.assembly:
         yield from structure.assembly.problems(values)
         yield from _clearance_problems(structure, values)

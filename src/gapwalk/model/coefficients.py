@@ -161,6 +161,12 @@ def coefficients_of(system: System) -> NDArray[np.float64]:
     return known
 
 
+def period_of(system: System, value: float) -> tuple[float, float]:
+    """The first coefficient, 1/W, at a value of the first parameter, and its derivative by that."""
+    unit = system.structure.frequency
+    return 1.0 / (unit * value), -1.0 / (unit * value**2)
+
+
 @dataclass(frozen=True)
 class ParameterLine:
     """The systems that differ from one another by the value of one named parameter."""
@@ -187,7 +193,7 @@ class ParameterLine:
         """The coefficients at one value of the parameter, and their derivative by it."""
         if self._place == 0:  # the frequency enters through 1/W alone: by far the most frequent line to walk
             coefficients, slope = self._base.copy(), np.zeros_like(self._base)
-            coefficients[0], slope[0] = 1.0 / value, -1.0 / value**2
+            coefficients[0], slope[0] = period_of(self.system, value)
             return coefficients, slope
         values = self.system.values.astype(complex)
         values[self._place] = complex(value, _STEP)

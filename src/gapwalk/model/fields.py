@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WrapValidator
 
 from gapwalk.model.excitation import check_order
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import by_shape, tagged
 from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 
 MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""
@@ -31,8 +32,9 @@ class Names:
     what: str = "coordinate"
     taken: set[str] = field(
         # First parts of the names of other parameters: a contact of that name would make them ambiguous.
-        default_factory=lambda: {"frequency", "mass", "damping", "stiffness", "mean", "study"}
+        default_factory=lambda: {"frequency", "speed", "mass", "damping", "stiffness", "mean", "study"}
     )
+    units: bool = False  # whether quantities have units
 
     @classmethod
     def of(cls, data: Any) -> Names:
@@ -50,7 +52,37 @@ class Names:
         tables = data.get("inertia") if isinstance(data, Mapping) else None
         tables = tables if isinstance(tables, list) else []
         names = [table.get("name") for table in tables if isinstance(table, Mapping)]
-        return cls([*dict.fromkeys(name for name in names if isinstance(name, str))] or None, "inertia")
+        known = [*dict.fromkeys(name for name in names if isinstance(name, str))] or None
+        return cls(known, "inertia", units=any(has_unit(value) for value in _quantities(data)))
+
+
+def _quantities(data: Any) -> Iterator[object]:
+    """All that stands, in the content of a train's file, where a quantity should."""
+    for key, value in data.items() if isinstance(data, Mapping) else ():
+        if key in ("name", "title", "study", "between", "reaction", "phase", "acts_on"):
+            continue
+        if isinstance(value, list):
+            for table in value:
+                yield from _quantities(table)
+        elif isinstance(value, Mapping):
+            yield from _quantities(value)
+        else:
+            yield value
+
+
+def measured(kind: QuantityKind) -> WrapValidator:
+    """Make a validator that reads texts with units where a file has units, and otherwise leaves the field as it is."""
+
+    def check(value: object, handler: Callable[[object], Any], info: ValidationInfo[Names]) -> Any:
+        if not info.context.units or value is None or (value == 0 and not isinstance(value, str | bool)):
+            return handler(value)
+        if isinstance(value, bool | list | Mapping):
+            return handler(value)
+        quantity = read_quantity(value, kind)
+        handler(quantity.number)  # its bounds
+        return quantity
+
+    return WrapValidator(check)
 
 
 def one_of(choices: type[Choice], otherwise: str = "") -> Callable[[object], Choice]:
@@ -156,8 +188,14 @@ Count = Annotated[int, Field(strict=True, ge=1)]
 Text = Annotated[str, Field(strict=True)]
 Name = Annotated[Text, AfterValidator(_word)]
 Angle = Annotated[Number, BeforeValidator(_radians)]
+Phase = Annotated[Angle, measured(QuantityKind.PHASE)]
+Torque = Annotated[Number, measured(QuantityKind.TORQUE)]
+Stiffness = Annotated[Number, measured(QuantityKind.STIFFNESS)]
+CubicStiffness = Annotated[Number, measured(QuantityKind.CUBIC)]
+Clearance = Annotated[NonNegative, measured(QuantityKind.ANGLE)]
 Order = Annotated[int, BeforeValidator(_whole)]
-Vector = dict[Annotated[Text, AfterValidator(_coordinate)], Number]
+InertiaName = AfterValidator(_coordinate)
+Vector = dict[Annotated[Text, InertiaName], Number]
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
 Matrix = Annotated[
     Annotated[list[list[Number]], tagged("matrix")] | Annotated[list[Number], tagged("diagonal")],

@@ -212,11 +212,16 @@ def read_system(path: str | os.PathLike[str]) -> System:
     """
     source = read_source(path)
     part, problems = check_system(source)
-    if "frequency" not in source.data:
+    if not gives_pace(source):
         problems.append(source.problem("is missing; write the frequency W of the excitation", ("frequency",)))
     if part is None or problems:
         raise ModelFileError(in_order(problems))
     return part.system()
+
+
+def gives_pace(source: Source) -> bool:
+    """Whether a file gives the frequency of the excitation, or the speed of a shaft in its place."""
+    return "frequency" in source.data or "speed" in source.data
 
 
 def in_order(problems: list[Problem]) -> list[Problem]:

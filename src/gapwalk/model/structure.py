@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.contact import DampingLaw, Side
 from gapwalk.model.names import NameBlock, ParameterNames
+from gapwalk.model.units import Units
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,12 @@ class Assembly(Protocol):
 
     @property
     def names(self) -> ParameterNames:
-        """The names of its own numbers; the first is the frequency."""
+        """The names of its own numbers; the first is the frequency, or what it is proportional to."""
+        ...
+
+    @property
+    def units(self) -> Units | None:
+        """The units of its own numbers; None if they are plain numbers."""
         ...
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -107,6 +113,21 @@ class Structure:
     def names(self) -> ParameterNames:
         """The names of all parameters, in the order of the value vector."""
         return self.assembly.names if self.assembly else ParameterNames(tuple(self._blocks()), self.coordinates)
+
+    @property
+    def units(self) -> Units | None:
+        """The units of the parameters; None if they are plain numbers."""
+        return self.assembly.units if self.assembly else None
+
+    @cached_property
+    def pace(self) -> str:
+        """The name of the first parameter: ``frequency``, or ``speed`` in a train that is driven at a speed."""
+        return self.names[0]
+
+    @cached_property
+    def frequency(self) -> float:
+        """The angular frequency W of the excitation at the value 1 of the first parameter."""
+        return self.units.frequency if self.units else 1.0
 
     @cached_property
     def equations(self) -> Structure:

@@ -14,6 +14,7 @@ from gapwalk.model.contact import Contact
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+from gapwalk.model.units import Units
 
 
 class _Parameters(Mapping[str, float]):
@@ -123,13 +124,14 @@ class System:
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
         self._set(structure, checked(structure, values))
 
-    def at(self, changes: Mapping[str, float] | None = None, **more: float) -> System:
+    def at(self, changes: Mapping[str, float | str] | None = None, **more: float | str) -> System:
         """The same system with other parameter values.
 
         Parameters
         ----------
         changes
-            New values by parameter name, for example ``{"stage2.clearance": 0.5}``.
+            New values by parameter name, for example ``{"stage2.clearance": 0.5}``. In a system with units a number is
+            in the unit of its parameter, and a text has its own: ``{"clutch.clearance": "2 deg"}``.
         **more
             The same, for names without a dot: ``system.at(frequency=0.5)``.
 
@@ -141,6 +143,11 @@ class System:
         values = self.values.copy()
         for name, value in {**(changes or {}), **more}.items():
             place = self.structure.place(name)
+            if self.units and isinstance(value, str):
+                try:
+                    value = self.units.read(name, value)
+                except ValueError as error:
+                    raise ModelError(f"{name} {error}") from None
             if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
                 raise ModelError(f"{name} is {value!r}; it must be a number")
             try:
@@ -199,8 +206,16 @@ class System:
 
     @property
     def frequency(self) -> float:
-        """The fundamental frequency W of the excitation."""
-        return self._at(0)
+        """The fundamental (angular) frequency W of the excitation, whatever the unit of the first parameter."""
+        return self._at(0) * self.structure.frequency
+
+    @property
+    def units(self) -> Units | None:
+        """The units of its parameters; None if they are plain numbers.
+
+        With units, coordinates are in the unit of its angles, contact forces in N m, and time in s.
+        """
+        return self.structure.units
 
     @property
     def parameters(self) -> Mapping[str, float]:

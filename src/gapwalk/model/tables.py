@@ -9,7 +9,19 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from gapwalk.model.contact import Side
 from gapwalk.model.excitation import Harmonic
-from gapwalk.model.fields import Angle, Direction, Name, Names, NonNegative, Number, Order, claim, one_of
+from gapwalk.model.fields import (
+    Clearance,
+    CubicStiffness,
+    Direction,
+    Name,
+    Names,
+    Order,
+    Phase,
+    Stiffness,
+    Torque,
+    claim,
+    one_of,
+)
 from gapwalk.model.problem import given
 from gapwalk.model.schema import Part
 
@@ -20,9 +32,9 @@ class StagePart(Part):
     """One spring of a contact: ``[[contact.stage]]``."""
 
     name: Name | None = None
-    clearance: NonNegative = Field(description="it is half the width of the gap")
-    stiffness: Number = Field(description="it is what this spring adds to the slope of the force")
-    cubic: Number = 0.0
+    clearance: Clearance = Field(description="it is half the width of the gap")
+    stiffness: Stiffness = Field(description="it is what this spring adds to the slope of the force")
+    cubic: CubicStiffness = 0.0
     side: SideName = Side.BOTH
 
 
@@ -30,8 +42,8 @@ class HarmonicPart(Part):
     """A term of the excitation: ``[[harmonic]]``."""
 
     order: Order = 1
-    amplitude: Number = Field(description="it is the size of the load")
-    phase: Angle = 0.0
+    amplitude: Torque = Field(description="it is the size of the load")
+    phase: Phase = 0.0
     acts_on: Direction = Field(description="write on which coordinates it acts, as in { q1 = 1.0 }")
     name: Name | None = Field(default=None, validate_default=True)
 

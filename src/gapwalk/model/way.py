@@ -16,6 +16,7 @@ from gapwalk.model.coefficients import layout_of
 from gapwalk.model.names import NameBlock, ParameterNames
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
+from gapwalk.model.units import Units
 
 WAY = "way"
 """The name of the parameter: 0 at the first values, 1 at the others."""
@@ -48,6 +49,11 @@ class WayAssembly:
         inner = self.structure.names
         blocks = (NameBlock(WAY), *(NameBlock(f"{WAY}.{name}") for name in self.moved))
         return replace(inner, blocks=(*inner.blocks, *blocks))
+
+    @property
+    def units(self) -> Units | None:
+        """The units of the system's parameters."""
+        return self.structure.units
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values of the equations of motion."""
@@ -89,9 +95,11 @@ def on_the_way(system: System, to: Mapping[str, float]) -> System:
         For an unknown parameter, a value that is not allowed, the frequency, or a system that is on a way already.
     """
     system.at(to)
-    if "frequency" in to:
-        raise ModelError("frequency cannot move together with others: everything is scaled by it; follow it by itself")
     structure = system.structure
+    if structure.pace in to:
+        raise ModelError(
+            f"{structure.pace} cannot move together with others: everything is scaled by it; follow it by itself"
+        )
     if isinstance(structure.assembly, WayAssembly):
         raise ModelError("the system is on a way already; leave from the system without it")
     assembly = WayAssembly(structure, tuple(to))

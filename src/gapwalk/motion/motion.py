@@ -14,6 +14,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.motion.switching import ContactEvent
+from gapwalk.motion.train import train_histories, train_signals
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,9 @@ class Motion:
         ----------
         name
             A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or a contact's name
-            for its force.
+            for its force. Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque
+            in a shaft or gear (``"clutch.torque"``). In a system with units, velocities and accelerations are in rad/s
+            and rad/s^2, whatever the unit of its angles.
 
         Raises
         ------
@@ -112,10 +115,16 @@ class Motion:
         contacts = [contact.name for contact in self.system.structure.contacts]
         if base in self.system.coordinates and len(name) - len(base) <= 2:
             kind = ("q", "v", "a")[len(name) - len(base)]
-            return getattr(self, kind)[:, self.system.coordinates.index(base)]
+            return getattr(self, kind)[:, self.system.coordinates.index(base)] * signal_factor(self.system, name)
         if name in contacts:
             return self.forces[:, contacts.index(name)]
+        if name in (known := train_signals(self.system.structure)):
+            return self._of_train[:, known.index(name)] * signal_factor(self.system, name)
         raise ModelError(f"there is no signal {name!r}; signals are {', '.join(signal_names(self.system))}")
+
+    @cached_property
+    def _of_train(self) -> NDArray[np.float64]:
+        return train_histories(self.system, self.theta, self.q, self.v, self.a, self.forces)
 
     @cached_property
     def _coefficients(self) -> NDArray[np.float64]:
@@ -173,7 +182,13 @@ def check_state(system: System, state) -> NDArray[np.float64]:
 def signal_names(system: System) -> list[str]:
     """Names of all signals of a motion of `system`."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    return derivatives + [contact.name for contact in system.structure.contacts]
+    contacts = [contact.name for contact in system.structure.contacts]
+    return [*derivatives, *contacts, *train_signals(system.structure)]
+
+
+def signal_factor(system: System, name: str) -> float:
+    """What a signal is multiplied by, from the consistent units of the equations of motion to its own."""
+    return 1.0 if system.units is None else system.units.signal(name)[0]
 
 
 def switch_names(system: System) -> list[tuple[str, str, int]]:

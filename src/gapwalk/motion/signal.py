@@ -14,7 +14,8 @@ from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.problem import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.motion.forces import accelerations, contact_forces
-from gapwalk.motion.motion import Motion, signal_names
+from gapwalk.motion.motion import Motion, signal_factor, signal_names
+from gapwalk.motion.train import train_histories, train_signals
 
 _STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
 
@@ -67,15 +68,30 @@ class Signal:
             How the coefficients of the flow change; None if they do not.
         theta
             How the angle of the excitation changes.
+
+        Raises
+        ------
+        ModelError
+            If the signal is one of the parts of a drive train, and the coefficients change.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size
         q, v = motion.q + step * states[:, :n], motion.v + step * states[:, n:]
         numbers = coefficients_of(system) + step * (0.0 if coefficients is None else coefficients)
-        a = accelerations(layout, numbers, motion.theta + step * theta, q, v)
-        shifted = np.hstack((q, v, a, contact_forces(layout, numbers, q, v))).imag / _STEP
-        known = signal_names(system)
-        return np.sum([factor * shifted[:, known.index(name)] for name, factor in self.terms], axis=0)
+        angles = motion.theta + step * theta
+        a, forces = accelerations(layout, numbers, angles, q, v), contact_forces(layout, numbers, q, v)
+        columns = [q, v, a, forces]
+        if of_train := train_signals(system.structure):
+            if coefficients is not None and any(name in of_train for name, _ in self.terms):
+                raise ModelError(
+                    f"the slope of {self.name} by a parameter is not known: it depends on the parts of the train "
+                    "themselves; fit to a coordinate, or to its acceleration"
+                )
+            columns.append(train_histories(system, angles, q, v, a, forces))
+        everything: NDArray[np.complex128] = np.hstack(columns)
+        shifted, known = everything.imag / _STEP, signal_names(system)
+        factors = [(known.index(name), factor * signal_factor(system, name)) for name, factor in self.terms]
+        return np.sum([factor * shifted[:, place] for place, factor in factors], axis=0)
 
 
 def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Signal:

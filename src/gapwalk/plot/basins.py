@@ -20,6 +20,7 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
 from gapwalk.plot.style import BLACK, GREY, RC
+from gapwalk.plot.words import coordinate_words
 
 SIZE = (6.6, 6.2)
 """Width and height of the picture, in inches."""
@@ -70,8 +71,8 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     ax.grid(visible=False)
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
-    ax.set_xlabel(f"{found.window.across} at the start")
-    ax.set_ylabel(f"{found.window.up} at the start")
+    ax.set_xlabel(f"{coordinate_words(found.window.across, found.system.units)} at the start")
+    ax.set_ylabel(f"{coordinate_words(found.window.up, found.system.units)} at the start")
     marked = list(_draw_strobes(ax, found, strobes))
     _draw_legend(ax, found, marked)
     return ax

@@ -101,8 +101,8 @@ def begin_branches(
     measure = full_measure(measure, first.system.coordinates)
     drawing = _Drawing(branches, measure)
     drawing.draw_lines(ax)
-    ax.set_xlabel(parameter_words(first.parameter))
-    ax.set_ylabel(measure_words(measure))
+    ax.set_xlabel(parameter_words(first.parameter, first.system.units))
+    ax.set_ylabel(measure_words(measure, first.system.units))
     ax.margins(x=0.02, y=0.06)
     ax.autoscale_view()
     if within:

@@ -81,7 +81,7 @@ def plot_comparison(
         What to call the results.
     """
     results = found.results
-    is_map = results[0].map is not None
+    is_map, units = results[0].map is not None, results[0].system.units
     full = full_measure(measure or results[0].walked.measure, results[0].system.coordinates)
     with mpl.rc_context(RC):
         figure = new_sheet((SIZE[0], 6.4))
@@ -94,9 +94,9 @@ def plot_comparison(
                 _draw_branches(above, result, full, options, dashed=is_second)
         if not is_map:
             _ring_lone_branches(above, found, full)
-        above.set_ylabel(parameter_words(found.parameters[-1]) if is_map else measure_words(full))
+        above.set_ylabel(parameter_words(found.parameters[-1], units) if is_map else measure_words(full, units))
         _draw_distances(below, found, tolerance)
-        below.set_xlabel(parameter_words(found.parameters[0]))
+        below.set_xlabel(parameter_words(found.parameters[0], units))
         below.set_ylabel("share of the ranges")
         _draw_legend(figure, found, names, tolerance)
     return figure

@@ -77,7 +77,8 @@ def draw_diagram(
     """Draw as `plot_diagram` does, into a figure that is made when the number of its panels is known."""
     if not diagram.limbs:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
-    coordinates = diagram.branches[0].system.coordinates
+    system = diagram.branches[0].system
+    coordinates = system.coordinates
     measure = full_measure(measure, coordinates)
     signal = measure.partition(".")[2]
     shortest = min(limb.period for limb in diagram.limbs)
@@ -90,10 +91,10 @@ def draw_diagram(
         panels = figure.subplots(count, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
         for letter, panel in zip("abc", panels, strict=False):
             panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
-            panel.set_xlabel(parameter_words(diagram.parameter))
+            panel.set_xlabel(parameter_words(diagram.parameter, system.units))
         for panel in panels[1:]:
             strobes.draw(panel)
-            panel.set_ylabel(state_words(strobes.coordinate))
+            panel.set_ylabel(state_words(strobes.coordinate, system.units))
         _set_limits(panels, strobes, crowd)
         if legend:
             draw_period_legend(panels[1], strobes.periods, bool(strobes.births))

@@ -14,6 +14,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import Motion
 from gapwalk.plot.style import BLACK, GREY
+from gapwalk.plot.words import signal_words
 
 _LINE: dict[str, Any] = {"color": BLACK, "linewidth": 1.1, "solid_joinstyle": "round"}
 _STOP: dict[str, Any] = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (4, 2)), "zorder": 1}
@@ -42,7 +43,7 @@ def plot_history(motion: Motion, signal: str, *, ax: Axes) -> Axes:
     ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
     ax.set_ylim(low - pad, high + pad)
     ax.set_xlabel("forcing periods")
-    ax.set_ylabel(signal)
+    ax.set_ylabel(signal_words(signal, motion.system.units))
     return ax
 
 
@@ -70,8 +71,9 @@ def plot_loop(motion: Motion, contact: str, *, ax: Axes) -> Axes:
     ax.plot(motion.deflections[:, index], motion.forces[:, index], **{**_LINE, "linewidth": 0.9})
     for level in _levels(motion.system, motion.system.structure.contacts[index]):
         ax.axvline(level, **_STOP)
-    ax.set_xlabel(f"deflection of {contact}")
-    ax.set_ylabel(f"force of {contact}")
+    units = motion.system.units
+    ax.set_xlabel(f"deflection of {signal_words(contact, units)}")
+    ax.set_ylabel(f"force of {contact}" + " [N m]" * (units is not None))
     return ax
 
 

@@ -61,8 +61,9 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
     with mpl.rc_context(RC):
         ax = open_window(_TALL).add_subplot() if ax is None else ax
         ax.set(xlim=chart.within[0], ylim=chart.within[1])
-        ax.set_xlabel(parameter_words(chart.first))
-        ax.set_ylabel(parameter_words(chart.second))
+        units = chart.sections[0].branches[0].system.units if chart.branches else None
+        ax.set_xlabel(parameter_words(chart.first, units))
+        ax.set_ylabel(parameter_words(chart.second, units))
         _draw_sections(ax, chart, labels)
         order, periods = list(LOCUS_TEXTS), _periods(chart)
         for locus in chart.loci:

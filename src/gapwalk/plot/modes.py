@@ -68,15 +68,17 @@ def draw_modes(system: System, modes: Modes, title: str = "") -> Figure:
         for number, ax in enumerate(panels):
             _draw(system, modes, number, ax, len(names))
             frequency = modes.frequencies[number]
-            text = "no vibration" if math.isnan(frequency) else f"{frequency:.4g}"
+            rate = f"{frequency / (2 * math.pi):.4g} Hz" if system.units else f"{frequency:.4g}"
+            text = "no vibration" if math.isnan(frequency) else rate
             ax.set_ylabel(f"{number + 1}\n{text}", rotation=0, ha="right", va="center")
             ax.axhline(0.0, color=GREY, linewidth=0.7)
             ax.set_ylim(-1.25, 1.25)
             ax.set_yticks([-1, 0, 1])
         if len(names) <= _NAMED:
             panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
+        kind = "" if system.units else " (angular)"
         quantity = "angles, each times the ratio to the first inertia" if modes.inertias else "coordinates"
-        panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies (angular)")
+        panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies{kind}")
     return figure
 
 

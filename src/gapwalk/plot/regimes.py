@@ -178,8 +178,8 @@ def _draw_cells(ax: Axes, found: Regimes, cells: NDArray, **options):
     ax.grid(visible=False)
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
-    ax.set_xlabel(parameter_words(found.first))
-    ax.set_ylabel(parameter_words(found.second))
+    ax.set_xlabel(parameter_words(found.first, found.system.units))
+    ax.set_ylabel(parameter_words(found.second, found.system.units))
     return image
 
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from gapwalk.attractor.section import Section
 from gapwalk.plot.style import BLACK, BLUE
+from gapwalk.plot.words import signal_words
 
 _FEW = 33  # points from which on they are drawn as dots
 
@@ -33,8 +34,8 @@ def plot_section(found: Section, first: str, second: str, *, ax: Axes, title: bo
         low, high = (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
         pad = 0.12 * (high - low) or 0.1 * max(1.0, abs(high))
         getattr(ax, f"set_{axis}lim")(low - pad, high + pad)
-    ax.set_xlabel(first)
-    ax.set_ylabel(second)
+    ax.set_xlabel(signal_words(first, found.system.units))
+    ax.set_ylabel(signal_words(second, found.system.units))
     if title:
         ax.set_title(f"section at {found.text}", fontsize="small")
     return ax

@@ -20,6 +20,7 @@ from gapwalk.plot.section import plot_section
 from gapwalk.plot.sheet import open_window
 from gapwalk.plot.spectrum import plot_spectrum
 from gapwalk.plot.style import RC
+from gapwalk.plot.words import value_words
 
 SIZE = (9.0, 5.8)
 _LONG = 24  # forcing periods of a time history, at least, where the motion does not repeat sooner
@@ -106,7 +107,8 @@ def _as_settled(motion: Settled | Attractor) -> Settled:
 
 
 def _title(motion: Settled | Attractor) -> str:
-    where = f"at Ω = {motion.system.frequency:g}"
+    structure = motion.system.structure
+    where = f"at {value_words(motion.system[structure.pace], structure.pace, structure.units)}"
     if isinstance(motion, Attractor):
         kind = f"period {motion.period}" if motion.orbit is not None else motion.kind.value
         return f"{kind[0].upper()}{kind[1:]} motion {where}"

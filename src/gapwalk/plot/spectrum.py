@@ -9,6 +9,7 @@ from matplotlib.ticker import MultipleLocator
 from gapwalk.attractor.spectrum import Spectrum
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.style import BLACK
+from gapwalk.plot.words import signal_words
 
 _DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED = 5  # lines that have their names beside them
@@ -46,7 +47,7 @@ def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels
     ax.set_ylim(floor, 4.0 * (largest or 1.0))
     ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
     ax.set_xlabel("multiples of the excitation frequency Ω")
-    ax.set_ylabel(f"amplitude of {found.signal}")
+    ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
     if labels:
         ax.figure.draw_without_rendering()  # type: ignore[union-attr]
         named = [

@@ -73,13 +73,14 @@ def plot_sweep(
     if not np.isfinite(sweep.sections[..., place]).any():
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
     names = [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)]
+    units = sweep.system.units
     with mpl.rc_context(RC):
         figure = figure or open_window(SIZE)
         shown = _shown_lanes(sweep)
         above = len(shown) * _STRIP
         strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, SIZE[1] - above])
         _draw_points(ax, sweep, names[place])
-        ax.set(xlabel=parameter_words(sweep.parameter), ylabel=state_words(names[place]))
+        ax.set(xlabel=parameter_words(sweep.parameter, units), ylabel=state_words(names[place], units))
         ax.set_xlim(sweep.values[0], sweep.values[-1])
         _draw_strips(strips, sweep, shown)
         if title:

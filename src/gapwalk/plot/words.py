@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from gapwalk.model.units import Units
+
 _MEASURES = {
     "half": "amplitude of {} (half the peak to peak)",
     "max": "maximum of {}",
@@ -14,32 +16,56 @@ _MEASURES = {
 _OF = ("clearance", "amplitude", "phase", "impact_damping", "viscous_damping", "cubic")  # and of what
 
 
-def parameter_words(name: str) -> str:
+def parameter_words(name: str, units: Units | None = None) -> str:
     """The label of an axis over a parameter."""
+    return _with(_parameter_words(name, units), units and units.parameter(name))
+
+
+def parameter_symbol(name: str, units: Units | None = None) -> str:
+    """The short form of a parameter, for tables and lines of progress."""
+    symbol = "Ω" if name == "frequency" and units is None else name
+    return _with(symbol, units and units.parameter(name))
+
+
+def measure_words(name: str, units: Units | None = None) -> str:
+    """The label of an axis over a measure such as ``half.q1`` or ``h1/2.q1``."""
+    kind, _, signal = name.partition(".")
+    words = _MEASURES[kind].format(signal) if kind in _MEASURES else f"amplitude of harmonic {kind[1:]} of {signal}"
+    return _with(words, units and units.signal(signal)[1])
+
+
+def state_words(coordinate: str, units: Units | None = None) -> str:
+    """The label of an axis over a coordinate seen once every forcing period."""
+    return _with(f"{coordinate}(0), once every forcing period", units and units.state(coordinate))
+
+
+def coordinate_words(coordinate: str, units: Units | None = None) -> str:
+    """The label of an axis over a coordinate or a velocity, as states have them."""
+    return _with(coordinate, units and units.state(coordinate))
+
+
+def signal_words(signal: str, units: Units | None = None) -> str:
+    """The label of an axis over a signal."""
+    return _with(signal, units and units.signal(signal)[1])
+
+
+def value_words(value: float, name: str, units: Units | None = None) -> str:
+    """A value of a parameter in a sentence: ``Ω = 0.5``, ``speed = 1500 rpm``."""
+    symbol = "Ω" if name == "frequency" and units is None else name
+    return " ".join(filter(None, (f"{symbol} = {value:.8g}", units and units.parameter(name))))
+
+
+def _parameter_words(name: str, units: Units | None) -> str:
     if name == "frequency":
-        return "excitation frequency Ω"
+        return "excitation frequency" + " Ω" * (units is None)
     owner, _, word = name.rpartition(".")
     if owner == "mean":
-        return f"mean load on {word}"
+        return f"mean {'load' if units is None else 'torque'} on {word}"
     return f"{word.replace('_', ' ')} of {owner}" if owner and word in _OF else name.replace("_", " ")
 
 
-def parameter_symbol(name: str) -> str:
-    """The short form of a parameter, for tables and lines of progress."""
-    return "Ω" if name == "frequency" else name
-
-
-def measure_words(name: str) -> str:
-    """The label of an axis over a measure such as ``half.q1`` or ``h1/2.q1``."""
-    kind, _, signal = name.partition(".")
-    if kind in _MEASURES:
-        return _MEASURES[kind].format(signal)
-    return f"amplitude of harmonic {kind[1:]} of {signal}"
-
-
-def state_words(coordinate: str) -> str:
-    """The label of an axis over a coordinate seen once every forcing period."""
-    return f"{coordinate}(0), once every forcing period"
+def _with(words: str, unit: str | None) -> str:
+    return f"{words} [{unit}]" if unit else words
 
 
 def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:

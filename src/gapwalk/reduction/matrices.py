@@ -121,5 +121,5 @@ def _spring(system: System, index: int) -> float:
     sides = {1: 0.0, -1: 0.0}
     for stage in contact.stages:
         for sign in stage.side.signs:
-            sides[sign] += system[f"{contact.stage_prefix(stage)}.stiffness"]
+            sides[sign] += system.equations[f"{contact.stage_prefix(stage)}.stiffness"]
     return max(sides.values(), key=abs)

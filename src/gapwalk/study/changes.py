@@ -11,6 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problem import ModelFileError, Path, Problem, given
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
+from gapwalk.model.units import PACES, kind_of
 
 
 def parse_changes(texts: Iterable[str]) -> dict[str, object]:
@@ -65,7 +66,7 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
         if name in walked:
             problems.append(Problem(f"{name} cannot be set: {_walk_words(tables, name)}", file=source.name))
             continue
-        paths = [*_study_paths(source, name)] or ([("frequency",)] if name == "frequency" else [])
+        paths = [*_study_paths(source, name)] or ([(name,)] if name in PACES else [])
         try:
             for path in paths:
                 source = source.with_value(path, value)
@@ -114,6 +115,7 @@ def change_system(
     """Change parameters of the system, as far as that is possible: by a study of the file, then from outside of it."""
     values: dict[str, Any] = {name: change.value for name, change in own.items()}
     try:
+        _check_units(system, values)
         system.at(values)
     except ModelError as error:
         return system, list(_own_problems(source, own, error))
@@ -125,10 +127,24 @@ def change_system(
         except ModelError as error:
             problems.append(Problem(str(error), file=source.name))
     try:
+        _check_units(system, values)
         system = system.at(values)
     except ModelError as error:
         problems += [Problem(line, file=source.name) for line in dict.fromkeys(str(error).splitlines())]
     return system, problems
+
+
+def _check_units(system: System, values: Mapping[str, Any]) -> None:
+    """A ModelError for plain numbers and wrong units where the system has units; nothing is zero in any unit."""
+    lines = []
+    for name, value in values.items():
+        if system.units and kind_of(name) and isinstance(value, int | float | str) and value != 0:
+            try:
+                system.units.read(name, value)
+            except ValueError as error:
+                lines.append(f"{name} {error}")
+    if lines:
+        raise ModelError("\n".join(lines))
 
 
 def _own_problems(source: Source, own: Mapping[str, Change], error: ModelError) -> Iterator[Problem]:

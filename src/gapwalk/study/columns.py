@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from gapwalk.bifurcation.locus import LocusPoint
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.model.system import System
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
@@ -35,6 +36,27 @@ def method_values(orbit: Orbit) -> list[float]:
 def method_document(orbit: Orbit) -> dict[str, float]:
     """The same as JSON values."""
     return dict(zip(("harmonics", "truncation"), method_values(orbit), strict=False))
+
+
+def with_units(headings: Iterable[str], system: System) -> list[str]:
+    """The headings of columns with their units, as in ``speed [rpm]``; as they are where the system has none.
+
+    Known are the names of parameters, of measures of coordinates, and of states.
+    """
+    return [f"{heading} [{unit}]" if (unit := _unit(heading, system)) else heading for heading in headings]
+
+
+def _unit(heading: str, system: System) -> str:
+    if system.units is None:
+        return ""
+    kind, _, signal = heading.partition(".")
+    if kind in MEASURES and signal in system.coordinates:
+        return system.units.signal(signal)[1]
+    state = heading.removesuffix("(0)")
+    if state.removesuffix("'") in system.coordinates:
+        return system.units.state(state)
+    name = heading.removeprefix("parameter ")
+    return system.units.parameter(name) if name in system.structure.names else ""
 
 
 def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:

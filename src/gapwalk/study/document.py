@@ -11,6 +11,7 @@ from gapwalk.bifurcation.search import SearchResult, coverage
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
+from gapwalk.motion.motion import signal_names
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.columns import method_document
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
@@ -38,6 +39,9 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "versions": dict(result.versions),
         "parameters": plain_parameters(result.system),
     }
+    if (units := result.system.units) is not None:
+        head["units"] = {name: unit for name in result.system.structure.names if (unit := units.parameter(name))}
+        head["units"] |= {name: units.signal(name)[1] for name in signal_names(result.system)}
     if result.study.reduced is not None:
         head["reduction"] = plain_reduced(result.study.reduced)
         head["checks"] = plain_checks(result.checks)

@@ -13,7 +13,14 @@ import numpy as np
 
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import StoreError
-from gapwalk.study.columns import measure_names, measure_values, method_names, method_values, parameter_headings
+from gapwalk.study.columns import (
+    measure_names,
+    measure_values,
+    method_names,
+    method_values,
+    parameter_headings,
+    with_units,
+)
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
@@ -71,7 +78,9 @@ def points_csv(result: Result) -> str:
     names = parameter_headings([result.walked.parameter, *([chart.second] if chart else [])], coordinates)
     header = ["branch", "name", "period", *names, "stable", "instability", "contacts"]
     return table_csv(
-        [*header, *measure_names(coordinates), *states, *multipliers, *method_names(result.walked)],
+        with_units(
+            [*header, *measure_names(coordinates), *states, *multipliers, *method_names(result.walked)], result.system
+        ),
         (
             [
                 number,
@@ -114,7 +123,7 @@ def special_points_csv(result: Result) -> str:
         "leads.to",
     ]
     return table_csv(
-        [*header, *measure_names(coordinates), *method_names(result.walked)],
+        with_units([*header, *measure_names(coordinates), *method_names(result.walked)], result.system),
         (
             [
                 number,
@@ -146,20 +155,20 @@ def table_of(result: Result, name: str) -> str:
     """One of the tables of a result, by its name in `table_names`."""
     if result.finding is not None:
         header, *rows = result.finding.tables()[name]()
-        return table_csv(header, rows)
+        return table_csv(with_units(map(str, header), result.system), rows)
     return _TABLES[name](result)
 
 
 def _loci_csv(result: Result) -> str:
     assert result.map is not None
     header, *rows = locus_rows(result.map, result.system.coordinates, method_names(result.walked))
-    return table_csv(header, rows)
+    return table_csv(with_units(map(str, header), result.system), rows)
 
 
 def _codim2_csv(result: Result) -> str:
     assert result.map is not None
     header, *rows = codim2_rows(result.map, result.system.coordinates, method_names(result.walked))
-    return table_csv(header, rows)
+    return table_csv(with_units(map(str, header), result.system), rows)
 
 
 def _search_csv(result: Result) -> str:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 from gapwalk.errors import ModelError
 from gapwalk.model.fields import Names
-from gapwalk.model.file import ModelPart, check_system, in_order
+from gapwalk.model.file import ModelPart, check_system, gives_pace, in_order
 from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
+from gapwalk.model.units import PACES
 from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
 from gapwalk.study.kinds import KINDS, all_keys
 from gapwalk.study.measure.table import check_measurement
@@ -102,6 +103,9 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
     reduction, found = reduction_part(source)
     problems += found
     system = part.system() if part else _sketch(source)
+    if reduction and system and system.units:
+        message = "reduces equations without units; write the numbers of this file without units"
+        problems.append(source.problem(message, ("reduction",)))
     problems += check_measurement(source, system)[1]
     tables = study_tables(source)
     if source.data.get("study") is None:
@@ -137,7 +141,7 @@ def _check_table(
     if reduction and part and system and not problems:
         reduced, problems = reduce_for(source, at, reduction, system)
         system = reduced.reduction.system if reduced and reduced.reduction else system
-    has_frequency = "frequency" in source.data or "frequency" in own
+    has_frequency = gives_pace(source) or any(name in own for name in PACES)
     table, found = _validated(source, at, system, has_frequency)
     problems += found
     if not has_frequency:
@@ -179,7 +183,7 @@ def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
     kind = table.get("kind")
     if isinstance(kind, str) and kind in KINDS and "parameter" not in KINDS[kind].model_fields:
         yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
-    if walked and "frequency" not in walked:
+    if walked and not any(name in walked for name in PACES):
         message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
         yield source.problem(message, ("frequency",))
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    WrapValidator,
+    field_validator,
+    model_validator,
+)
 
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError
@@ -16,6 +24,7 @@ from gapwalk.model.fields import Count, Number, Positive, Text, one_of
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
+from gapwalk.model.units import PACES, kind_of, read_quantity
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.study.method_table import BalancePart, MethodName, ShootingPart
 from gapwalk.study.options import Start, StudyOptions
@@ -130,14 +139,31 @@ def check_parameter(parameter: str, surroundings: Surroundings) -> str:
 def check_value(value: float, parameter: str | None, surroundings: Surroundings) -> float:
     """Refuse a value that a parameter cannot have; nothing is said of a parameter that is wrong itself."""
     system = surroundings.system
-    if system is None and parameter == "frequency":
-        system = System(["q"], [[1.0]])  # any has a frequency
+    if system is None and parameter in PACES:
+        system, parameter = System(["q"], [[1.0]]), "frequency"  # any has one
     if system and parameter:
         try:
             system.at({parameter: value})
         except ModelError as error:
             raise ValueError(f"is not allowed: {error}") from None
     return value
+
+
+def _with_unit(value: object, handler: Callable[[object], Any], info: ValidationInfo[Surroundings]) -> Any:
+    """Read a text with a unit where the parameter has one; the number is in the unit of that parameter."""
+    parameter, system = info.data.get("parameter"), info.context.system
+    kind = kind_of(parameter) if isinstance(parameter, str) else None
+    if value is None or kind is None or isinstance(value, bool | list | Mapping):
+        return handler(value)
+    if system is None:  # the file is wrong elsewhere, so nobody knows whether it has units
+        return read_quantity(value, kind).number if isinstance(value, str) else handler(value)
+    if system.units is None or (value == 0 and not isinstance(value, str)):
+        return handler(value)
+    return handler(system.units.read(str(parameter), value))
+
+
+Value = Annotated[Number, WrapValidator(_with_unit)]
+"""A value of the parameter that is named beside it: a number, or a text with a unit where the system has units."""
 
 
 class StudyPart(Part):
@@ -181,8 +207,8 @@ class RangePart(StudyPart):
     """What the schemas of the studies over one parameter have in common: its name, and its range."""
 
     parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
-    begin: Number | None = Field(default=None, alias="from", validate_default=True)
-    end: Number = Field(alias="to", description="write the value at which the walk ends")
+    begin: Value | None = Field(default=None, alias="from", validate_default=True)
+    end: Value = Field(alias="to", description="write the value at which the walk ends")
 
     @field_validator("parameter")
     @classmethod
@@ -194,7 +220,7 @@ class RangePart(StudyPart):
     def _is_allowed(cls, value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
         parameter, surroundings = info.data.get("parameter"), info.context
         if value is None:
-            if parameter == "frequency" and not surroundings.frequency_given:
+            if parameter in PACES and not surroundings.frequency_given:
                 raise ValueError("is missing; the file gives no frequency to start at either")
             return None
         return check_value(value, parameter, surroundings)

@@ -97,7 +97,7 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ('between = ["engine", "hub"]', 'between = ["hub", "hub"]', 'shaft[0].between has "hub" twice'),
         ('between = ["hub", "load"]', 'between = ["hub", "engine"]', "inertia[2] is joined to engine by nothing"),
         ("inertia = 0.05", "inertia = 0", "m.toml:11: inertia[1].inertia is 0; it must be > 0"),
-        ("inertia = 0.05", 'inertia = "0.05 kg m^2"', 'inertia[1].inertia is "0.05 kg m^2"; it must be a number'),
+        ("inertia = 0.05", 'inertia = "0.05"', 'inertia[1].inertia is "0.05"; it must be a number, without quotes'),
         ("inertia = 0.05", "inertia = 0.05\nmass = 1", "m.toml:12: inertia[1].mass is no key here"),
         ("ratio = 2.5", "ratio = 0.0", "m.toml:34: gear[0].ratio is 0; it must be the speed of the first"),
         ("ratio = 2.5", "", "gear[0].ratio is missing; it is the speed of the first inertia divided by that of the"),

@@ -14,39 +14,61 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
-from gapwalk.model.names import ParameterNames
+from gapwalk.model.names import NameBlock, ParameterNames
 from gapwalk.model.structure import Structure
 from gapwalk.model.train import geometry
 from gapwalk.model.train.form import TrainForm
+from gapwalk.model.units import Units
 
 _CONSISTENT = 1e-9  # relative error of the ratios around a loop
 
 
 @dataclass(frozen=True)
 class TrainAssembly:
-    """How the equations of motion come from the numbers of a train of this form."""
+    """How the equations of motion come from the numbers of a train of this form.
+
+    Parameters
+    ----------
+    form
+        The train without its numbers.
+    units
+        In which units its numbers are; None if they are plain numbers, in consistent units already.
+    """
 
     form: TrainForm
+    units: Units | None = None
 
     @property
     def names(self) -> ParameterNames:
         """The names of all numbers of its parts."""
-        return self.form.names
+        return self._names
+
+    @cached_property
+    def _names(self) -> ParameterNames:
+        names = self.form.names
+        if self.units is None or self.units.pace == names[0]:
+            return names
+        return ParameterNames((NameBlock(self.units.pace), *names.blocks[1:]))
+
+    def consistent(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Its numbers in consistent units: those of the equations of motion."""
+        return values if self.units is None else values * self._factors
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values of the equations of motion, in symmetric form."""
-        form, turned = self.form, self.angles(values)
+        form, turned, values = self.form, self.angles(values), self.consistent(values)
         deflections = geometry.deflections(form, form.ratios(values))
         parts = [values[:1], (turned.T @ (form.inertia(values)[:, None] * turned)).ravel()]
         for numbers in (form.dampings(values), form.stiffnesses(values)):
             parts.append((deflections.T @ (numbers[:, None] * deflections)).ravel())
-        parts.append(turned.T @ self.mean(values))
+        parts.append(turned.T @ self._mean(values))
         for torque in form.torques:
             parts += [form.size_and_phase(values, torque), turned.T @ form.shape(values, torque)]
         for number, contact in form.contacts:
@@ -59,6 +81,7 @@ class TrainAssembly:
         ``T^T J T`` is the inverse of ``W B^-1 W^T``, with the deflections ``W`` of the coordinates by the bodies that
         rigid gears make of the inertias, and the inertias ``B`` of those. So nothing is solved, and zeros stay zeros.
         """
+        values = self.consistent(values)
         form, ratios = self.form, self.form.ratios(values)
         bodies = geometry.bodies(form, ratios)
         pulls = geometry.pulls(form, ratios, bodies)
@@ -66,7 +89,7 @@ class TrainAssembly:
         flexed = pulls[list(form.springs)] @ diags_array(1.0 / inertia)
         inverse = flexed @ pulls.T
         deflections = csr_array(geometry.deflections(form, ratios))
-        torques = [self.mean(values), *(form.shape(values, torque) for torque in form.torques)]
+        torques = [self._mean(values), *(form.shape(values, torque) for torque in form.torques)]
         columns = [
             (inverse @ (diags_array(form.stiffnesses(values)) @ deflections)).toarray(),
             (inverse @ (diags_array(form.dampings(values)) @ deflections)).toarray(),
@@ -77,6 +100,7 @@ class TrainAssembly:
 
     def angles(self, values: NDArray[Any]) -> NDArray[Any]:
         """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
+        values = self.consistent(values)
         ratios, inertia = self.form.ratios(values), self.form.inertia(values)
         turned = geometry.angles(self.form, ratios)[:-1]
         if not self.form.is_free:
@@ -85,20 +109,45 @@ class TrainAssembly:
         momentum = (inertia * speeds) @ turned
         return turned - np.outer(speeds, momentum / np.sum(inertia * speeds * speeds))
 
+    def links(self, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Of all links stiffness and damping that act always, and deflections by the coordinates, shape (links, n)."""
+        values, form = self.consistent(values), self.form
+        return form.stiffnesses(values), form.dampings(values), geometry.deflections(form, form.ratios(values))
+
     def mean(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The mean torques on the inertias, with the reaction, shape (inertias,)."""
+        """The mean torques on the inertias in consistent units, with the reaction, shape (inertias,)."""
+        return self._mean(self.consistent(values))
+
+    def acceleration(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
+        if self.form.reaction is not None:  # it leaves rounding errors at most
+            return np.zeros(len(self.form.inertias))
+        return self.turning(values)[:, 0]
+
+    def turning(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The accelerations of the inertias by their torques as a free train turns as a whole.
+
+        They are in consistent units, shape (inertias, 1 + terms of the excitation): by the mean torques, then by each
+        term at the size 1. Together with `angles`, which have no momentum, they are all of the motion: the angles are
+        ``T x + r psi``, and ``r^T J r psi'' = r^T (torques)``. Zeros where the ground holds the train.
+        """
+        values, form = self.consistent(values), self.form
+        shapes = [self._mean(values), *(form.shape(values, torque) for torque in form.torques)]
+        if not form.is_free:
+            return np.zeros((len(form.inertias), len(shapes)), dtype=values.dtype)
+        speeds, inertia = geometry.speeds(form, form.ratios(values)), form.inertia(values)
+        return np.outer(speeds, speeds @ np.stack(shapes, axis=1)) / np.sum(inertia * speeds * speeds)
+
+    def _mean(self, values: NDArray[Any]) -> NDArray[Any]:
         mean = self.form.mean(values)
         if self.form.reaction is not None:
             speeds = geometry.speeds(self.form, self.form.ratios(values))
             mean[self.form.reaction] = -(speeds @ mean) / speeds[self.form.reaction]
         return mean
 
-    def acceleration(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
-        if not self.form.is_free or self.form.reaction is not None:
-            return np.zeros(len(self.form.inertias))
-        speeds, inertia = geometry.speeds(self.form, self.form.ratios(values)), self.form.inertia(values)
-        return speeds * (speeds @ self.mean(values)) / np.sum(inertia * speeds * speeds)
+    @cached_property
+    def _factors(self) -> NDArray[np.float64]:
+        return np.ones(1) if self.units is None else self.units.factors(self.names)
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """What is wrong with the numbers, one sentence each."""

@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Stage
-from gapwalk.model.fields import Name, NonNegative, Number, Positive, Text, Vector, without_repeats
+from gapwalk.model.fields import (
+    Clearance,
+    CubicStiffness,
+    InertiaName,
+    Name,
+    Names,
+    NonNegative,
+    Number,
+    Positive,
+    Text,
+    Torque,
+    measured,
+    without_repeats,
+)
 from gapwalk.model.problem import Path, Problem
 from gapwalk.model.schema import Part
 from gapwalk.model.source import Source
@@ -17,17 +30,16 @@ from gapwalk.model.system import System
 from gapwalk.model.tables import HarmonicPart, StagePart, study_tables
 from gapwalk.model.train.parts import Gear, Inertia, Shaft
 from gapwalk.model.train.train import Train
+from gapwalk.model.units import Quantity, QuantityKind
 
 _KEYS = ("inertia", "shaft", "gear")
 
-# The quantities of a part. They are numbers in consistent units; a validator put before them here is all that it takes
-# to read a text with a unit, such as "0.12 kg m^2".
-_Inertia = Positive
-_Stiffness = Positive
-_Damping = NonNegative
-_Clearance = NonNegative
-_Cubic = Number
-_PerRate = NonNegative  # Hunt and Crossley's coefficient: a time divided by a deflection
+# The quantities of a part: all are numbers in consistent units, or all are texts such as "0.12 kg m^2".
+_Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
+_Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS)]
+_Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING)]
+_PerRate = Annotated[NonNegative, measured(QuantityKind.IMPACT)]
+_Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
 
 
@@ -49,8 +61,8 @@ class LinkPart(Part):
     between: _Ends = Field(description='name the two inertias that it joins, as in ["flywheel", "hub"]')
     stiffness: _Stiffness | None = None
     damping: _Damping = 0.0
-    clearance: _Clearance | None = None
-    cubic: _Cubic = 0.0
+    clearance: Clearance | None = None
+    cubic: CubicStiffness = 0.0
     impact_damping: _PerRate | None = None
     viscous_damping: _Damping | None = None
     stage: list[StagePart] = Field(default=[])
@@ -91,12 +103,31 @@ class TrainPart(Part):
     inertia: list[InertiaPart] = Field(min_length=1, description="write a table [[inertia]] for each body")
     shaft: list[ShaftPart] = Field(default=[])
     gear: list[GearPart] = Field(default=[])
-    mean: Vector = Field(default={})
+    mean: dict[Annotated[Text, InertiaName], Torque] = Field(default={})
     reaction: Name | None = None
-    frequency: Positive | None = None
+    frequency: _Pace | None = None
+    speed: _Pace | None = None
     harmonic: list[HarmonicPart] = Field(default=[])
     study: Annotated[Any, AfterValidator(study_tables)] = None
     reduction: Any = None  # read by `gapwalk.study.reduced`
+
+    @field_validator("speed")
+    @classmethod
+    def _is_the_only_one(cls, speed: Quantity | float | None, info: ValidationInfo[Names]) -> Quantity | float | None:
+        if speed is not None and not isinstance(speed, Quantity):
+            raise ValueError('is a number; a speed has a unit, as in "1500 rpm". Without units, write frequency')
+        if speed is not None and info.data.get("frequency") is not None:
+            raise ValueError("stands beside frequency; leave one of the two out")
+        return speed
+
+    @model_validator(mode="after")
+    def _tells_its_unit(self, info: ValidationInfo[Names]) -> TrainPart:
+        if info.context.units and self.frequency is None and self.speed is None:
+            raise ValueError(
+                'the excitation has neither speed nor frequency; write speed = "1500 rpm" (then orders are counted per '
+                'turn) or frequency = "50 Hz"'
+            )
+        return self
 
     def train(self) -> Train:
         """The train that the file describes."""
@@ -108,6 +139,7 @@ class TrainPart(Part):
             harmonics=[part.harmonic() for part in self.harmonic],
             frequency=self.frequency or 1.0,
             reaction=self.reaction,
+            speed=self.speed,  # pyright: ignore[reportArgumentType]
         )
 
     def system(self) -> System:
@@ -122,7 +154,7 @@ def describes_train(data: Mapping[str, Any]) -> bool:
 
 def train_problems(error: ModelError, source: Source) -> Iterator[Problem]:
     """The lines of an error, each at the part that it begins with."""
-    places: dict[str, Path] = {"mean": ("mean",), "reaction": ("reaction",)}
+    places: dict[str, Path] = {name: (name,) for name in ("mean", "reaction", "frequency", "speed")}
     for kind in (*_KEYS, "harmonic"):
         for number, table in enumerate(source.data.get(kind, ())):
             places[table.get("name", f"harmonic{table.get('order', 1)}")] = (kind, number)

@@ -1,4 +1,7 @@
-"""The parts of a drive train: inertias, shafts, and gear meshes, each with its numbers."""
+"""The parts of a drive train: inertias, shafts, and gear meshes, each with its numbers.
+
+A number may also be a text with a unit, which `Train` reads: ``Inertia("hub", "0.005 kg m^2")``.
+"""
 
 from __future__ import annotations
 

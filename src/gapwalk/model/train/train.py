@@ -21,10 +21,12 @@ from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm
 from gapwalk.model.system import System, checked
 from gapwalk.model.train.assembly import TrainAssembly, structure_of
 from gapwalk.model.train.form import LinkForm, TorqueForm, TrainForm
+from gapwalk.model.train.measured import Contents, without_units
 from gapwalk.model.train.parts import GROUND, Gear, Inertia, Link, Shaft
 from gapwalk.model.train.tree import Edge, tree_of
+from gapwalk.model.units import Quantity, Units, has_unit
 
-_RESERVED = ("frequency", "mass", "damping", "stiffness", "mean", "study", GROUND)
+_RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "study", GROUND)
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,21 @@ class Train:
     harmonics
         Periodic torques; ``acts_on`` names inertias.
     frequency
-        The fundamental frequency W (angular), > 0.
+        The fundamental frequency W (angular), > 0; with a unit, in Hz, rpm or rad/s.
     reaction
         Name of the inertia that takes what the other mean torques of a free train leave over, so that it runs steadily;
         the mean torque of that one is then no parameter.
+    speed
+        In place of the frequency: the speed of a shaft, as ``"1500 rpm"``; orders of the excitation are then counted
+        per turn of it. The parameter is called ``speed``.
+    units
+        The units of its numbers; None for plain numbers. It is found from the texts.
+
+    Notes
+    -----
+    Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``,
+    ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`
+    says which.
 
     Raises
     ------
@@ -58,9 +71,12 @@ class Train:
     harmonics: Sequence[Harmonic] = ()
     frequency: float = 1.0
     reaction: str | None = None
+    speed: str | Quantity | None = None
+    units: Units | None = None
 
     def __post_init__(self) -> None:
-        problems = [*_name_problems(self), *_number_problems(self)] or [*_part_problems(self)]
+        problems = [*_name_problems(self)] or self._read_units()
+        problems = problems or [*_number_problems(self)] or [*_part_problems(self)]
         if not problems:
             problems = [*_joint_problems(self)]
         if problems:
@@ -84,8 +100,38 @@ class Train:
         structure = structure_of(assembly)
         return System.from_values(structure, checked(structure, values))
 
+    def _read_units(self) -> list[str]:
+        """Put numbers in place of all quantities with units; what is wrong with these."""
+        pace = "frequency" if self.speed is None else "speed"
+        if self.speed is not None and (not has_unit(self.speed) or self.frequency != 1.0):
+            return [f'speed is {self.speed!r}; write a speed such as speed="1500 rpm", or frequency=..., not both']
+        if self.speed is not None and self.units is not None:
+            return [f"speed is {self.speed!r}, but this train has its units already; make a new one for another pace"]
+        given = self.frequency if self.speed is None else self.speed
+        contents = Contents(self.inertias, self.shafts, self.gears, self.mean, self.harmonics, given)
+        found, units, problems = without_units(contents, self.units, pace)
+        if problems or units is None:
+            return problems
+        harmonics = found.harmonics
+        if self.speed is not None:
+            harmonics = [replace(each, order=each.order // (units.turns or 1)) for each in harmonics]
+        for name, value in (
+            ("inertias", found.inertias),
+            ("shafts", found.shafts),
+            ("gears", found.gears),
+            ("mean", found.mean),
+            ("harmonics", tuple(harmonics)),
+            ("frequency", found.pace),
+            ("speed", None),
+            ("units", units),
+        ):
+            object.__setattr__(self, name, value)
+        return []
+
     def replaced(self, part: str, **changes: Any) -> Train:
         """The train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
+
+        In a train with units a number is in the unit of its kind, and a text has its own: ``clearance="0.5 deg"``.
 
         Raises
         ------
@@ -116,7 +162,7 @@ class Train:
             ),
             None if self.reaction is None else numbers[self.reaction],
         )
-        return TrainAssembly(form), np.array([*self._numbers(form, contacts)], dtype=float)
+        return TrainAssembly(form, self.units), np.array([*self._numbers(form, contacts)], dtype=float)
 
     def _numbers(self, form: TrainForm, contacts: Sequence[Contact | None]) -> Iterator[float]:
         """All numbers in the order of `TrainForm.names`."""

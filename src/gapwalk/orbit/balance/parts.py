@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of
+from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
 from gapwalk.model.system import System
 from gapwalk.orbit.balance.compliance import DirectCompliance, Lines, PoleCompliance, pole_compliance
 from gapwalk.orbit.balance.laws import Laws, laws_of
@@ -48,14 +48,15 @@ class Parts:
     @cached_property
     def line(self) -> ParameterLine:
         """The systems along the parameter."""
-        return ParameterLine(self.system, self.parameter or "frequency")
+        return ParameterLine(self.system, self.parameter or self._pace)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
         """The coefficients at a value of the parameter, and their derivatives."""
         if self.parameter is None:
             return coefficients_of(self.system), None
-        if self.parameter == "frequency":  # the first coefficient is all that changes, and all that is asked for
-            return np.array([1.0 / value]), np.array([-1.0 / value**2])
+        if self.parameter == self._pace:  # the first coefficient is all that changes, and all that is asked for
+            first, slope = period_of(self.system, value)
+            return np.array([first]), np.array([slope])
         return self.line.coefficients(value)
 
     def compliance(
@@ -98,6 +99,10 @@ class Parts:
         total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
         return _SHARE * total / np.maximum(number, 1.0)
 
+    @property
+    def _pace(self) -> str:
+        return self.system.structure.pace
+
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, where it does not change with any parameter."""
@@ -115,7 +120,7 @@ class Parts:
     @property
     def _varying(self) -> tuple[str, ...]:
         """The parameters that may change the matrices or the laws."""
-        return tuple(name for name in (self.parameter, *self.others) if name not in (None, "frequency"))
+        return tuple(name for name in (self.parameter, *self.others) if name not in (None, self._pace))
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:

@@ -99,9 +99,10 @@ class Over:
                 raise ModelError(f"over names {name!r}, but {error}") from None
         if parameter in self.names:
             raise ModelError(f"over has {parameter}, along which each member is walked; choose another one")
-        if "frequency" in self.names and len(self.moved) > 1:
+        pace = system.structure.pace
+        if pace in self.names and len(self.moved) > 1:
             raise ModelError(
-                "over has frequency beside other parameters; it can stand there alone: everything is scaled by it"
+                f"over has {pace} beside other parameters; it can stand there alone: everything is scaled by it"
             )
         for number in range(len(self.axis)):
             try:

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
-from gapwalk.model.fields import Count, Number, Text
+from gapwalk.model.fields import Count, Text
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part
 from gapwalk.model.system import System
@@ -18,7 +18,7 @@ from gapwalk.study.map.options import KINDS
 from gapwalk.study.method_table import ShootingPart
 from gapwalk.study.options import MapStudyOptions, SecondParameter
 from gapwalk.study.store.plain import with_tuples
-from gapwalk.study.tables import BranchPart, Surroundings, check_parameter, check_value
+from gapwalk.study.tables import BranchPart, Surroundings, Value, check_parameter, check_value
 
 
 def _has_a_locus(value: object) -> Kind:
@@ -37,8 +37,8 @@ class SecondPart(Part):
     """The second parameter of a map and its range: ``second = { parameter = "mean.q1", from = 0.1, to = 0.5 }``."""
 
     parameter: Text = Field(description='write the second parameter, as in parameter = "mean.q1"')
-    begin: Number = Field(alias="from", description="write where its range begins")
-    end: Number = Field(alias="to", description="write where its range ends")
+    begin: Value = Field(alias="from", description="write where its range begins")
+    end: Value = Field(alias="to", description="write where its range ends")
 
     @field_validator("parameter")
     @classmethod

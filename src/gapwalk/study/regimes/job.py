@@ -104,7 +104,7 @@ class Plan:
         columns, rows = self.resolution
         grid = np.mgrid[:rows, :columns]
         # side by side go systems of about the same frequency: the lowest of them sets the steps of all
-        axis = 0 if self.names[1] == "frequency" else 1
+        axis = 0 if self.names[1] == self.system.structure.pace else 1
         order = np.argsort(grid[axis], axis=None, kind="stable")
         cells = grid.reshape(2, 1, -1)[..., order]
         return [_places(cells[..., first : first + CHUNK]) for first in range(0, rows * columns, CHUNK)]
@@ -229,7 +229,9 @@ def _judge_piece(piece: _Piece) -> RegimeChunk:
     turns, error = [], 0.0
     for values in piece.values:
         by_name = dict(zip(plan.names, values.T, strict=True))
-        frequencies = by_name.get("frequency", np.full(len(values), plan.system.frequency))
+        structure = plan.system.structure
+        paces = by_name.get(structure.pace, np.full(len(values), plan.system[structure.pace]))
+        frequencies = structure.frequency * paces
         swarm = swarm_of(plan.system, states, by_name)
         verdicts = judge(swarm, states, frequencies, plan.judging)
         turns.append(settle_doubts(verdicts, [partial(plan.system_at, pair) for pair in values]))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from gapwalk.model.structure import Structure
 from gapwalk.model.train.assembly import TrainAssembly, structure_of
 from gapwalk.model.train.form import LinkForm, TorqueForm, TrainForm
+from gapwalk.model.units import QuantityKind, Unit, Units
 from gapwalk.study.store.plain_parts import contact_of, harmonic_of, plain_contact, plain_harmonic, word
 
 
@@ -29,6 +31,7 @@ def plain_train(assembly: TrainAssembly) -> dict[str, Any]:
         ],
         "torques": [{**plain_harmonic(torque.harmonic), "acts_on": list(torque.acts_on)} for torque in form.torques],
         "reaction": form.reaction,
+        "units": None if assembly.units is None else _plain_units(assembly.units),
     }
 
 
@@ -53,7 +56,26 @@ def train_of(plain: dict[str, Any]) -> Structure:
     )
     reaction = None if plain["reaction"] is None else _number(plain["reaction"], count)
     form = TrainForm(tuple(word(name) for name in plain["inertias"]), links, torques, reaction)
-    return structure_of(TrainAssembly(form))
+    units = plain.get("units")
+    return structure_of(TrainAssembly(form, None if units is None else _units_of(units)))
+
+
+def _plain_units(units: Units) -> dict[str, Any]:
+    chosen = {kind.name: {"unit": unit.text, "factor": unit.factor} for kind, unit in units.chosen}
+    return {"chosen": chosen, "turns": units.turns}
+
+
+def _units_of(plain: dict[str, Any]) -> Units:
+    chosen = []
+    for name, unit in plain["chosen"].items():
+        text, factor = str(unit["unit"]), float(unit["factor"])
+        if not 0.0 < factor < math.inf or not text.isprintable():
+            raise ValueError(f"{text!r} is no unit")
+        chosen.append((QuantityKind[name], Unit(text, factor)))
+    turns = plain["turns"]
+    if turns is not None and not (isinstance(turns, int) and turns >= 1):
+        raise ValueError(f"{turns!r} is no number of periods in a turn")
+    return Units(tuple(chosen), turns)
 
 
 def _ends(given: Any, count: int) -> tuple[int, int]:

@@ -1,0 +1,54 @@
+"""A drive train with units for several tests, and the same numbers in SI units by hand."""
+
+import math
+
+import gapwalk as gw
+
+DEGREE = math.pi / 180.0
+
+FLYWHEEL, HUB, BOX = 0.14, 0.005, 0.03
+FIRST, SECOND, SHAFT = 2.0 / DEGREE, 28.0 / DEGREE, 1e4
+DAMPING, SHAFT_DAMPING, BETA, GAP = 0.3, 0.5, 0.05, 3.0 * DEGREE
+MEAN, SIZE, ORDER = 20.0, 100.0, 2
+
+
+def physical(speed: str = "1500 rpm") -> gw.Train:
+    """Flywheel, hub and gearbox in kg m^2, N m, deg and rpm."""
+    return gw.Train(
+        [gw.Inertia("flywheel", "0.14 kg m^2"), gw.Inertia("hub", "50 kg cm^2"), gw.Inertia("box", "0.03 kg m²")],
+        [
+            gw.Shaft(
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness="2 N m/deg",
+                damping="0.3 N m s/rad",
+                stages=(gw.Stage("3 deg", "28 Nm/deg"),),
+                impact_damping="0.05 s/rad",
+            ),
+            gw.Shaft("input", ("hub", "box"), stiffness="1e4 N m/rad", damping="0.5 N m s/rad"),
+        ],
+        mean={"flywheel": "20 N m", "box": "-20 N m"},
+        harmonics=[gw.Harmonic("100 N m", {"flywheel": 1.0}, order=ORDER)],
+        speed=speed,
+    )
+
+
+def by_hand(speed: float = 1500.0) -> gw.Train:
+    """The same in SI units."""
+    return gw.Train(
+        [gw.Inertia("flywheel", FLYWHEEL), gw.Inertia("hub", HUB), gw.Inertia("box", BOX)],
+        [
+            gw.Shaft(
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness=FIRST,
+                damping=DAMPING,
+                stages=(gw.Stage(GAP, SECOND),),
+                impact_damping=BETA,
+            ),
+            gw.Shaft("input", ("hub", "box"), stiffness=SHAFT, damping=SHAFT_DAMPING),
+        ],
+        mean={"flywheel": MEAN, "box": -MEAN},
+        harmonics=[gw.Harmonic(SIZE, {"flywheel": 1.0})],
+        frequency=ORDER * speed * math.pi / 30.0,
+    )
