@@ -31,7 +31,7 @@ ORDER = (
 )
 
 # Modules directly in gapwalk/ that stand above all packages.
-ABOVE_ALL = ("__init__", "__main__")
+ABOVE_ALL = ("__init__", "__main__", "homes")
 
 # Names of gapwalk/__init__.py that any module may ask for.
 ROOT_NAMES = ("__version__",)
