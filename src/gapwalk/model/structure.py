@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,14 @@ class ContactForm:
     def stage_prefix(self, stage: StageForm) -> str:
         """What the names of the stage's parameters begin with."""
         return f"{self.name}.{stage.name}" if stage.name else self.name
+
+
+class Breakpoint(NamedTuple):
+    """Where a stage begins on one side: the number of its contact, the side (1 or -1), and the place of its clearance."""
+
+    contact: int
+    side: int
+    place: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +115,16 @@ class Structure:
     def names(self) -> ParameterNames:
         """The names of all parameters, in the order of the value vector."""
         return self.assembly.names if self.assembly else ParameterNames(tuple(self._blocks()), self.coordinates)
+
+    @cached_property
+    def breakpoints(self) -> tuple[Breakpoint, ...]:
+        """The breakpoint of each switch of the flow, in the order of the switches."""
+        return tuple(
+            Breakpoint(index, side, self.place(f"{contact.stage_prefix(stage)}.clearance"))
+            for index, contact in enumerate(self.contacts)
+            for stage in contact.stages
+            for side in stage.side.signs
+        )
 
     @cached_property
     def equations(self) -> Structure:
