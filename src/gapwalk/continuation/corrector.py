@@ -182,9 +182,7 @@ class Corrector:
         matrix[-1] = border
         return matrix
 
-    def _course(
-        self, factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]
-    ) -> Course:
+    def _course(self, factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
         """What follows from the factors of a bordered matrix and its solution for a step along the border."""
         # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
         length = length_of(along)

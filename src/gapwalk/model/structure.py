@@ -44,7 +44,7 @@ class ContactForm:
 
 
 class Breakpoint(NamedTuple):
-    """Where a stage begins on one side: the number of its contact, the side (1 or -1), and the place of its clearance."""
+    """Where a stage begins on one side: number of its contact, side (1 or -1), place of its clearance."""
 
     contact: int
     side: int
