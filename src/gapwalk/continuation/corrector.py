@@ -175,6 +175,7 @@ class Corrector:
         return self.correct(start, normal)
 
     def _bordered(self, evaluation: Evaluation, border: NDArray[np.float64]) -> NDArray[np.float64]:
+        assert evaluation.by_parameter is not None
         size = len(border)
         matrix = np.empty((size, size), order="F")
         np.multiply(evaluation.by_unknowns, self._unknown_scales, out=matrix[:-1, :-1])

@@ -66,4 +66,6 @@ class Series:
 @lru_cache(maxsize=32)
 def _first_values(count: int) -> NDArray[np.complex128]:
     """From lines to the value at 0 and the derivative by phi there, shape (count, 2)."""
-    return np.column_stack((np.ones(count), 1j * np.arange(count)))
+    values = np.ones((count, 2), dtype=np.complex128)
+    values[:, 1] = 1j * np.arange(count)
+    return values
