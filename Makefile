@@ -9,7 +9,7 @@ PYTHON ?=
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-jobs test-engine check lint types bench campaign lock clean
+.PHONY: help demo docs explore test test-jobs test-engine check lint types bench campaign lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -18,11 +18,16 @@ demo: $(STAMP)  ## walk the branches of the clutch example, into out/
 	@mkdir -p out
 	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk --force
 
+explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)
+	@mkdir -p out
+	@cp -n examples/*.toml examples/*.mtx examples/*.csv out/ || true
+	$(VENV)/bin/gapwalk explore out/clutch.toml
+
 test: check  ## lint, types and tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-jobs test-engine
 
 # Two halves of about equal length, side by side.
-JOBS = tests/cli tests/measurement tests/plot tests/study
+JOBS = tests/cli tests/explorer tests/measurement tests/plot tests/study
 
 test-jobs: $(STAMP)
 	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider $(JOBS)
@@ -38,6 +43,12 @@ lint: $(STAMP)
 
 types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)
+
+docs: $(STAMP)  ## build the documentation into out/docs, and check its spelling and links
+	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples
+	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
+	$(PY) docs/_ext/links.py out/docs
+	@echo "open out/docs/index.html"
 
 bench: $(STAMP)  ## measure the speed
 	$(PY) -m benchmarks

@@ -47,6 +47,7 @@ PERMITTED = {
     ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("motion/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
+    ("study/family/record.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
     ("study/map/chart.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
     ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gapwalk.measurement.fit import Fit, FitOptions, fit
     from gapwalk.measurement.read import read_measurement
     from gapwalk.measurement.record import Record
-    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.excitation import Harmonic
     from gapwalk.model.modes import Modes, modes_of
@@ -57,6 +57,11 @@ if TYPE_CHECKING:
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.study.family.family import family
+    from gapwalk.study.family.options import FamilyOptions
+    from gapwalk.study.family.over import Over
+    from gapwalk.study.family.record import Family
+    from gapwalk.study.family.store import load_family
     from gapwalk.study.file import Study, read_studies, read_study
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
@@ -93,6 +98,8 @@ __all__ = [
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
+    "Family",
+    "FamilyOptions",
     "Fit",
     "FitOptions",
     "Gear",
@@ -109,6 +116,7 @@ __all__ = [
     "ModalDamping",
     "Modes",
     "Orbit",
+    "Over",
     "Plane",
     "ProportionalDamping",
     "Record",
@@ -150,6 +158,7 @@ __all__ = [
     "contrast",
     "diagram",
     "errors",
+    "family",
     "find_orbit",
     "fit",
     "follow",
@@ -160,6 +169,7 @@ __all__ = [
     "integrate",
     "load",
     "load_basins",
+    "load_family",
     "load_regimes",
     "load_sweep",
     "lyapunov",
@@ -181,6 +191,7 @@ __all__ = [
     "section",
     "settle",
     "spectrum",
+    "stop",
     "strobe",
     "sweep",
     "switch",
@@ -209,6 +220,8 @@ _HOMES = {
     "DiagramOptions": "study.diagram.diagram",
     "DiagramStudyOptions": "study.options",
     "Equilibrium": "model.rest",
+    "Family": "study.family.record",
+    "FamilyOptions": "study.family.options",
     "Fit": "measurement.fit",
     "FitOptions": "measurement.fit",
     "Gear": "model.train",
@@ -225,6 +238,7 @@ _HOMES = {
     "ModalDamping": "model.damping",
     "Modes": "model.modes",
     "Orbit": "orbit.orbit",
+    "Over": "study.family.over",
     "Plane": "attractor.plane",
     "ProportionalDamping": "model.damping",
     "Record": "measurement.record",
@@ -264,6 +278,7 @@ _HOMES = {
     "compare_results": "study.compare",
     "contrast": "attractor.contrast",
     "diagram": "study.diagram.diagram",
+    "family": "study.family.family",
     "find_orbit": "orbit.find",
     "fit": "measurement.fit",
     "follow": "bifurcation.follow",
@@ -274,6 +289,7 @@ _HOMES = {
     "integrate": "motion.motion",
     "load": "study.store.stored",
     "load_basins": "study.basins.store",
+    "load_family": "study.family.store",
     "load_regimes": "study.regimes.store",
     "load_sweep": "study.sweep.store",
     "lyapunov": "attractor.lyapunov",
@@ -294,6 +310,7 @@ _HOMES = {
     "section": "attractor.section",
     "settle": "attractor.settle",
     "spectrum": "attractor.spectrum",
+    "stop": "model.contact",
     "strobe": "attractor.section",
     "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",

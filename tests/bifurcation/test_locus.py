@@ -111,6 +111,19 @@ def test_two_folds_meet_at_a_cusp_and_vanish():
     assert folds_beside(-1e-4) == []
 
 
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("walk", [WalkOptions(), WalkOptions(initial_step=0.02, largest_step=0.1)])
+@pytest.mark.parametrize("within", [(0.35, 0.4), (0.385, 0.395)])
+def test_a_sharp_cusp_is_found_from_either_side_whatever_the_steps(number, walk, within):
+    """Its speed in the plane is back within 1e-4 of arclength, so rounding leaves a share of it at the cusp itself."""
+    system = case("13").at({"mean.q3": 0.395, "frequency": 0.66})
+    fold = follow(find_orbit(system, start="settle"), "frequency", 0.61).special(Kind.FOLD)[number]
+    locus = follow_locus(fold, "frequency", "mean.q3", ((0.61, 0.66), within), walk=walk)
+    (cusp,) = locus.codim2(Codim2.CUSP)
+    assert cusp.values == pytest.approx((0.6224486162, 0.3896359299), abs=1e-9)
+    assert cusp.values[1] <= locus.values[:, 1].min() + 1e-12  # nothing is beyond it
+
+
 def test_a_closed_locus_is_the_same_from_wherever_it_is_begun():
     one, other = locus(Kind.FOLD, 4), locus(Kind.FOLD, 5)
     for found in (one, other):

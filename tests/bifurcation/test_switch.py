@@ -37,6 +37,17 @@ def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):
         assert reached[back] == pytest.approx(begin, abs=1e-6)
 
 
+def test_follow_leaves_a_special_point_along_the_other_branch(parent):
+    flip = parent.special(Kind.FLIP)[0]
+    loop = follow(flip, "frequency", RANGE)
+    switched = walk_out(switch(flip, "frequency", RANGE))
+    assert [point.value for point in loop.points] == [point.value for point in switched.points]
+    lower = follow(flip, "frequency", 1.3)
+    assert (lower.period, lower.ends[-1].reason, lower.ends[-1].value) == (2, EndReason.RANGE, 1.3)
+    with pytest.raises(ModelError, match=r"no other branch .* leaves a fold"):
+        follow(parent.special(Kind.FOLD)[0], "frequency", RANGE)
+
+
 def test_a_doubled_branch_that_reaches_the_end_of_the_range_has_not_turned_back(parent):
     # its first tangent has no component along the parameter: it heads neither way
     low, high = sorted(flip.value for flip in parent.special(Kind.FLIP))[-2:]

@@ -51,7 +51,7 @@ def test_the_fit_recovers_what_the_synthetic_record_was_made_with(files, capsys)
     assert len(history) == document["record"]["samples"] == 1122
     lines = list(csv.DictReader(Path(tables[2]).read_text(encoding="utf-8").splitlines()))
     assert [float(line["order"]) for line in lines] == list(range(1, 21))
-    assert "measured (rattle.csv)" in Path("rattle-measured.svg").read_text(encoding="utf-8")
+    assert "record (rattle.csv)" in Path("rattle-measured.svg").read_text(encoding="utf-8")
 
 
 def test_the_committed_record_is_what_its_script_makes(tmp_path, monkeypatch) -> None:

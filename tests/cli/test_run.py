@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import StoreError
-from gapwalk.study.changes import parse_change
+from gapwalk.study.changes import parse_changes
 from tests.study.same import assert_same_result
 
 SLOWLY = ("--set", "study.walk.initial_step=0.001", "--set", "study.walk.largest_step=0.001")
@@ -128,7 +128,7 @@ def wait_for_points(path: str, count: int) -> None:
 
 def resume_and_compare(model: Path, stopped: gw.Result) -> None:
     assert main(["run", str(model), *SLOWLY, "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
-    changes = dict(parse_change(change) for change in SLOWLY[1::2])
+    changes = parse_changes(SLOWLY[1::2])
     resumed, undisturbed = gw.load("a.gapwalk"), gw.run(gw.read_study(model, changes))
     assert 60 <= len(stopped.branches[0].points) < len(undisturbed.branches[0].points)
     assert_same_result(resumed, undisturbed)

@@ -50,7 +50,7 @@ def test_a_sharp_turn_shortens_the_step_and_the_largest_step_is_kept():
         ({"initial_step": 0.0}, "initial_step is 0.0; it must be a number > 0"),
         ({"largest_step": float("nan")}, "largest_step is nan"),
         ({"largest_step": True}, "largest_step is True"),
-        ({"initial_step": 1.0}, "smallest_step <= initial_step <= largest_step"),
+        ({"smallest_step": 1.0}, "smallest_step <= largest_step, but they are 1.0 and 0.01"),
         ({"max_points": 1}, "max_points is 1; it must be an integer >= 2"),
         ({"max_points": 10.0}, "max_points is 10.0"),
     ],
@@ -58,3 +58,9 @@ def test_a_sharp_turn_shortens_the_step_and_the_largest_step_is_kept():
 def test_bad_options_are_refused(options, message):
     with pytest.raises(ModelError, match=message):
         WalkOptions(**options)
+
+
+def test_the_first_step_lies_between_the_bounds() -> None:
+    assert WalkOptions().first_step == 0.002
+    assert WalkOptions(largest_step=0.001).first_step == 0.001
+    assert WalkOptions(smallest_step=0.005).first_step == 0.005

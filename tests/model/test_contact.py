@@ -3,7 +3,7 @@
 import pytest
 
 from gapwalk.errors import ModelError
-from gapwalk.model import Contact, DampingLaw, Side, Stage, backlash
+from gapwalk.model import Contact, DampingLaw, Side, Stage, backlash, stop
 
 X = {"x": 1.0}
 
@@ -13,6 +13,13 @@ def test_backlash_is_one_symmetric_stage() -> None:
     assert contact.stages == (Stage(0.5, 2.0, 0.0, Side.BOTH),)
     assert contact.damping is DampingLaw.NONE
     damped = backlash("gap", X, 0.5, 2.0, impact_damping=0.1)
+    assert (damped.damping, damped.impact_damping) == (DampingLaw.HUNT_CROSSLEY, 0.1)
+
+
+def test_a_stop_is_a_stage_on_one_side() -> None:
+    assert stop("wall", X, 0.5, 2.0).stages == (Stage(0.5, 2.0, 0.0, Side.POSITIVE),)
+    damped = stop("wall", X, 0.5, 2.0, side="negative", impact_damping=0.1)
+    assert damped.stages == (Stage(0.5, 2.0, 0.0, Side.NEGATIVE),)
     assert (damped.damping, damped.impact_damping) == (DampingLaw.HUNT_CROSSLEY, 0.1)
 
 

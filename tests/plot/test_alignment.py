@@ -37,7 +37,7 @@ def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
     amplitudes = np.array([line.first for line in found.agreement.lines[: len(heights)]])
     np.testing.assert_allclose(heights, np.maximum(amplitudes, lines.get_ylim()[0]), rtol=1e-9)
     assert len(rest.lines[1].get_ydata()) == len(found.theta)
-    assert history.get_legend().get_texts()[0].get_text() == r"measured (a\$b_)"
+    assert history.get_legend().get_texts()[0].get_text() == r"record (a\$b_)"
     assert figure.get_suptitle().startswith("A clutch\nrms error")
     mpl.pyplot.close(figure)
 

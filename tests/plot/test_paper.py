@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gapwalk.errors import ModelError
+import gapwalk as gw
 from gapwalk.paper.compute import compute
 from gapwalk.paper.figure import Figure, FigureKind, Panel, View
 from gapwalk.paper.figures import find_figure
@@ -70,8 +71,12 @@ def test_an_overlay_names_its_results(results) -> None:
 
 
 def test_harmonic_balance_lies_on_the_response(results) -> None:
-    panel = Panel("a", View.BALANCE, ("12",), "")
-    (ax,) = draw_paper_figure(Figure("9", FigureKind.RESPONSE, "", (panel,)), results).axes
+    orbit = gw.find_orbit(gw.paper.case("12"), frequency=2.0, method=gw.Balance(20))
+    balanced = gw.follow(orbit, "frequency", to=0.15, method=gw.Balance(20, error=0.01))
+    # a result of which only the branches are looked at
+    shown = {"12": results["12"], "13": SimpleNamespace(branches=(balanced,))}
+    panel = Panel("a", View.BALANCE, ("12", "13"), "")
+    (ax,) = draw_paper_figure(Figure("9", FigureKind.RESPONSE, "", (panel,)), shown).axes  # type: ignore[arg-type]
     (circles,) = [line for line in ax.lines if line.get_markevery() == 0.03]
     branch = results["12"].branches[0]
     curve = np.column_stack((branch.values, branch.measure("half.q1")))
@@ -97,6 +102,47 @@ def test_a_motion_is_drawn_with_its_section(results) -> None:
     assert "What it is" in picture.get_suptitle()
 
 
-def test_what_is_not_drawn_yet_is_refused(results) -> None:
-    with pytest.raises(ModelError, match="figure 3 is not drawn yet"):
-        draw_paper_figure(find_figure("3"), results)
+MOTIONS = ("3-viscous", "3-impact", "8-impact", "8-viscous", "8-record")
+
+
+@pytest.fixture(scope="module")
+def motions(tmp_path_factory):
+    computed = compute(MOTIONS, tmp_path_factory.mktemp("motions"), cores=1)
+    return {key: computed.result(key) for key in computed.paths}
+
+
+def test_figure_1_rests_on_no_result() -> None:
+    first, second = draw_paper_figure(find_figure("1"), {}).axes
+    assert [len(texts(ax)) for ax in (first, second)] == [1, 1]
+    assert texts(first)[0].startswith("viscous damping: loss 0.5037")
+    assert first.lines[0].get_ydata().min() < -0.3  # it pulls
+    assert second.lines[0].get_ydata().min() >= 0.0
+
+
+def test_figure_3_has_a_row_for_each_signal(motions) -> None:
+    picture = draw_paper_figure(find_figure("3"), motions)
+    assert [ax.get_ylabel() for ax in picture.axes[::2]] == ["q1''", "stage2"]
+    assert [text.get_text() for text in picture.legends[0].get_texts()] == ["viscous damping", "impact damping"]
+    viscous, impact = picture.axes[0].lines
+    assert 0.01 < np.abs(viscous.get_ydata() - impact.get_ydata()).max() < 0.1
+
+
+def test_a_part_of_figure_3_has_its_row_only(motions) -> None:
+    picture = draw_paper_figure(find_figure("3b"), motions)
+    assert [ax.get_ylabel() for ax in picture.axes] == ["stage2", "amplitude of stage2"]
+
+
+def test_figure_8_says_that_its_record_is_synthetic(motions) -> None:
+    picture = draw_paper_figure(find_figure("8"), motions)
+    assert "SYNTHETIC" in picture.get_suptitle()
+    assert [len(part.axes) for part in picture.subfigs] == [3, 3]
+    for part in picture.subfigs:
+        history = next(ax for ax in part.axes if ax.get_xlabel() == "forcing periods")
+        assert texts(history)[0] == "record (SYNTHETIC, no measurement)"
+        assert history.get_ylabel() == "u3''"
+
+
+def test_a_picture_has_its_layout_when_it_is_drawn(motions) -> None:
+    """Saving it does not make the layout again, which takes longer than all the rest."""
+    for name in ("1", "3"):
+        assert draw_paper_figure(find_figure(name), motions).get_layout_engine() is None

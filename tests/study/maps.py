@@ -3,7 +3,7 @@
 import sys
 import time
 
-from gapwalk import Kind, MapStudyOptions, SecondParameter, Study, run
+from gapwalk import Balance, Kind, MapStudyOptions, SecondParameter, Study, WalkOptions, run
 from tests.systems import clutch
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
@@ -18,14 +18,20 @@ def clutch_map(workers: int | None = 1, kinds: tuple[Kind, ...] = KINDS, **more)
     return Study(system, options, "Second resonance", "title = 'Second resonance'\n", name="resonance")
 
 
-def main(path: str, workers: str) -> None:
+def balanced_map(workers: int | None = 1, **more) -> Study:
+    """The same by harmonic balance, with as many harmonics as it takes."""
+    return clutch_map(workers, method=Balance(error=2e-5), walk=WalkOptions(largest_step=0.05), **more)
+
+
+def main(path: str, workers: str, method: str = "shooting") -> None:
     """Draw up a map and store it, or go on with it; write a line for each section and each locus that is safe."""
+    make = balanced_map if method == Balance.name else clutch_map
 
     def report(chart, addition) -> None:
         print(len(chart.sections), len(chart.loci), flush=True)
         time.sleep(0.05)  # or most of the work would be done between two readings of this line
 
-    result = run(clutch_map(int(workers)), path, resume=True, report=report)
+    result = run(make(int(workers)), path, resume=True, report=report)
     print("complete" if result.complete else "stopped", flush=True)
 
 

@@ -11,7 +11,7 @@ def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study
     system = System(["x"], [[1.0]], [[0.05]], contacts=[stop], harmonics=[Harmonic(0.2, {"x": 1.0})], frequency=0.7).at(
         changes
     )
-    walk = WalkOptions(initial_step=min(0.002, largest_step), largest_step=largest_step)
+    walk = WalkOptions(largest_step=largest_step)
     return Study(system, ResponseOptions("frequency", 0.7, end, "half.x", walk=walk), "A stop", "title = 'A stop'\n")
 
 

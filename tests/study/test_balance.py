@@ -13,7 +13,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.continuation import EndReason
-from gapwalk.errors import ModelError, NumericalError, StoreError
+from gapwalk.errors import NumericalError, StoreError
 from gapwalk.model.problem import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit.balance import BalancedOrbit
@@ -273,7 +273,7 @@ def test_figure_9_is_the_same_by_both_methods(figure) -> None:
     assert comparison.largest_shift < 5e-5
 
 
-def test_loci_are_by_shooting_and_may_begin_at_a_balanced_point() -> None:
+def test_loci_by_shooting_may_begin_at_a_balanced_point() -> None:
     branch = gw.run(balanced(stop_study(), gw.Balance(20, error=1e-2))).branches[0]
     fold = branch.special(gw.Kind.FOLD)[0]
     ranges = ((0.7, 1.9), (0.9, 1.1))
@@ -281,12 +281,13 @@ def test_loci_are_by_shooting_and_may_begin_at_a_balanced_point() -> None:
     exact = gw.run(stop_study()).branches[0].special(gw.Kind.FOLD)[0]
     same = gw.follow_locus(exact, "frequency", "stop.clearance", ranges)
     assert locus.points[0].values == pytest.approx(same.points[0].values, abs=1e-8)
-    with pytest.raises(ModelError, match=r"harmonic-balance, but loci are followed by shooting.* leave method out"):
-        gw.follow_locus(fold, "frequency", "stop.clearance", ranges, method=gw.Balance(20))
+
+
+def test_a_map_is_balanced_by_one_word() -> None:
     second = 'second = { parameter = "mean.x", from = 0, to = 0.1 }\n'
-    plane = parse_source(FILE.replace('"response"', '"map"') + second)
-    with pytest.raises(ModelFileError, match=r"loci are followed by shooting"):
-        check_study(plane)
+    study = check_study(parse_source(FILE.replace('"response"', '"map"') + second))
+    assert study.options.kind == "map"
+    assert study.options.method == gw.Balance(12, 1e-3, "hill")
 
 
 def test_a_damaged_balanced_result_is_named(growing, tmp_path) -> None:

@@ -147,7 +147,7 @@ BAD = [
     ("segments = 4", "tolerance = -1e-9", 33, "study.shooting.tolerance", ["is -1e-09; it must be > 0"]),
     ("initial_step = 0.01", "initial_stepp = 0.01", 29, "study.walk.initial_stepp", ["did you mean initial_step"]),
     ("initial_step = 0.01", "initial_step = 0", 29, "study.walk.initial_step", ["is 0; it must be > 0"]),
-    ("initial_step = 0.01", "initial_step = 9.0", 28, "study.walk", ["smallest_step <= initial_step <= largest_step"]),
+    ("initial_step = 0.01", "smallest_step = 9.0", 28, "study.walk", ["smallest_step <= largest_step"]),
     ("max_points = 500", "max_points = 1", 30, "study.walk.max_points", ["is 1; it must be an integer >= 2"]),
     ('measure = "max.q3"', "segments = 3", 26, "study.segments", ["it belongs in shooting"]),
     ("[study.walk]\ninitial_step = 0.01\nmax_points = 500", "walk = 3", 28, "study.walk", ["is 3; it must be a table"]),

@@ -13,6 +13,8 @@ from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.balance import Balance
 from gapwalk.paper import case
 from gapwalk.study.diagram.diagram import DiagramOptions
+from gapwalk.study.family.options import FamilyOptions
+from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import check_study, read_studies, read_study
 from gapwalk.study.map import MapOptions
 from gapwalk.study.options import BranchOptions, MapStudyOptions
@@ -63,12 +65,33 @@ def test_what_the_comments_of_the_template_offer_is_right() -> None:
 
 def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     text = template()
-    offered = text[text.index("# second = ") : text.index('# A study kind = "diagram"')]
+    offered = text[text.index("# second = ") : text.index('# A study kind = "family"')]
     lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "map"', *lines]))))
     assert isinstance(study.options, MapStudyOptions)
     assert study.options.limits == MapOptions()
     assert study.options.second.parameter == "mean.q1"
+
+
+def test_what_the_comments_of_the_template_offer_of_families_is_right() -> None:
+    text = template()
+    offered = text[text.index("# over = ") : text.index('# A study kind = "diagram"')]
+    lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
+    study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "family"', *lines]))))
+    assert isinstance(study.options, FamilyStudyOptions)
+    assert study.options.limits == FamilyOptions()
+    assert (study.options.over.name, len(study.options.over.axis)) == ("load", 3)
+
+
+def test_the_example_of_families_goes_from_figure_13_to_14_and_over_the_stiffness_ratio() -> None:
+    load, stages = read_studies(EXAMPLES / "family.toml")
+    for figure, number in (("13", 0), ("14", -1)):
+        changes = load.options.over.at(number)
+        assert load.system.at({**changes, "frequency": case(figure).frequency}) == case(figure)
+    for figure, number in (("13", 0), ("23a", -1)):
+        kappa = stages.system.at(stages.options.over.at(number))
+        for name in stages.options.over.names:
+            assert kappa[name] == pytest.approx(case(figure)[name], abs=1e-15)
 
 
 @pytest.mark.parametrize("kind", ["settle", "sweep", "basins", "regimes"])

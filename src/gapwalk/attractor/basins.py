@@ -138,8 +138,9 @@ class Basins:
     def plot(self, title: str = "", **options: Any):
         """Draw the plane with its basins; options as in `gapwalk.plot.draw_basins`. Returns the figure."""
         from gapwalk.plot.basins import draw_basins
+        from gapwalk.plot.sheet import open_window
 
-        return draw_basins(self, title, **options)
+        return draw_basins(self, title, **{"on": open_window, **options})
 
     def __repr__(self) -> str:
         columns, rows = self.resolution

@@ -113,8 +113,9 @@ class Regimes:
     def plot(self, title: str = "", **options: Any):
         """Draw the map; options as in `gapwalk.plot.draw_regimes`. Returns the figure."""
         from gapwalk.plot.regimes import draw_regimes
+        from gapwalk.plot.sheet import open_window
 
-        return draw_regimes(self, title, **options)
+        return draw_regimes(self, title, **{"on": open_window, **options})
 
     def _groups(self) -> dict[str, int]:
         """The same as `cells`, with all long periods in one."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gapwalk.bifurcation.departure import Departure, depart, directions
+from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Step, Trail
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
@@ -19,7 +20,7 @@ Report = Callable[[BranchPoint, list[SpecialPoint]], None]
 
 
 def follow(
-    orbit: Orbit,
+    start: Orbit | SpecialPoint,
     parameter: str,
     to: float | tuple[float, float],
     *,
@@ -31,8 +32,9 @@ def follow(
 
     Parameters
     ----------
-    orbit
-        The orbit to start from, as from `find_orbit`.
+    start
+        The orbit to start from, as from `find_orbit`. Or a flip or a branch point: then the branch that leaves there is
+        followed, of twice the period or across; see `switch`.
     parameter
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
@@ -47,10 +49,19 @@ def follow(
     Raises
     ------
     ModelError
-        For an unknown parameter, or a range that does not hold the orbit.
+        For an unknown parameter, a range that does not hold the start, or a special point that no other branch leaves.
     """
-    departures = [depart(orbit, parameter, to, way, method) for way in directions(orbit.system[parameter], to)]
-    return walk_out(departures, walk, report)
+    return walk_out(_departures(start, parameter, to, method), walk, report)
+
+
+def _departures(
+    start: Orbit | SpecialPoint, parameter: str, to: float | tuple[float, float], method: Method | None
+) -> list[Departure]:
+    if isinstance(start, SpecialPoint):
+        value = start.orbit.system[parameter]
+        within = to if isinstance(to, tuple) else (min(value, to), max(value, to))
+        return switch(start, parameter, within, method)
+    return [depart(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 
 
 def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:

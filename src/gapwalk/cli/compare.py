@@ -9,12 +9,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DIFFERENT, DONE, print_json, printable
 from gapwalk.cli.progress import progress_of
-from gapwalk.cli.screen import console
 from gapwalk.errors import ModelError
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study.changes import parse_change
+from gapwalk.study.changes import parse_changes
 from gapwalk.study.compare import compare_results
 from gapwalk.study.comparison import Pair, ResultComparison, place_words
 from gapwalk.study.comparison_document import comparison_document
@@ -64,7 +64,7 @@ def _result_of(text: str, changes: list[str]) -> Result:
     file = file or text
     if not file.endswith(".toml"):
         return load(text)
-    study = read_study(file, dict(parse_change(change) for change in changes), name)
+    study = read_study(file, parse_changes(changes), name)
     with progress_of(study.options, study.name or file) as progress:
         result = run(study, report=progress)
     if not result.complete:

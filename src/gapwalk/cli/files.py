@@ -20,14 +20,15 @@ def new_file(file: Path) -> int:
 
 def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
+    from gapwalk.cli.console import console
     from gapwalk.cli.modes import train_lines
-    from gapwalk.cli.run import read_changed
-    from gapwalk.cli.screen import console
+    from gapwalk.study.changes import parse_changes
+    from gapwalk.study.file import read_studies
     from gapwalk.study.reduced.origin import plain_reduced
     from gapwalk.study.store.plain import plain_system
     from gapwalk.study.store.plain_options import plain_options
 
-    studies = read_changed(file, changes)
+    studies = read_studies(file, parse_changes(changes))
     if json:
         documents = [
             {
@@ -59,8 +60,9 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
 
 def show_result(path: Path, *, points: bool, json: bool) -> int:
     """Show what a result file holds; of a diagram or a map the special points only if they are wanted."""
+    from gapwalk.cli.console import console
     from gapwalk.cli.run import print_heading
-    from gapwalk.cli.screen import console, print_result
+    from gapwalk.cli.screen import print_result
     from gapwalk.study.document import result_document
     from gapwalk.study.store.stored import load
 

@@ -9,9 +9,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.cli.family import print_family
 from gapwalk.cli.outcome import printable
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.basins.finding import BasinFinding
+from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.finding import Finding
 from gapwalk.study.regimes.finding import RegimeFinding
 from gapwalk.study.settle.finding import SettleFinding
@@ -122,6 +124,7 @@ def _table(first: str, right: tuple[str, ...]) -> Table:
 
 
 _PRINTERS: dict[type[Finding], Callable[[Console, Any], None]] = {
+    FamilyFinding: print_family,
     SettleFinding: _print_settled,
     SweepFinding: _print_sweep,
     BasinFinding: _print_basins,

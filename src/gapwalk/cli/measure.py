@@ -10,13 +10,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
 from gapwalk.cli.run import print_files
-from gapwalk.cli.screen import console
 from gapwalk.errors import ModelError
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
-from gapwalk.study.changes import parse_change
+from gapwalk.study.changes import parse_changes
 from gapwalk.study.export import table_csv, write_whole
 from gapwalk.study.measure.measure import Measured, measure
 from gapwalk.study.measure.table import read_measured_model
@@ -29,7 +29,7 @@ def measure_file(
     file: Path, record: Path, names: list[str], changes: list[str], output: Path | None, *, json: bool
 ) -> int:
     """Put a record beside the motion of a model file, and return the exit code."""
-    model = read_measured_model(file, dict(parse_change(text) for text in changes))
+    model = read_measured_model(file, parse_changes(changes))
     if names:
         model = replace(
             model, fit=tuple(names), bounds={name: model.bounds[name] for name in names if name in model.bounds}

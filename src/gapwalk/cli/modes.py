@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DONE, print_json, printable
-from gapwalk.cli.screen import console
 from gapwalk.model.file import check_system, in_order
 from gapwalk.model.modes import Modes, modes_of
 from gapwalk.model.problem import ModelFileError
@@ -20,7 +20,7 @@ from gapwalk.model.rest import Equilibrium, Rest, rest_of
 from gapwalk.model.source import read_source
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly
-from gapwalk.study.changes import change_source, change_system, parse_change
+from gapwalk.study.changes import change_source, change_system, parse_changes
 
 _COLUMNS = 8  # entries of a mode that have a column each; of more, the largest are named
 _LARGEST = 3
@@ -58,7 +58,7 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
 
 
 def _read(file: Path, changes: list[str]) -> tuple[str, System]:
-    source, rest, problems = change_source(read_source(file), dict(parse_change(text) for text in changes))
+    source, rest, problems = change_source(read_source(file), parse_changes(changes))
     part, found = check_system(source)
     problems += found
     if part is None or problems:

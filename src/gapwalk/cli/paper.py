@@ -9,9 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from gapwalk.cli.outcome import BAD_INPUT, DONE, FAILED, print_json, printable
+from gapwalk.cli.console import console
+from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
 from gapwalk.cli.progress import CountProgress
-from gapwalk.cli.screen import console
 from gapwalk.paper.claims import CLAIMS, Claim, claims_about
 from gapwalk.paper.compute import compute
 from gapwalk.paper.document import Checked, claim_document, figure_document, notes
@@ -28,6 +28,7 @@ from gapwalk.study.work.workers import sharing, workers
 
 _FOLDER = Path("paper")
 _FEW = 2
+_FORMS = ("png", "svg")
 
 
 class _Work(NamedTuple):
@@ -68,7 +69,7 @@ def list_figures(*, json: bool) -> int:
 
 def _line(figure: Figure) -> dict[str, Any]:
     words: dict[str, Any] = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
-    return words | {"drawn": figure.drawn, "notes": notes(figure)}
+    return words | {"notes": notes(figure)}
 
 
 def run_figures(
@@ -82,7 +83,7 @@ def run_figures(
     with TemporaryDirectory() as scratch, sharing() if len(work.figures) > _FEW else nullcontext():
         found = _compute(work, (folder or Path(scratch)) / "results", force=force, show=not json)
         if folder is not None:
-            pictures = _draw_all(work, found, folder, show=not json)
+            pictures = _draw_all(work, found, folder, force=force, show=not json)
     if folder is not None and work.whole:
         _write_page(work, found, pictures, folder)
     if json:
@@ -120,18 +121,44 @@ def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
     return _Found(results, dict(computed.failures), checked)
 
 
-def _draw_all(work: _Work, found: _Found, folder: Path, *, show: bool) -> dict[str, list[str]]:
-    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures."""
-    figures = [each for each in work.figures if each.drawn and set(each.jobs) <= set(found.results)]
-    with CountProgress("pictures", len(figures), show=show) as progress, workers(1) as hands:
-        drawn: dict[str, list[str]] = {}
+def _draw_all(work: _Work, found: _Found, folder: Path, *, force: bool, show: bool) -> dict[str, list[str]]:
+    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures.
+
+    What is newer than its results, and than gapwalk itself, is left as it is.
+    """
+    whole = [each for each in work.figures if set(each.jobs) <= set(found.results)]
+    changed = _last_change()
+    figures = [each for each in whole if force or not _is_drawn(each, folder, changed)]
+    drawn = {each.name: _names(each) for each in whole if each not in figures}
+    if not figures:
+        return drawn
+    with CountProgress("pictures", len(whole), show=show) as progress, workers(1) as hands:
 
         def accept(index: int, names: list[str]) -> None:
             drawn[figures[index].name] = names
-            progress(figures[index].name, len(drawn), len(figures))
+            progress(figures[index].name, len(drawn), len(whole))
 
         hands.run(_draw, [(figure, folder) for figure in figures], accept, in_order=False)
     return drawn
+
+
+def _names(figure: Figure) -> list[str]:
+    return [f"{figure.file_name}.{form}" for form in _FORMS]
+
+
+def _last_change() -> float:
+    """When the code that draws was changed last, which is when it was installed."""
+    return max(path.stat().st_mtime for path in Path(__file__).parents[1].rglob("*.py"))
+
+
+def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
+    """Whether the pictures of a figure, which are written last, show its results as they are."""
+    pictures = [folder / name for name in _names(figure)]
+    if not all(path.exists() for path in pictures):
+        return False
+    results = [folder / "results" / f"{key}.gapwalk" for key in figure.jobs]
+    newest = max((path.stat().st_mtime for path in results), default=0.0)
+    return min(path.stat().st_mtime for path in pictures) > max(changed, newest)
 
 
 def _draw(piece: tuple[Figure, Path]) -> list[str]:
@@ -142,12 +169,11 @@ def _draw(piece: tuple[Figure, Path]) -> list[str]:
     figure, folder = piece
     results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
     picture = draw_paper_figure(figure, results)
-    names = [f"{figure.file_name}.{form}" for form in ("png", "svg")]
-    for name, form in zip(names, ("png", "svg"), strict=True):
-        write_whole(folder / name, picture_bytes(picture, form))
     for key, result in results.items():
         export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
-    return names
+    for name, form in zip(_names(figure), _FORMS, strict=True):
+        write_whole(folder / name, picture_bytes(picture, form))
+    return _names(figure)
 
 
 def _write_page(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path) -> None:
@@ -167,9 +193,6 @@ def _print(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: P
     screen = console()
     for figure in work.figures:
         screen.print(f"Figure {figure.name}. {figure.caption}", style="bold", soft_wrap=True)
-        if not figure.drawn:
-            text = f"figure {figure.name} is not drawn yet"
-            print(f"gapwalk: {text}", file=sys.stderr) if not work.whole else screen.print(f"  {text}")
         for name, note in notes(figure).items():
             screen.print(f"  note on the set of figure {name}: {printable(note)}", soft_wrap=True)
         for key in figure.jobs:
@@ -193,7 +216,8 @@ def _sentence(result: Result) -> str:
 
 def _failures(work: _Work, found: _Found) -> dict[str, str]:
     """What failed of that which was asked for; a reading that a claim looks at besides may fail: that is a finding."""
-    return {key: text for key, text in found.failures.items() if find_job(key).reading == work.reading}
+    shown = {key for figure in work.figures for key in figure.jobs}
+    return {key: text for key, text in found.failures.items() if key in shown or find_job(key).reading == work.reading}
 
 
 def _say_what_failed(work: _Work, found: _Found) -> None:
@@ -202,7 +226,4 @@ def _say_what_failed(work: _Work, found: _Found) -> None:
 
 
 def _code(work: _Work, found: _Found) -> int:
-    if _failures(work, found):
-        return FAILED
-    pending = not work.whole and any(not figure.drawn for figure in work.figures)
-    return BAD_INPUT if pending else DONE
+    return FAILED if _failures(work, found) else DONE

@@ -10,11 +10,12 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Te
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.locus import Locus
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import printable
-from gapwalk.cli.screen import console
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol
+from gapwalk.study.jobs import JOBS
 from gapwalk.study.map import Map, Section
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
 from gapwalk.study.work.pace import Pace
@@ -24,13 +25,14 @@ def progress_of(
     options: StudyOptions, title: str = "", *, show: bool = True
 ) -> WalkProgress | DiagramProgress | MapProgress | JobProgress:
     """The progress of a study of these options; `title` is what to call it."""
+    if options.kind in JOBS:
+        return JobProgress(options, title, show=show)
     if isinstance(options, DiagramStudyOptions):
         return DiagramProgress(title, show=show)
     if isinstance(options, MapStudyOptions):
         return MapProgress(options, title, show=show)
-    if isinstance(options, BranchOptions):
-        return WalkProgress(options, title, show=show)
-    return JobProgress(options, title, show=show)
+    assert isinstance(options, BranchOptions)
+    return WalkProgress(options, title, show=show)
 
 
 class _Line:

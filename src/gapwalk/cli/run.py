@@ -9,14 +9,15 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from gapwalk.cli.console import console
 from gapwalk.cli.outcome import DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
 from gapwalk.cli.progress import progress_of
-from gapwalk.cli.screen import console, print_result
+from gapwalk.cli.screen import print_result
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.problem import did_you_mean
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study.changes import parse_change
+from gapwalk.study.changes import parse_changes
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
@@ -59,7 +60,7 @@ def _run_all(
     json: bool,
     quiet: bool,
 ) -> int:
-    studies = chosen(read_changed(file, changes), names, file)
+    studies = chosen(read_studies(file, parse_changes(changes)), names, file)
     outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
         check_claim(path, study, resume=resume, force=force)  # before anything is computed
@@ -120,11 +121,6 @@ def _files(result: Result, path: Path) -> list[str]:
     """The names of the files that a run has written."""
     products = [] if exit_code(result) == INTERRUPTED else product_paths(result, path)
     return [str(file) for file in (path, *products)]
-
-
-def read_changed(file: Path, changes: list[str]) -> tuple[Study, ...]:
-    """The studies of a model file with the changes of ``--set``."""
-    return read_studies(file, dict(parse_change(text) for text in changes))
 
 
 def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool = True) -> Path:

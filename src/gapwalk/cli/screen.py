@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -17,21 +15,6 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol
 from gapwalk.study.result import Result
-
-_WIDTH = 120  # of what is written to a file or a pipe
-
-
-class _Screen(Console):
-    def on_broken_pipe(self) -> None:
-        """Let the command end as it does when anything else is printed to a reader that has gone."""
-        raise BrokenPipeError
-
-
-def console(*, stderr: bool = False) -> Console:
-    """Where to print; texts are printed as they are, without markup."""
-    stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else _WIDTH
-    return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width)
 
 
 def print_result(screen: Console, result: Result, *, points: bool = True) -> None:
@@ -64,9 +47,9 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 
 
 def _balance_words(result: Result) -> str:
-    """How finely the orbits of branches were balanced, and what that lacks."""
-    points = (point.orbit for branch in result.branches for point in branch.points)
-    orbits = [orbit for orbit in points if isinstance(orbit, BalancedOrbit)]
+    """How finely the orbits of branches and loci were balanced, and what that lacks."""
+    curves = [*result.branches, *(result.map.loci if result.map is not None else ())]
+    orbits = [point.orbit for curve in curves for point in curve.points if isinstance(point.orbit, BalancedOrbit)]
     fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
     count = f"{most}" if fewest == most else f"{fewest} to {most}"
     return (

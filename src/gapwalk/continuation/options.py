@@ -14,8 +14,10 @@ class WalkOptions:
 
     Parameters
     ----------
-    initial_step, smallest_step, largest_step
-        The first step, the step at which the walk gives up, and the longest step.
+    initial_step
+        The first step; where it does not lie between the two below, the nearer of them.
+    smallest_step, largest_step
+        The step at which the walk gives up, and the longest step.
     largest_turn
         The largest angle between the tangents at both ends of a step, in radians.
     iterations
@@ -36,12 +38,17 @@ class WalkOptions:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
                 raise ModelError(f"{name} is {value!r}; it must be a number > 0")
-        if not self.smallest_step <= self.initial_step <= self.largest_step:
+        if not self.smallest_step <= self.largest_step:
             raise ModelError(
-                f"the steps must satisfy smallest_step <= initial_step <= largest_step, but they are "
-                f"{self.smallest_step}, {self.initial_step}, {self.largest_step}"
+                f"the steps must satisfy smallest_step <= largest_step, but they are {self.smallest_step} and "
+                f"{self.largest_step}"
             )
         for name in ("iterations", "max_points"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 2:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 2")
+
+    @property
+    def first_step(self) -> float:
+        """The step with which a walk begins."""
+        return min(max(self.initial_step, self.smallest_step), self.largest_step)

@@ -132,7 +132,7 @@ class Walk(Iterator[BranchPoint]):
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
-        state = resume or WalkState(None, first, options.initial_step, 0)
+        state = resume or WalkState(None, first, options.first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
@@ -216,7 +216,7 @@ class Walk(Iterator[BranchPoint]):
 
     def _closes(self, point: BranchPoint) -> bool:
         """Whether the step to `point` passes through the walk's origin."""
-        if self.point is self.origin or point.arclength < 4 * self.options.initial_step:
+        if self.point is self.origin or point.arclength < 4 * self.options.first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x
         length2 = float(chord @ chord)
@@ -253,20 +253,19 @@ class Walk(Iterator[BranchPoint]):
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,): see `state_scales`, and of the range."""
-    return powers_of_two(np.append(equation.scales(_CLEARANCES * _length(orbit)), within.high - within.low))
+    """Scales of the unknowns and of the parameter, shape (N + 1,): see `unknown_scales`, and of the range."""
+    return powers_of_two(np.append(unknown_scales(equation, orbit), within.high - within.low))
 
 
-def state_scales(orbit: Orbit) -> NDArray[np.float64]:
-    """Scales of the state at the start of an orbit, shape (2n,).
+def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
+    """Scales of the unknowns of an equation near an orbit, shape (N,).
 
     A parameter is measured in widths of its range. Positions in largest clearances (the natural length of a system
     with gaps), or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that
     times the frequency. Both are divided among the unknowns and set against the parameter so that an orbit that
     changes by a tenth of that length counts as 1 % of the range.
     """
-    unit = _CLEARANCES * _length(orbit) * np.sqrt(orbit.system.size)
-    return np.repeat([unit, unit * orbit.system.frequency], orbit.system.size)
+    return equation.scales(_CLEARANCES * _length(orbit))
 
 
 def _length(orbit: Orbit) -> float:

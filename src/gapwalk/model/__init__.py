@@ -1,6 +1,6 @@
 """What vibrates: contacts, excitation, and the system that they make up."""
 
-from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash
+from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
 from gapwalk.model.damping import ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.problem import ModelFileError, Problem
@@ -21,4 +21,5 @@ __all__ = [
     "Structure",
     "System",
     "backlash",
+    "stop",
 ]

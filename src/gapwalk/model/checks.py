@@ -19,13 +19,14 @@ def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.flo
         for place in np.flatnonzero(~np.isfinite(values))
     ]
     if not problems:
-        problems = list(_value_problems(structure, values))
+        problems = list(value_problems(structure, values))
     if problems:
         raise ModelError("\n".join(problems))
     return values
 
 
-def _value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
+def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
+    """What is wrong with finite values, one sentence each."""
     if not values[0] > 0:
         yield f"frequency is {values[0]}; it must be > 0"
     if structure.assembly:

@@ -128,20 +128,22 @@ class CoefficientLayout:
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """The coefficients of the flow from the (real or complex) vector of parameter values."""
-        assembly, own = self.assembled.assembly, values
-        values, n = self.assembled.expand(values), self.structure.size
-        amplitude, phase, shapes, select = self._harmonic_places
-        if assembly:
-            table = assembly.accelerations(own)
-        else:
-            mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
-            table = np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
+        table, values = self.table(values), self.assembled.expand(values)
+        amplitude, phase, _, select = self._harmonic_places
         linear, shape = np.split(table, [table.shape[1] - len(self.structure.harmonics)], axis=1)
         size, angle = values[amplitude], values[phase]
         cosines = shape @ (select * (size * np.cos(angle))).T
         sines = shape @ (select * (size * -np.sin(angle))).T
         accelerations = np.concatenate((linear, cosines, sines), axis=1)
         return np.concatenate(([1.0 / values[0]], accelerations.ravel(), values[self._contact_places]))
+
+    def table(self, values: NDArray[Any]) -> NDArray[Any]:
+        """``M^-1 [K | C | d_1 ... | m | s_1 ...]`` with the shapes s of the harmonics, from the same vector."""
+        if self.assembled.assembly:
+            return self.assembled.assembly.accelerations(values)
+        n, shapes = self.structure.size, self._harmonic_places[2]
+        mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
+        return np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
 
 
 @lru_cache(maxsize=256)

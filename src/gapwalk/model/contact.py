@@ -67,7 +67,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Contact:
-    """A force ``f(x, x')`` that depends on one deflection ``x = e . q`` and acts along one direction ``d``.
+    """A force ``f(x, x')`` that depends on one deflection ``x = e @ q`` and acts along one direction ``d``.
 
     Parameters
     ----------
@@ -108,8 +108,25 @@ def backlash(
     impact_damping: float = 0.0,
 ) -> Contact:
     """A symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
+    return _hunt_crossley(name, deflection, Stage(clearance, stiffness), force, impact_damping)
+
+
+def stop(
+    name: str,
+    deflection: Mapping[str, float],
+    clearance: float,
+    stiffness: float,
+    *,
+    side: Side | str = Side.POSITIVE,
+    force: Mapping[str, float] | None = None,
+    impact_damping: float = 0.0,
+) -> Contact:
+    """A stop on one side, with one spring: it is touched beyond `clearance`, by the sign of the deflection."""
+    return _hunt_crossley(name, deflection, Stage(clearance, stiffness, side=Side(side)), force, impact_damping)
+
+
+def _hunt_crossley(name, deflection, stage: Stage, force, impact_damping: float) -> Contact:
     damping = DampingLaw.HUNT_CROSSLEY if impact_damping else DampingLaw.NONE
-    stage = Stage(clearance, stiffness)
     return Contact(name, deflection, (stage,), force, damping, impact_damping)
 
 

@@ -27,13 +27,18 @@ class Signal:
     ----------
     terms
         Names as in `Motion.signal`, each with its factor.
+    label
+        What it is called; by default the sum as a text.
     """
 
     terms: tuple[tuple[str, float], ...]
+    label: str = ""
 
     @property
     def name(self) -> str:
-        """The same as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        """Its label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        if self.label:
+            return self.label
         if len(self.terms) == 1 and self.terms[0][1] == 1.0:
             return self.terms[0][0]
         text = " ".join(f"{'-' if factor < 0 else '+'} {_size(factor)}{name}" for name, factor in self.terms)
@@ -93,7 +98,7 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
             raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
     if not any(factor for _, factor in terms):
         raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
-    return Signal(terms)
+    return given if isinstance(given, Signal) else Signal(terms)
 
 
 def _size(factor: float) -> str:

@@ -7,8 +7,9 @@ from typing import Any
 
 from gapwalk.paper.cases import describe
 from gapwalk.paper.claims import Claim, Outcome
-from gapwalk.paper.figure import Figure
+from gapwalk.paper.figure import Figure, View
 from gapwalk.paper.jobs import find_job
+from gapwalk.paper.loops import LOOPS
 from gapwalk.study.document import result_document
 from gapwalk.study.result import Result
 
@@ -36,9 +37,20 @@ def figure_document(
             for panel in figure.panels
         ],
         "notes": notes(figure),
+        "loops": _loops(figure),
         "results": {key: result_document(results[key]) for key in figure.jobs if key in results},
         "failures": {key: failures[key] for key in figure.jobs if key in failures},
         "claims": [claim_document(claim, outcome) for claim, outcome in checked],
+    }
+
+
+def _loops(figure: Figure) -> dict[str, Any]:
+    """The loops of panels that rest on no job, by the names of their damping laws."""
+    names = [name for panel in figure.panels if panel.view is View.HYSTERESIS for name in panel.names]
+    return {
+        name: {"loss": loop.loss, "deflection": loop.deflection.tolist(), "force": loop.force.tolist()}
+        for name, loop in LOOPS.items()
+        if name in names
     }
 
 

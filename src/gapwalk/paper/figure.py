@@ -15,7 +15,9 @@ class FigureKind(StrEnum):
     RESPONSE = "frequency response"
     DIAGRAM = "diagram over the amplitude"
     MOTION = "settled motion"
-    PENDING = "not drawn yet"
+    CONTRAST = "two motions"
+    RECORD = "motion beside a record"
+    LAW = "force law"
 
 
 class View(StrEnum):
@@ -31,6 +33,12 @@ class View(StrEnum):
     """As `RESPONSE`, beside harmonic balance."""
     MOTION = "motion"
     """Time history, spectrum, section and loop of the contact force."""
+    CONTRAST = "contrast"
+    """A signal of two motions, laid over each other in time and as lines of their spectra."""
+    RECORD = "record"
+    """The acceleration of the third inertia: of a motion, and a record of another one."""
+    HYSTERESIS = "hysteresis"
+    """The loop of a contact's force under a harmonic deflection, in closed form: it rests on no job."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +56,9 @@ class Panel:
     within
         Range of the parameter; None for the whole range of the job.
     names
-        What the legend calls the jobs of an overlay.
+        What the legend calls the jobs of an overlay or a contrast, or the loops of `gapwalk.paper.loops`.
+    signal
+        What a contrast shows, as in `Motion.signal`.
     """
 
     letter: str
@@ -57,6 +67,7 @@ class Panel:
     title: str
     within: tuple[float, float] | None = None
     names: tuple[str, ...] = ()
+    signal: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,11 +101,6 @@ class Figure:
     def number(self) -> int:
         """Its number in the paper."""
         return int(self.name.rstrip("abcdefgh"))
-
-    @property
-    def drawn(self) -> bool:
-        """Whether it can be drawn."""
-        return self.kind is not FigureKind.PENDING
 
     @property
     def jobs(self) -> tuple[str, ...]:

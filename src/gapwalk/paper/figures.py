@@ -7,8 +7,9 @@ import re
 from gapwalk.errors import ModelError
 from gapwalk.model.problem import did_you_mean
 from gapwalk.paper.figure import Figure, FigureKind, Panel, View
+from gapwalk.paper.loops import IMPACT, VISCOUS
 
-_RESPONSE, _DIAGRAM, _PENDING = FigureKind.RESPONSE, FigureKind.DIAGRAM, FigureKind.PENDING
+_RESPONSE, _DIAGRAM = FigureKind.RESPONSE, FigureKind.DIAGRAM
 
 
 def _response(letter: str, job: str, title: str, within: tuple[float, float] | None = None) -> Panel:
@@ -31,7 +32,7 @@ def _two_cases(name: str, caption: str, first: tuple[str, str], second: tuple[st
 
 
 def _with_balance(letter: str, job: str, title: str) -> Panel:
-    return Panel(letter, View.BALANCE, (job,), title)
+    return Panel(letter, View.BALANCE, (job, f"{job}-balance"), title)
 
 
 def _motion(name: str, job: str, caption: str) -> Figure:
@@ -39,19 +40,65 @@ def _motion(name: str, job: str, caption: str) -> Figure:
     return Figure(name, FigureKind.MOTION, caption, (Panel("", View.MOTION, (job,), "settled motion"),))
 
 
+def _contrast(name: str, caption: str, jobs: tuple[str, str], letters: tuple[str, str]) -> Figure:
+    """Force and acceleration of both damping models, in time and as spectra."""
+    signals = dict(zip(letters, ("stage2", "q1''"), strict=True))
+    panels = tuple(
+        Panel(letter, View.CONTRAST, jobs, f"both models: {signals[letter]}", None, (VISCOUS, IMPACT), signals[letter])
+        for letter in sorted(letters)
+    )
+    return Figure(name, FigureKind.CONTRAST, caption, panels)
+
+
 FIGURES = (
-    Figure("1", _PENDING, "Hysteresis loops of viscous and of impact damping."),
-    Figure("3", _PENDING, "Accelerations and contact forces of both damping models at Ω = 1.5."),
+    Figure(
+        "1",
+        FigureKind.LAW,
+        "Contact force under a harmonic deflection: with a damper while the bodies touch, and with impact damping of "
+        "the same loss.",
+        (
+            Panel(
+                "a", View.HYSTERESIS, (), "Dubowsky and Freudenstein: the contact pulls at the end", None, (VISCOUS,)
+            ),
+            Panel("b", View.HYSTERESIS, (), "Hunt and Crossley: no force where the bodies part", None, (IMPACT,)),
+        ),
+        columns=2,
+    ),
+    _contrast(
+        "3",
+        "Accelerations and contact forces of both damping models at Ω = 1.5.",
+        ("3-viscous", "3-impact"),
+        ("b", "a"),
+    ),
     _two_cases(
         "4",
         "Pure backlash under a heavy mean load, with impact damping and with viscous damping.",
         ("4a", "impact damping"),
         ("4b", "viscous damping"),
     ),
-    Figure("5", _PENDING, "Contact force with impact damping at Ω = 0.17, in time and as a spectrum."),
-    Figure("6", _PENDING, "Contact force with viscous damping at Ω = 0.17, in time and as a spectrum."),
-    Figure("7", _PENDING, "Both damping models with more damping at Ω = 0.17."),
-    Figure("8", _PENDING, "A computed acceleration of the third inertia beside a measured one."),
+    _motion(
+        "5",
+        "5-near",
+        "Impact damping near Ω = 0.17: four peaks of the contact force on one side, then one on the other. At the "
+        "printed loads the contact stays closed.",
+    ),
+    _motion("6", "6-near", "Viscous damping at the place of figure 5: impacts on one side only."),
+    _contrast(
+        "7",
+        "Both damping models at the place of figure 5, with damping so high that their forces are alike.",
+        ("7-viscous-near", "7-impact-near"),
+        ("a", "c"),
+    ),
+    Figure(
+        "8",
+        FigureKind.RECORD,
+        "Acceleration u3'' of the third inertia under a very low mean load, beside a SYNTHETIC record: the measured "
+        "one of the paper is not printed as numbers.",
+        (
+            Panel("a", View.RECORD, ("8-impact", "8-record"), "computed with impact damping"),
+            Panel("b", View.RECORD, ("8-viscous", "8-record"), "computed with viscous damping"),
+        ),
+    ),
     Figure(
         "9",
         _RESPONSE,

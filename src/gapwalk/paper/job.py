@@ -5,11 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
+from gapwalk.attractor.lyapunov import LyapunovOptions
 from gapwalk.bifurcation.search import SearchOptions
+from gapwalk.orbit.balance import Balance
 from gapwalk.paper.reading import USUAL, Reading
 from gapwalk.study.file import Study
-from gapwalk.study.options import DiagramStudyOptions, StudyOptions
+from gapwalk.study.options import DiagramStudyOptions, ResponseOptions, StudyOptions
 from gapwalk.study.settle.study_options import SettleStudyOptions
+
+PERIOD_1 = "-period-1"
+"""What the keys of jobs end with that leave out longer periods; see `BranchJob.shortest`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +47,8 @@ class Job:
         return f"{self.name or self.case}{self.reading.suffix}"
 
     def at(self, reading: Reading) -> Job:
-        """The same in another reading."""
-        return replace(self, reading=reading)
+        """The same in another reading; itself, if that changes nothing of its case."""
+        return replace(self, reading=reading.of_case(self.case))
 
     @property
     def begin(self) -> dict[str, float]:
@@ -82,7 +87,12 @@ class BranchJob(Job):
     ends: float = 0.15
     max_period: int = 4
     max_branches: int = 40
-    search_values: int = 0
+    search_values: int | tuple[float, ...] = 0
+
+    @property
+    def shortest(self) -> BranchJob:
+        """The same without motions of longer periods: enough for what is said of period 1 in another reading."""
+        return replace(self, name=f"{self.name or self.case}{PERIOD_1}", max_period=1)
 
     # Islands of period 1: Newton's method finds them whether they attract or not, and transients need not wait long.
     _SEARCH: ClassVar = SearchOptions(starts=8, periods=2, newton_starts=24, newton_periods=(1,), patience=64)
@@ -109,6 +119,31 @@ class BranchJob(Job):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BalanceJob(Job):
+    """The branch of period 1 over the frequency by harmonic balance, as figure 9 compares it with shooting.
+
+    Parameters
+    ----------
+    harmonics
+        What the paper takes for its lighter loads (section 5: 15 to 20). The truncation may be large: the comparison
+        shows what it does.
+    """
+
+    harmonics: int = 20
+
+    @property
+    def begin(self) -> dict[str, float]:
+        """Where frequency responses begin."""
+        return {"frequency": BranchJob.begins}
+
+    @property
+    def options(self) -> ResponseOptions:
+        """The response."""
+        method = Balance(self.harmonics, error=0.01)
+        return ResponseOptions("frequency", BranchJob.begins, BranchJob.ends, "half.q1", method=method)
+
+
+@dataclass(frozen=True, kw_only=True)
 class MotionJob(Job):
     """A settled motion.
 
@@ -125,5 +160,5 @@ class MotionJob(Job):
 
     @property
     def options(self) -> SettleStudyOptions:
-        """The settled motion."""
-        return SettleStudyOptions(self.signal, self.start)
+        """The settled motion. Its kind is told by the sign of the largest exponent, so errors may be of a tenth."""
+        return SettleStudyOptions(self.signal, self.start, lyapunov=LyapunovOptions(max_periods=4096, relative=0.1))

@@ -29,7 +29,8 @@ section { background: var(--card); border: 1px solid var(--line); border-radius:
 img { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; margin: .6rem 0; }
 table { border-collapse: collapse; width: 100%; font-size: .88rem; } .wide { overflow-x: auto; }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem .3rem 0; border-top: 1px solid var(--line); }
-th { color: var(--soft); font-weight: 600; } td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
+th { color: var(--soft); font-weight: 600; } td:first-child { white-space: nowrap; }
+td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 summary { cursor: pointer; color: var(--soft); margin: .5rem 0; }
 .good { color: var(--good); } .other { color: var(--other); } .bad { color: var(--bad); }
 .good, .other, .bad { font-weight: 600; white-space: nowrap; }
@@ -50,7 +51,7 @@ def report_page(
     Parameters
     ----------
     figures
-        The figures in their order, those that are not drawn yet too.
+        The figures in their order.
     results, failures
         Results of jobs, and why a job has none, by their keys.
     pictures
@@ -100,15 +101,13 @@ def _figure(
 ) -> str:
     lines = [f'<section id="figure-{figure.name}">', f"<h2>Figure {figure.name}</h2>"]
     lines.append(f"<p>{escape(figure.caption)}</p>")
-    if not figure.drawn:
-        lines.append('<p class="soft">Not drawn yet.</p>')
     lines += [f'<p class="bad">{escape(key)}: {escape(failures[key])}</p>' for key in figure.jobs if key in failures]
     lines += [f'<p class="soft">Set {escape(name)}: {escape(note)}</p>' for name, note in notes(figure).items()]
     if pictures:
         lines.append(f'<a href="{pictures[0]}"><img src="{pictures[0]}" alt="{escape(figure.caption)}"></a>')
         others = ", ".join(f'<a href="{name}">{name.rpartition(".")[2].upper()}</a>' for name in pictures)
         data = ", ".join(f'<a href="results/{key}.gapwalk">{key}</a>' for key in figure.jobs if key in results)
-        lines.append(f'<p class="soft">Picture: {others}. Results: {data}.</p>')
+        lines.append(f'<p class="soft">Picture: {others}.{f" Results: {data}." if data else ""}</p>')
     lines += [_specials(key, results[key]) for key in figure.jobs if key in results and results[key].branches]
     if about:
         lines.append(_table(about))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gapwalk.model.system import System
-from gapwalk.paper.cases import DampingReading, SlopeReading, case
+from gapwalk.paper.cases import DampingReading, SlopeReading, case, parameter_set
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,12 @@ class Reading:
 
     def __str__(self) -> str:
         return f"slope {self.slope.value}, damping {self.damping.value}"
+
+    def of_case(self, name: str) -> Reading:
+        """The reading of one case: without a first stage both slopes are 1, without impact damping all laws agree."""
+        numbers, usual = parameter_set(name), Reading()
+        slope = self.slope if numbers.stiffness[0] else usual.slope
+        return Reading(slope, self.damping if numbers.beta else usual.damping)
 
     def system(self, name: str) -> System:
         """The system of a case in this reading."""

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gapwalk.plot.alignment import plot_alignment
     from gapwalk.plot.basins import draw_basins, plot_basins
-    from gapwalk.plot.branch import plot_branch
+    from gapwalk.plot.branch import plot_branch, plot_branches
     from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
+    from gapwalk.plot.family import plot_family
     from gapwalk.plot.history import plot_history, plot_loop
     from gapwalk.plot.hysteresis import plot_hysteresis
     from gapwalk.plot.map import plot_map
@@ -29,10 +30,12 @@ __all__ = [
     "plot_alignment",
     "plot_basins",
     "plot_branch",
+    "plot_branches",
     "plot_comparison",
     "plot_contact_figures",
     "plot_contrast",
     "plot_diagram",
+    "plot_family",
     "plot_history",
     "plot_hysteresis",
     "plot_loop",
@@ -53,10 +56,12 @@ _HOMES = {
     "plot_alignment": "alignment",
     "plot_basins": "basins",
     "plot_branch": "branch",
+    "plot_branches": "branch",
     "plot_comparison": "comparison",
     "plot_contact_figures": "regimes",
     "plot_contrast": "contrast",
     "plot_diagram": "diagram",
+    "plot_family": "family",
     "plot_history": "history",
     "plot_hysteresis": "hysteresis",
     "plot_loop": "history",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
@@ -10,7 +12,8 @@ from gapwalk.measurement.alignment import Alignment
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
-from gapwalk.plot.style import BLACK, DPI, GREY, RC
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import BLACK, GREY, RC
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -32,9 +35,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=SIZE, layout="constrained")
+            figure = open_window(SIZE)
         _draw(figure, found, title)
     return figure
 
@@ -42,8 +43,19 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
 def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        figure = new_sheet(SIZE)
         _draw(figure, found, title)
+    return figure
+
+
+def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
+    """Several records over several motions, one below the other, as a figure without pyplot."""
+    with mpl.rc_context(RC):
+        figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, wrap=True)
+        parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
+        for part, each, name in zip(parts, found, names, strict=True):
+            _draw(part, each, name)
     return figure
 
 
@@ -97,4 +109,4 @@ def _words(found: Alignment) -> str:
 
 
 def _name(name: str) -> str:
-    return f"measured ({name})".replace("$", r"\$")
+    return f"record ({name})".replace("$", r"\$")

@@ -18,7 +18,8 @@ from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
-from gapwalk.plot.style import BLACK, DPI, GREY, RC
+from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
+from gapwalk.plot.style import BLACK, GREY, RC
 
 SIZE = (6.6, 6.2)
 """Width and height of the picture, in inches."""
@@ -39,7 +40,7 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     found
         The basins.
     ax
-        Where to draw; by default a new figure (without pyplot).
+        Where to draw; by default in a new figure of pyplot.
     strobes
         Which strobes of the attractors are marked: those that lie ``"in the plane"``, ``"all"`` of them, seen along
         the other components of the state, or ``"none"``.
@@ -52,8 +53,7 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     if ax is None:
-        with mpl.rc_context(RC):
-            ax = Figure(figsize=SIZE, dpi=DPI, layout="constrained").add_subplot()
+        ax = open_window(SIZE).add_subplot()
     (left, right), (bottom, top) = found.window.within
     colors = [_RUNAWAY, _UNRESOLVED, *(fill_of(index) for index in range(len(found.attractors)))]
     ax.imshow(
@@ -77,10 +77,10 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     return ax
 
 
-def draw_basins(found: Basins, title: str = "", *, strobes: str = "in the plane") -> Figure:
-    """The picture of basins as a matplotlib figure, without pyplot."""
+def draw_basins(found: Basins, title: str = "", *, strobes: str = "in the plane", on: NewFigure = new_sheet) -> Figure:
+    """The picture of basins, by default without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+        figure = on(SIZE)
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)
         plot_basins(found, ax=ax, strobes=strobes)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import matplotlib as mpl
@@ -17,6 +18,7 @@ from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.style import LINES, RC, SIZE, SYMBOLS, line_options, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
@@ -73,29 +75,42 @@ def plot_branches(
     within
         Range of the parameter that is shown; by default all of it.
     """
+    with mpl.rc_context(RC):
+        ax = open_window(SIZE).add_subplot() if ax is None else ax
+        finish = begin_branches(branches, measure, ax, labels=labels, legend=legend, closeup=closeup, within=within)
+        ax.figure.canvas.figure.draw_without_rendering()
+        finish()
+    return ax
+
+
+def begin_branches(
+    branches: Sequence[Branch],
+    measure: str,
+    ax: Axes,
+    *,
+    labels: bool = True,
+    legend: bool | Literal["above"] = True,
+    closeup: bool = False,
+    within: tuple[float, float] | None = None,
+) -> Callable[[], None]:
+    """Draw all that has a share in the layout; what it returns draws the rest, when the layout is final.
+
+    So a picture of several panels is laid out once. Parameters as in `plot_branches`.
+    """
     first = branches[0]
     measure = full_measure(measure, first.system.coordinates)
-    with mpl.rc_context(RC):
-        ax = _new_axes() if ax is None else ax
-        drawing = _Drawing(branches, measure)
-        drawing.draw_lines(ax)
-        ax.set_xlabel(parameter_words(first.parameter))
-        ax.set_ylabel(measure_words(measure))
-        ax.margins(x=0.02, y=0.06)
-        ax.autoscale_view()
-        if within:
-            ax.set(xlim=within, ylim=drawing.extent(*within))
-        ax.set_autoscale_on(False)  # what follows is placed for these limits
-        if legend:
-            draw_legend(ax, branches, above=legend == "above")
-        ax.figure.canvas.figure.draw_without_rendering()  # and for this layout
-        crowd = crowded_region(ax, drawing.places) if closeup else None
-        enlarged = draw_closeup(ax, crowd, drawing.curve) if crowd else None
-        drawing.draw_special_points(ax, labels, without=crowd if enlarged else None)
-        if enlarged:
-            drawing.draw_lines(enlarged)
-            drawing.draw_special_points(enlarged, labels)
-    return ax
+    drawing = _Drawing(branches, measure)
+    drawing.draw_lines(ax)
+    ax.set_xlabel(parameter_words(first.parameter))
+    ax.set_ylabel(measure_words(measure))
+    ax.margins(x=0.02, y=0.06)
+    ax.autoscale_view()
+    if within:
+        ax.set(xlim=within, ylim=drawing.extent(*within))
+    ax.set_autoscale_on(False)  # what follows is placed for these limits
+    if legend:
+        draw_legend(ax, branches, above=legend == "above")
+    return partial(drawing.finish, ax, labels, closeup)
 
 
 class _Drawing:
@@ -126,6 +141,15 @@ class _Drawing:
         for piece in self.pieces:
             _draw_piece(ax, piece)
 
+    def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
+        """Draw the special points, and a close-up where they crowd, into axes whose place is final."""
+        crowd = crowded_region(ax, self.places) if closeup else None
+        enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
+        self.draw_special_points(ax, labels, without=crowd if enlarged else None)
+        if enlarged:
+            self.draw_lines(enlarged)
+            self.draw_special_points(enlarged, labels)
+
     def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
         """Draw the symbols, and labels but for those in a region."""
         for special, x, y in self.special_points:
@@ -147,12 +171,6 @@ class _Drawing:
 
 def _is_labelled(special: SpecialPoint) -> bool:
     return bool(SYMBOLS[special.kind].label)
-
-
-def _new_axes() -> Axes:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.subplots(figsize=SIZE, layout="constrained")[1]
 
 
 def _draw_piece(ax: Axes, piece: Piece) -> None:

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, RC, SIZE, SYMBOLS, VERMILLION
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.comparison import ResultComparison
@@ -83,7 +84,7 @@ def plot_comparison(
     is_map = results[0].map is not None
     full = full_measure(measure or results[0].walked.measure, results[0].system.coordinates)
     with mpl.rc_context(RC):
-        figure = Figure(figsize=(SIZE[0], 6.4), dpi=DPI, layout="constrained")
+        figure = new_sheet((SIZE[0], 6.4))
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.4))
         above.set_title(results[0].title.replace("$", r"\$"), wrap=True)
         for result, options, is_second in ((results[0], _FIRST, False), (results[1], _SECOND, True)):

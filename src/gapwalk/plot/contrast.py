@@ -9,9 +9,10 @@ from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
+from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.style import RC
 
-_WIDTH, _HEIGHT = 9.5, 2.9  # of a row, in inches
+_WIDTH, _HEIGHT, _ABOVE = 9.5, 2.9, 0.5  # of a row, and of title and legend, in inches
 
 
 def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure | SubFigure | None = None):
@@ -28,20 +29,34 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=(_WIDTH, _HEIGHT * len(found.pairs) + 0.5), layout="constrained")
-        axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
-        for (left, right), pair in zip(axes, found.pairs, strict=True):
-            draw_histories(left, pair.theta, pair.histories, found.names, pair.signal)
-            if pair.agreement is not None:
-                text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
-                left.set_title(text, fontsize=8.5)
-            _draw_spectra(right, pair)
-        handles, labels = axes[0][0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
-        figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=10.5)
+            figure = open_window(_size(found))
+        _draw(figure, found, title)
     return figure
+
+
+def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
+    """The same as a figure without pyplot."""
+    with mpl.rc_context(RC):
+        figure = new_sheet(_size(found))
+        _draw(figure, found, title)
+    return figure
+
+
+def _size(found: Contrast) -> tuple[float, float]:
+    return _WIDTH, _HEIGHT * len(found.pairs) + _ABOVE
+
+
+def _draw(figure: Figure | SubFigure, found: Contrast, title: str | None) -> None:
+    axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
+    for (left, right), pair in zip(axes, found.pairs, strict=True):
+        draw_histories(left, pair.theta, pair.histories, found.names, pair.signal)
+        if pair.agreement is not None:
+            text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
+            left.set_title(text, fontsize=8.5)
+        _draw_spectra(right, pair)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
+    figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=10.5, wrap=True)
 
 
 def _draw_spectra(ax: Axes, pair: SignalPair) -> None:

@@ -13,6 +13,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.legend import draw_period_legend
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.strobes import Strobes
 from gapwalk.plot.style import RC, SHADE, diagram_size
 from gapwalk.plot.words import full_measure, parameter_words, state_words
@@ -61,7 +62,7 @@ def plot_diagram(
         If the diagram has no branches, or there is no such measure.
     """
     options: Any = {"labels": labels, "legend": legend, "closeup": closeup}
-    return draw_diagram(diagram, measure, lambda panels: _new_figure(panels) if figure is None else figure, **options)
+    return draw_diagram(diagram, measure, lambda panels: figure or open_window(diagram_size(panels)), **options)
 
 
 def draw_diagram(
@@ -115,9 +116,3 @@ def _set_limits(panels: Sequence[Axes], strobes: Strobes, crowd: tuple[float, fl
         panels[2].set_title("the shaded range of b", fontsize="small")
     for panel in panels[1:]:
         panel.set_autoscale_on(False)
-
-
-def _new_figure(panels: int) -> Figure:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.figure(figsize=diagram_size(panels), layout="constrained")

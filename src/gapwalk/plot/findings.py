@@ -10,14 +10,17 @@ from matplotlib.figure import Figure
 
 from gapwalk.errors import ModelError
 from gapwalk.plot.basins import draw_basins
+from gapwalk.plot.family import draw_family
 from gapwalk.plot.regimes import draw_regimes
 from gapwalk.plot.settled import SIZE as SETTLED_SIZE
 from gapwalk.plot.settled import plot_settled
-from gapwalk.plot.style import DPI, RC
+from gapwalk.plot.sheet import new_sheet
+from gapwalk.plot.style import RC
 from gapwalk.plot.sweep import draw_sweep
 from gapwalk.study.basins.finding import BasinFinding
+from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.finding import Finding
-from gapwalk.study.options import StudyOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.regimes.finding import RegimeFinding
 from gapwalk.study.settle.finding import SettleFinding
 from gapwalk.study.sweep.finding import SweepFinding
@@ -33,7 +36,7 @@ def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:
 
 def _draw_settled(finding: SettleFinding, options: StudyOptions, title: str) -> Figure:
     with mpl.rc_context(RC):
-        figure = Figure(figsize=SETTLED_SIZE, dpi=DPI, layout="constrained")
+        figure = new_sheet(SETTLED_SIZE)
     asked = finding.options
     plot_settled(
         finding.attractor, asked.signal, phase=asked.phase, title=title.replace("$", r"\$") or None, figure=figure
@@ -56,7 +59,13 @@ def _draw_regimes(finding: RegimeFinding, options: StudyOptions, title: str) -> 
     return draw_regimes(finding.regimes, title)
 
 
+def _draw_family(finding: FamilyFinding, options: StudyOptions, title: str) -> Figure:
+    assert isinstance(options, BranchOptions)
+    return draw_family(finding.family, options.measure, title)
+
+
 _DRAWERS: dict[type[Finding], Callable[[Any, StudyOptions, str], Figure]] = {
+    FamilyFinding: _draw_family,
     SettleFinding: _draw_settled,
     SweepFinding: _draw_sweep,
     BasinFinding: _draw_basins,

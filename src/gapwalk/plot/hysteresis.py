@@ -8,6 +8,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 
 from gapwalk.motion.hysteresis import Hysteresis
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, VERMILLION
 
 _STYLES = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
@@ -30,15 +31,13 @@ def plot_hysteresis(
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
     with mpl.rc_context(RC):
         if ax is None:
-            from matplotlib import pyplot as plt
-
-            ax = plt.figure(figsize=(6.0, 4.4), layout="constrained").add_subplot()
+            ax = open_window((6.0, 4.4)).add_subplot()
         for place, loop in enumerate(loops):
             color, line = _STYLES[place % len(_STYLES)]
             name = names[place] if place < len(names) else loop.law.value
             label = f"{name}: loss {loop.loss:.4g} a cycle"
             ax.plot(loop.deflection, loop.force, color=color, linestyle=line, linewidth=1.3, label=label)
-        ax.axhline(0.0, color=GREY, linewidth=0.8)
+        ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
         for level in sorted({level for loop in loops for level in loop.breakpoints}):
             if any(loop.deflection.min() < level < loop.deflection.max() for loop in loops):
                 ax.axvline(level, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)

@@ -27,7 +27,8 @@ from gapwalk.plot.map_style import (
     codim2_options,
     locus_options,
 )
-from gapwalk.plot.style import DPI, RC, SIZE
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import RC, SIZE
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
 
@@ -58,7 +59,7 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
         The axes that were drawn in.
     """
     with mpl.rc_context(RC):
-        ax = _new_axes() if ax is None else ax
+        ax = open_window(_TALL).add_subplot() if ax is None else ax
         ax.set(xlim=chart.within[0], ylim=chart.within[1])
         ax.set_xlabel(parameter_words(chart.first))
         ax.set_ylabel(parameter_words(chart.second))
@@ -83,17 +84,11 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
 def draw_map(chart: Map, title: str = "") -> Figure:
     """The picture of a map as a matplotlib figure, without pyplot."""
     with mpl.rc_context(RC):
-        figure = Figure(figsize=_TALL, dpi=DPI, layout="constrained")
+        figure = new_sheet(_TALL)
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)
         plot_map(chart, ax=ax)
     return figure
-
-
-def _new_axes() -> Axes:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.subplots(figsize=_TALL, layout="constrained")[1]
 
 
 def _periods(chart: Map) -> list[int]:

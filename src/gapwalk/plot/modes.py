@@ -18,6 +18,7 @@ from gapwalk.model.modes import Modes
 from gapwalk.model.system import System
 from gapwalk.model.train import geometry
 from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, RC, SIZE
 from gapwalk.study.export import write_whole
 
@@ -60,7 +61,7 @@ def draw_modes(system: System, modes: Modes, title: str = "") -> Figure:
     """The slowest modes as a matplotlib figure, one panel each."""
     shown = min(len(modes), _SHOWN)
     with mpl.rc_context(RC):
-        figure = Figure(figsize=(SIZE[0], 0.8 + 1.05 * shown), dpi=DPI, layout="constrained")
+        figure = new_sheet((SIZE[0], 0.8 + 1.05 * shown))
         figure.suptitle(title.replace("$", r"\$"), x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
         panels = figure.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
         names = _names(system, modes)

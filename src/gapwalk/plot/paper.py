@@ -12,15 +12,16 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
 from gapwalk.continuation.branch import Branch
-from gapwalk.errors import ModelError
-from gapwalk.paper.balance import balanced
 from gapwalk.paper.figure import Figure, Panel, View
-from gapwalk.plot.branch import plot_branches
-from gapwalk.plot.findings import draw_finding
+from gapwalk.paper.loops import LOOPS
+from gapwalk.plot.branch import begin_branches
+from gapwalk.plot.hysteresis import plot_hysteresis
 from gapwalk.plot.legend import draw_period_legend
+from gapwalk.plot.paper_motions import WHOLE
 from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREEN, RC, VERMILLION
+from gapwalk.plot.style import BLACK, BLUE, GREEN, RC, VERMILLION
 from gapwalk.plot.words import measure_words, parameter_words, state_words
 from gapwalk.study.result import Result
 
@@ -28,7 +29,11 @@ MEASURE = "half.q1"
 _WIDTH = {1: 8.0, 2: 7.2}  # of a panel in inches, by the number of columns
 _HEIGHT = 4.3
 _ABOVE = 31.0  # of a title above its panel in points: the legend stands between them
+_LEGEND_INSIDE = (View.OVERLAY, View.HYSTERESIS)
 _OVERLAY = ((BLACK, "-"), (VERMILLION, (0, (4.5, 1.6))), (BLUE, (0, (1.3, 1.3))))
+
+Finish = Callable[[], None] | None
+"""Draws what has no share in the layout, when that is final; None if there is nothing."""
 
 
 def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str | None = None) -> Picture:
@@ -42,55 +47,61 @@ def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str 
         The results of its jobs, by their keys.
     title
         By default its number and its caption.
-
-    Raises
-    ------
-    ModelError
-        If it is not drawn yet.
     """
-    if not figure.drawn:
-        raise ModelError(f"figure {figure.name} is not drawn yet")
     title = f"Figure {figure.name}. {figure.caption}" if title is None else title
-    motions = [panel for panel in figure.panels if panel.view is View.MOTION]
-    if motions:
-        result = results[figure.key(motions[0].jobs[0])]
-        assert result.finding is not None
-        return draw_finding(result.finding, result.options, title)
-    columns = figure.columns
-    rows = -(-len(figure.panels) // columns)
-    with mpl.rc_context(RC):
-        picture = Picture(figsize=(_WIDTH[columns] * columns, _HEIGHT * rows), dpi=DPI, layout="constrained")
-        picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
-        axes = picture.subplots(rows, columns, squeeze=False)
-        for ax, panel in zip(axes.flat, figure.panels, strict=False):
-            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=_ABOVE)
-        finish: list[Callable[[], None] | None] = [
-            _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
-            for ax, panel in zip(axes.flat, figure.panels, strict=False)
-        ]
-        picture.draw_without_rendering()  # names are placed for the final layout, so after everything else
-        for write_names in filter(None, finish):
-            write_names()
+    whole = WHOLE.get(figure.panels[0].view)
+    picture = whole(figure, results, title) if whole else _draw_panels(figure, results, title)
+    _lay_out(picture)
     return picture
 
 
-def _draw_response(ax: Axes, panel: Panel, results: list[Result]) -> None:
+def _lay_out(picture: Picture) -> None:
+    """Make the layout once and for all: with its engine the picture would make it anew for each file."""
+    engine = picture.get_layout_engine()
+    if engine is not None:
+        with mpl.rc_context(RC):
+            engine.execute(picture)
+        picture.set_layout_engine(None)
+
+
+def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
+    columns = figure.columns
+    rows = -(-len(figure.panels) // columns)
+    with mpl.rc_context(RC):
+        picture = new_sheet((_WIDTH[columns] * columns, _HEIGHT * rows))
+        picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+        axes = picture.subplots(rows, columns, squeeze=False)
+        for ax, panel in zip(axes.flat, figure.panels, strict=False):
+            pad = None if panel.view in _LEGEND_INSIDE else _ABOVE
+            ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=pad)
+        finish: list[Finish] = [
+            _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
+            for ax, panel in zip(axes.flat, figure.panels, strict=False)
+        ]
+        _lay_out(picture)  # names are placed for the final layout, so after everything else
+        for draw_the_rest in filter(None, finish):
+            draw_the_rest()
+    return picture
+
+
+def _draw_response(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
     branches = _shortest(results[0])
-    plot_branches(branches, MEASURE, ax=ax, legend="above", closeup=panel.within is None, within=panel.within)
+    return begin_branches(branches, MEASURE, ax, legend="above", closeup=panel.within is None, within=panel.within)
 
 
-def _draw_balance(ax: Axes, panel: Panel, results: list[Result]) -> None:
+def _draw_balance(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
     """The response by shooting, and points by harmonic balance on it, spread evenly along the branch."""
-    branches = _shortest(results[0])
-    plot_branches(branches, MEASURE, ax=ax, labels=False, legend="above", within=panel.within)
-    other = balanced(branches[0])
+    shot, balanced = results
+    finish = begin_branches(_shortest(shot), MEASURE, ax, labels=False, legend="above", within=panel.within)
+    other = balanced.branches[0]
     style = {"linestyle": "none", "marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": GREEN}
     ax.plot(other.values, other.measure(MEASURE), markevery=0.03, zorder=6, **style)
     # A legend beside the one above the axes, which has to stay the legend of the axes: the layout leaves room for it.
     ax.add_artist(Legend(ax, [Line2D([], [], **style)], ["harmonic balance"], loc="upper right"))
+    return finish
 
 
-def _draw_loops(ax: Axes, panel: Panel, results: list[Result]) -> Callable[[], None]:
+def _draw_loops(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
     """All motions once every forcing period; what it returns writes the names of the branches."""
     diagram = results[0].diagram
     assert diagram is not None
@@ -112,7 +123,7 @@ def _meets(branch: Branch, left: float, right: float) -> bool:
     return bool(((branch.values >= left) & (branch.values <= right)).any())
 
 
-def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> None:
+def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
     """Branches of period 1, a line for each result; where they are unstable, the line is thin."""
     handles, heights = [], []
     for name, result, (color, dashes) in zip(panel.names, results, _OVERLAY, strict=False):
@@ -131,6 +142,13 @@ def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> None:
     ax.set_xlabel(parameter_words(results[0].walked.parameter))
     ax.set_ylabel(measure_words(MEASURE))
     ax.legend(handles=handles, loc="best")
+    return None
+
+
+def _draw_hysteresis(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
+    """Loops of contact force over deflection, in closed form."""
+    plot_hysteresis([LOOPS[name] for name in panel.names], panel.names, ax=ax)
+    return None
 
 
 def _inside(x, within: tuple[float, float] | None):
@@ -143,9 +161,10 @@ def _shortest(result: Result) -> list[Branch]:
     return [branch for branch in result.branches if branch.period == shortest]
 
 
-_DRAWERS: dict[View, Callable[[Axes, Panel, list[Result]], Callable[[], None] | None]] = {
+_DRAWERS: dict[View, Callable[[Axes, Panel, list[Result]], Finish]] = {
     View.RESPONSE: _draw_response,
     View.BALANCE: _draw_balance,
     View.LOOPS: _draw_loops,
     View.OVERLAY: _draw_overlay,
+    View.HYSTERESIS: _draw_hysteresis,
 }

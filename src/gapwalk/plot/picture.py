@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from dataclasses import replace
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -17,9 +18,11 @@ from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
 from gapwalk.plot.findings import draw_finding
 from gapwalk.plot.map import draw_map
+from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
 from gapwalk.study.export import write_whole
 from gapwalk.study.map import Map
+from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
 
 
@@ -73,9 +76,7 @@ def draw_picture(
     if isinstance(found, Result):
         title = found.title if title is None else title
         if found.finding is not None:
-            if measure is not None:
-                raise ModelError(f"the picture of the kind {found.options.kind} shows no measure; leave it out")
-            return draw_finding(found.finding, found.options, title)
+            return draw_finding(found.finding, _showing(found.options, measure), title)
         if found.map is not None and measure is not None:
             raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
         measure = measure or found.walked.measure
@@ -99,8 +100,17 @@ def draw_picture(
     return figure
 
 
+def _showing(options: StudyOptions, measure: str | None) -> StudyOptions:
+    """The options of a study without branches of its own, with another measure to show."""
+    if measure is None:
+        return options
+    if not isinstance(options, BranchOptions):
+        raise ModelError(f"the picture of the kind {options.kind} shows no measure; leave it out")
+    return replace(options, measure=measure)
+
+
 def _figure(size: tuple[float, float], title: str = "") -> Figure:
-    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    figure = new_sheet(size)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
     return figure

@@ -21,7 +21,8 @@ from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.regime_colors import NAMED, legend_words, period_of, regime_color
-from gapwalk.plot.style import BLACK, DPI, GREY, RC, SYMBOLS, diagram_size
+from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
+from gapwalk.plot.style import BLACK, GREY, RC, SYMBOLS, diagram_size
 from gapwalk.plot.words import parameter_words
 
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
@@ -52,7 +53,7 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus
     found
         The map.
     ax
-        Where to draw; by default a new figure (without pyplot).
+        Where to draw; by default in a new figure of pyplot.
     loci
         Loci of bifurcations in the same plane, drawn over it.
 
@@ -62,8 +63,7 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus
         For a locus of other parameters.
     """
     if ax is None:
-        with mpl.rc_context(RC):
-            ax = Figure(figsize=diagram_size(1), dpi=DPI, layout="constrained").add_subplot()
+        ax = open_window(diagram_size(1)).add_subplot()
     entries = list(_entries(found))
     codes = np.zeros(found.regimes.shape)
     for code, entry in enumerate(entries):
@@ -111,9 +111,13 @@ def plot_contact_figures(found: Regimes, which: str = "peak force", contact: int
 
 
 def draw_regimes(
-    found: Regimes, title: str = "", panels: Sequence[str] = ("peak force",), loci: Iterable[Locus] = ()
+    found: Regimes,
+    title: str = "",
+    panels: Sequence[str] = ("peak force",),
+    loci: Iterable[Locus] = (),
+    on: NewFigure = new_sheet,
 ) -> Figure:
-    """The picture of a regime map as a matplotlib figure, without pyplot.
+    """The picture of a regime map.
 
     Parameters
     ----------
@@ -125,10 +129,12 @@ def draw_regimes(
         What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither; those of the first contact.
     loci
         Loci of bifurcations in the same plane, drawn over the regimes.
+    on
+        Makes the figure; by default without pyplot.
     """
     shown = panels if found.peak_force.shape[2] else ()
     with mpl.rc_context(RC):
-        figure = Figure(figsize=diagram_size(1 + len(shown)), dpi=DPI, layout="constrained")
+        figure = on(diagram_size(1 + len(shown)))
         axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
         axes[0].set_title(title.replace("$", r"\$"), wrap=True)
         plot_regimes(found, ax=axes[0], loci=loci)

@@ -17,6 +17,7 @@ from gapwalk.attractor.spectrum import SpectrumOptions, spectrum
 from gapwalk.motion.motion import integrate
 from gapwalk.plot.history import plot_history, plot_loop
 from gapwalk.plot.section import plot_section
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.spectrum import plot_spectrum
 from gapwalk.plot.style import RC
 
@@ -62,11 +63,9 @@ def plot_settled(
     """
     with mpl.rc_context(RC):
         if figure is None:
-            from matplotlib import pyplot as plt
-
-            figure = plt.figure(figsize=SIZE, layout="constrained")
+            figure = open_window(SIZE)
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
-        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5)
+        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5, wrap=True)
     return figure
 
 

@@ -15,7 +15,8 @@ from matplotlib.patches import Patch
 
 from gapwalk.errors import ModelError
 from gapwalk.plot.regime_colors import legend_words, regime_color
-from gapwalk.plot.style import BLACK, BLUE, DPI, RC, VERMILLION
+from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.style import BLACK, BLUE, RC, VERMILLION
 from gapwalk.plot.words import parameter_words, state_words
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import Sweep
@@ -73,7 +74,7 @@ def plot_sweep(
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
     names = [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)]
     with mpl.rc_context(RC):
-        figure = _new_figure() if figure is None else figure
+        figure = figure or open_window(SIZE)
         shown = _shown_lanes(sweep)
         above = len(shown) * _STRIP
         strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, SIZE[1] - above])
@@ -90,7 +91,7 @@ def plot_sweep(
 
 def draw_sweep(sweep: Sweep, coordinate: str | None = None, title: str = "") -> Figure:
     """The picture as a matplotlib figure, without pyplot; errors as `plot_sweep`."""
-    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained")
+    figure = new_sheet(SIZE)
     plot_sweep(sweep, coordinate, figure=figure, title=title)
     return figure
 
@@ -216,9 +217,3 @@ def _draw_legend(figure: AnyFigure, sweep: Sweep, shown: Sequence[int]) -> None:
 
 def _label(way: Way, ways: Sequence[Way]) -> str:
     return f"{_WAYS[way][0]} (beneath)" if way.number > min(each.number for each in ways) else _WAYS[way][0]
-
-
-def _new_figure() -> Figure:
-    import matplotlib.pyplot as plt  # only where a person wants to see a window or a notebook's picture
-
-    return plt.figure(figsize=SIZE, dpi=DPI, layout="constrained")

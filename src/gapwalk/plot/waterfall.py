@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gapwalk.attractor.waterfall import Waterfall
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.style import GREY, RC, SIZE
 from gapwalk.plot.words import parameter_words
 
@@ -36,9 +37,7 @@ def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _
     """
     with mpl.rc_context(RC):
         if ax is None:
-            from matplotlib import pyplot as plt
-
-            ax = plt.figure(figsize=SIZE, layout="constrained").add_subplot()
+            ax = open_window(SIZE).add_subplot()
         places, turns = _way(found.values)
         heights = found.amplitudes[:, 1:]
         largest = float(heights.max()) or 1.0

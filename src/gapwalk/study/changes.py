@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -11,6 +11,11 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problem import ModelFileError, Path, Problem, given
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
+
+
+def parse_changes(texts: Iterable[str]) -> dict[str, object]:
+    """The changes of ``--set`` by their names; see `parse_change`."""
+    return dict(parse_change(text) for text in texts)
 
 
 def parse_change(text: str) -> tuple[str, object]:
@@ -58,9 +63,7 @@ def change_source(source: Source, changes: Mapping[str, object]) -> tuple[Source
     walked = {name for name in changes if tables and all(_walks(table, name, changes) for table in tables)}
     for name, value in changes.items():
         if name in walked:
-            key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
-            problem = f"{name} cannot be set: the study walks it from {key} on; set {key} instead"
-            problems.append(Problem(problem, file=source.name))
+            problems.append(Problem(f"{name} cannot be set: {_walk_words(tables, name)}", file=source.name))
             continue
         paths = [*_study_paths(source, name)] or ([("frequency",)] if name == "frequency" else [])
         try:
@@ -90,11 +93,13 @@ def study_changes(source: Source, at: Path, system: System | None) -> tuple[dict
         message = f'is {given(values)}; it must be a table, such as {{ "harmonic1.amplitude" = 0.5 }}'
         return {}, [source.problem(message, (*at, "set"))]
     found, problems = {}, []
-    for change in _leaves(values, (*at, "set")):
+    for change in leaves_of(values, (*at, "set")):
         name = ".".join(str(key) for key in change.path[len(at) + 1 :])
         try:
             if system:
                 system.structure.place(name)
+            if name in varied_parameters(table):
+                raise ModelError("cannot be set here: it has a value for each member in over")
             if _walks(table, name, {}):
                 raise ModelError("cannot be set here: the study walks it from the value of from on")
             found[name] = change
@@ -150,10 +155,25 @@ def _study_paths(source: Source, name: str) -> Iterator[Path]:
 
 
 def walked_parameters(table: Mapping[str, object]) -> list[str]:
-    """The parameters that a study walks, as far as they are written down as texts."""
+    """The parameters that a study walks or varies, as far as they are written down as texts."""
     second = table.get("second")
     found = [table.get("parameter"), second.get("parameter") if isinstance(second, Mapping) else None]
-    return [name for name in found if isinstance(name, str)]
+    return [*(name for name in found if isinstance(name, str)), *varied_parameters(table)]
+
+
+def varied_parameters(table: Mapping[str, object]) -> list[str]:
+    """The parameters that differ from member to member of a family."""
+    over = table.get("over")
+    leaves = leaves_of(over, ()) if isinstance(over, Mapping) else ()
+    return [".".join(str(key) for key in leaf.path) for leaf in leaves]
+
+
+def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
+    """Why a parameter cannot be set that all studies of a file walk, and what can be set instead."""
+    if all(name in varied_parameters(table) for table in tables):
+        return "study.over gives it a value for each member; change those in the file"
+    key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
+    return f"the study walks it from {key} on; set {key} instead"
 
 
 def _walks_second(table: Mapping[str, object], name: str) -> bool:
@@ -169,10 +189,10 @@ def _walks(table: Mapping[str, object], name: str, changes: Mapping[str, object]
     return parameter == name and ("from" in table or "study.from" in changes)
 
 
-def _leaves(table: Mapping[str, object], path: Path) -> Iterator[Change]:
+def leaves_of(table: Mapping[str, object], path: Path) -> Iterator[Change]:
     """All values in a table of tables: ``harmonic1.amplitude`` may be written with or without quotes."""
     for key, value in table.items():
         if isinstance(value, Mapping):
-            yield from _leaves(value, (*path, key))
+            yield from leaves_of(value, (*path, key))
         else:
             yield Change(value, (*path, key))

@@ -32,6 +32,11 @@ def method_values(orbit: Orbit) -> list[float]:
     return [orbit.harmonics, orbit.truncation] if isinstance(orbit, BalancedOrbit) else []
 
 
+def method_document(orbit: Orbit) -> dict[str, float]:
+    """The same as JSON values."""
+    return dict(zip(("harmonics", "truncation"), method_values(orbit), strict=False))
+
+
 def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
     """The headings of parameters: their names, but ``parameter mean.q1`` where a measure is called ``mean.q1``."""
     taken = measure_names(coordinates)

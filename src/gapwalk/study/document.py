@@ -12,8 +12,7 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.floquet import Instability
-from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.columns import method_values
+from gapwalk.study.columns import method_document
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
 from gapwalk.study.reduced.full_check import plain_checks
@@ -128,11 +127,6 @@ def point_document(point: BranchPoint) -> dict[str, Any]:
         "contacts": point.orbit.pattern,
         **method_document(point.orbit),
     }
-
-
-def method_document(orbit: Orbit) -> dict[str, Any]:
-    """What harmonic balance has to say of an orbit: its number of harmonics, and the share of the motion they lack."""
-    return dict(zip(("harmonics", "truncation"), method_values(orbit), strict=False))
 
 
 def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict[str, Any]:

@@ -37,7 +37,7 @@ def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> N
         If a file cannot be written.
     """
     for name, path in paths.items():
-        write_whole(path, _table_of(result, name).encode())
+        write_whole(path, table_of(result, name).encode())
 
 
 def table_names(result: Result) -> tuple[str, ...]:
@@ -142,7 +142,8 @@ def special_points_csv(result: Result) -> str:
     )
 
 
-def _table_of(result: Result, name: str) -> str:
+def table_of(result: Result, name: str) -> str:
+    """One of the tables of a result, by its name in `table_names`."""
     if result.finding is not None:
         header, *rows = result.finding.tables()[name]()
         return table_csv(header, rows)
@@ -151,13 +152,13 @@ def _table_of(result: Result, name: str) -> str:
 
 def _loci_csv(result: Result) -> str:
     assert result.map is not None
-    header, *rows = locus_rows(result.map, result.system.coordinates)
+    header, *rows = locus_rows(result.map, result.system.coordinates, method_names(result.walked))
     return table_csv(header, rows)
 
 
 def _codim2_csv(result: Result) -> str:
     assert result.map is not None
-    header, *rows = codim2_rows(result.map, result.system.coordinates)
+    header, *rows = codim2_rows(result.map, result.system.coordinates, method_names(result.walked))
     return table_csv(header, rows)
 
 

@@ -1,4 +1,4 @@
-"""What a study finds that has no branches: settled motions, sweeps, basins, regimes, each by a class of its own."""
+"""What studies find that is more, or other, than branches: each kind by a class of its own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Rows = Iterable[Sequence[object]]
 
 
 class Finding(ABC):
-    """What a study has found, of a kind that has no branches.
+    """What a study has found, of a kind whose result is more, or other, than a list of branches.
 
     A kind of study brings a subclass; how it is printed and drawn stands in `gapwalk.cli.findings` and
     `gapwalk.plot.findings`.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from gapwalk.study.basins.study import read_basins, work_basins
+from gapwalk.study.family.study import read_family, work_family
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
 from gapwalk.study.regimes.study import read_regimes, work_regimes
@@ -36,6 +37,7 @@ class Job:
 
 
 JOBS: dict[str, Job] = {
+    "family": Job(work_family, read_family),
     "settle": Job(work_settle, read_settled),
     "sweep": Job(work_sweep, read_sweep),
     "basins": Job(work_basins, read_basins),

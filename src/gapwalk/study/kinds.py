@@ -10,6 +10,7 @@ from gapwalk.model.fields import Count
 from gapwalk.model.system import System
 from gapwalk.study.basins.table import BasinsPart
 from gapwalk.study.diagram.search_table import SearchPart
+from gapwalk.study.family.table import FamilyPart
 from gapwalk.study.map.table import MapPart
 from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
 from gapwalk.study.regimes.table import RegimesPart
@@ -57,6 +58,7 @@ KINDS: dict[str, type[StudyPart]] = {
     "response": ResponsePart,
     "diagram": DiagramPart,
     "map": MapPart,
+    "family": FamilyPart,
     "settle": SettlePart,
     "sweep": SweepPart,
     "basins": BasinsPart,

@@ -34,8 +34,8 @@ class Result:
     map
         The loci, if the study is of the kind map; the branches are those of its sections.
     finding
-        What was found, if the study is of a kind without branches: settle, sweep, basins, regimes; its `record` is what
-        the Python function of that name returns.
+        What was found, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
+        Python function of that name returns. There are no `branches` then: those of a family belong to its members.
     checks
         What the full system says of each branch, if the system is a reduced one (see `Study.reduced`).
     """

@@ -38,12 +38,12 @@ Condition = Callable[[NDArray[np.float64]], Criticality]
 
 def fold(monodromy: NDArray[np.float64]) -> Criticality:
     """How far a multiplier is from +1."""
-    return _smallest_singular_value(monodromy, 1.0)
+    return smallest_singular_value(monodromy - np.eye(len(monodromy)))
 
 
 def flip(monodromy: NDArray[np.float64]) -> Criticality:
     """How far a multiplier is from -1."""
-    return _smallest_singular_value(monodromy, -1.0)
+    return smallest_singular_value(monodromy + np.eye(len(monodromy)))
 
 
 def neimark_sacker(monodromy: NDArray[np.float64]) -> Criticality:
@@ -79,8 +79,8 @@ def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
     return int(first[nearest]), int(second[nearest])
 
 
-def _smallest_singular_value(monodromy: NDArray[np.float64], target: float) -> Criticality:
-    """The smallest singular value of ``A = B - target``, with the sign of ``det A``, which makes it smooth.
+def smallest_singular_value(matrix: NDArray[np.float64]) -> Criticality:
+    """The smallest singular value of a matrix A, with the sign of ``det A``, which makes it smooth.
 
     It is the ``g`` of the bordered system (Govaerts 2000, Numerical Methods for Bifurcations, chapter 3)
 
@@ -89,6 +89,6 @@ def _smallest_singular_value(monodromy: NDArray[np.float64], target: float) -> C
 
     for the best of all borders, the singular vectors themselves; so no borders have to be kept up to date.
     """
-    left, values, right = np.linalg.svd(monodromy - target * np.eye(len(monodromy)))
+    left, values, right = np.linalg.svd(matrix)
     sign = 1.0 if np.linalg.det(left) * np.linalg.det(right) > 0.0 else -1.0
     return Criticality(sign * float(values[-1]), right[-1:], sign * left[:, -1:].T)

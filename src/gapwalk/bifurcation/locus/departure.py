@@ -13,21 +13,26 @@ from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.locus.curve import onto_curve
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.plane import OrbitPlane
+from gapwalk.bifurcation.locus.shot_plane import ShotPlane
 from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import Range, powers_of_two, state_scales
+from gapwalk.continuation.walk import Range, powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
+from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.equation import Method
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of both parameters."""
 
 _FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another one
+_LITTLE = 0.01  # share of the error that is allowed, below which more harmonics would not help
+_COARSE = 1e-2  # the same where the two are resolved with different numbers of harmonics
 
 
 @dataclass(frozen=True)
@@ -79,61 +84,119 @@ def depart_locus(
     ConvergenceError
         If the point is none, to the tolerance of the method.
     """
-    shooting = _shooting(method)
     within = _checked(special, first, second, to)
-    plane = OrbitPlane(special.orbit.system, (first, second), special.orbit.period)
-    if special.kind is Kind.GRAZING:
-        corrector, start = _touch_corrector(plane, special, within, shooting)
+    corrector, there = _started(_plane_of(special, (first, second), method), special, within)
+    back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
+    return [LocusDeparture(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+
+
+def refined(departure: LocusDeparture) -> LocusDeparture | None:
+    """The same departure with the next finer resolution of its orbits; None where there is none."""
+    equation, scales = departure.equation, departure.corrector.scales
+    plane = equation.plane.finer()
+    if plane is None:
+        return None
+    size = len(plane.unknowns(departure.first.orbit))
+    others = scales[len(equation.plane.unknowns(departure.first.orbit)) :]
+    scales = np.concatenate((np.full(size, scales[0]), others))  # finer ones are more of the same kind
+    if isinstance(equation, MultiplierEquation):
+        corrector = Corrector(replace(equation, plane=plane, scales=scales), scales)
     else:
-        corrector, start = _multiplier_corrector(plane, special, within, shooting)
+        corrector = Corrector(replace(equation, plane=plane), scales)
+    first = lift(departure.first, corrector)
+    return None if first is None else replace(departure, corrector=corrector, first=first)
+
+
+def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
+    """A point of a locus as one of the same locus posed by a finer equation; None if Newton's method fails."""
+    equation = corrector.equation
+    assert isinstance(equation, MultiplierEquation | TouchEquation)
+    x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
+    if isinstance(equation, TouchEquation):
+        x[-3] = point.x[-3]  # the orbit itself does not tell which turning point it is
+    correction, tangent = onto_curve(corrector, x)
+    if correction is None or correction.distance > _COARSE:
+        return None
+    # the angle at which a contact touches, if any, and both parameters
+    others = -2 if isinstance(equation, MultiplierEquation) else -3
+    way = float(tangent[others:] @ point.tangent[others:])
+    return corrector.point(correction, tangent if way > 0.0 else -tangent, point.arclength)
+
+
+def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]) -> tuple[Corrector, BranchPoint]:
+    """The corrector onto the locus of a special point, as fine as it takes, and the point, heading upwards."""
+    names, value = plane.names, special.orbit.system[plane.names[1]]
+    make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
+    corrector, start = make(plane, special, within)
+    orbit, finer = _uncorrected(corrector, start), plane.finer()
+    doubt = plane.doubt(orbit)
+    if doubt and finer is not None:
+        return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
-    if correction is None or correction.distance > _FAR:
-        raise ConvergenceError(f"the start is no {special.kind.value} at {_place(special, (first, second))}")
-    held = corrector.at_value(correction.x, special.orbit.system[second])
+    if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
+        if finer is not None and plane.doubt(orbit, _LITTLE):
+            return _started(finer, special, within)
+        raise ConvergenceError(doubt or f"the start is no {special.kind.value} at {_place(special, names)}")
+    held = corrector.at_value(correction.x, value)
     if held is not None and held.distance <= _FAR:  # the same point, with the second parameter exact: it may be a bound
         correction = held
     if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
         tangent = -tangent
     there = corrector.point(correction, tangent, 0.0)
-    back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
-    return [LocusDeparture(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+    doubt = plane.doubt(there.orbit)
+    if not doubt:
+        return corrector, there
+    if finer is None:
+        raise ConvergenceError(doubt)
+    return _started(finer, special, within)
 
 
-def _shooting(method: Method | None) -> Shooting:
-    """The way to pose a locus: by shooting in one segment."""
-    if method is None:
-        return Shooting()
-    if not isinstance(method, Shooting):
-        raise ModelError(
-            f"the method is {method.name}, but loci are followed by shooting: round the corners that they have where a "
-            "contact grazes, only exact motions show the way; leave method out (the point to start from may have been "
-            "found by harmonic balance)"
-        )
-    if method.segments > 1:
-        raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
-    return method
+def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
+    """The orbit from which a locus is to start, as its equation takes it."""
+    equation, x = corrector.equation, start * corrector.scales
+    return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
 
 
-def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range], shooting: Shooting):
+def _plane_of(special: SpecialPoint, names: tuple[str, str], method: Method | None) -> OrbitPlane:
+    """The orbits like that of a special point in the plane of two parameters."""
+    system, period = special.orbit.system, special.orbit.period
+    match method:
+        case None:
+            return ShotPlane(system, names, period)
+        case Shooting(segments=1):
+            return ShotPlane(system, names, period, method)
+        case Shooting():
+            raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
+        case Balance():
+            from gapwalk.bifurcation.locus.balanced_plane import BalancedPlane  # loads numba, which takes time
+
+            harmonics = method.pose(system, None, period).harmonics
+            if method.harmonics is None and isinstance(special.orbit, BalancedOrbit):
+                harmonics = max(harmonics, special.orbit.harmonics)
+            return BalancedPlane(system, names, period, method, harmonics)
+        case _:
+            raise ModelError(f"the method is {method.name}; write Shooting() or Balance()")
+
+
+def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
     """The corrector onto the locus of a grazing point, and the start in its variables."""
     switch = next(
         k for k in range(len(switch_names(plane.system))) if describe_switch(special.orbit, k) == special.contact
     )
-    states = state_scales(special.orbit)
-    margin = MARGIN * float(states[0])
-    tolerance = min(shooting.tolerance, 0.1 * margin)
-    equation = TouchEquation(plane, switch, 0.0, tolerance)
+    units = plane.scales(special.orbit)
+    margin = MARGIN * float(units[0])
+    equation = TouchEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
     value = special.orbit.system[plane.names[1]]
     unknowns = equation.unknowns(special.orbit)
     equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
-    scales = _scales(states, [PERIOD], within)
+    scales = _scales(units, [PERIOD], within)
     return Corrector(equation, scales), np.append(unknowns, value) / scales
 
 
-def _multiplier_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range], shooting: Shooting):
-    states = state_scales(special.orbit)
-    equation = MultiplierEquation(plane, special.kind, powers_of_two(states), shooting.tolerance)
-    scales = _scales(states, [], within)
+def _multiplier_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
+    """The corrector onto the locus of a point that the multipliers tell, and the start in its variables."""
+    scales = _scales(plane.scales(special.orbit), [], within)
+    equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
     start = np.append(equation.unknowns(special.orbit), special.orbit.system[plane.names[1]])
     return Corrector(equation, scales), start / scales
 

@@ -9,21 +9,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
-from gapwalk.bifurcation.grazing import describe_switch, find_grazing
+from gapwalk.bifurcation.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
 from gapwalk.bifurcation.locus.locus import Codim2
+from gapwalk.bifurcation.locus.touch import TouchEquation
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.motion.flow import PERIOD
+from gapwalk.orbit.survey import apart
 
 _DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 _FINEST = 1e-5  # arclength below which two zeros are not told apart
 _NOISE = 1e-8  # size of a test function that is nothing but rounding
-_ECHO = 1e-4  # arclength within which the margin of a grazing orbit shows beside a degenerate grazing point
+_TOUCHING = 1e-7  # depth, in units of the unknowns, within which a turning point grazes
+_MERGED = 0.1  # radians within which it is the one that grazes all along a grazing locus
 _EXACT = 1e-13  # arclength to which zeros are located
+_BESIDE = 1e-5  # arclength from a cusp at which the locus has taken up speed again
+_TURNED = 0.5  # share of the change of a speed that is left over, beside a cusp, where it should only change its sign
 
 
 class Finding(NamedTuple):
@@ -48,6 +55,7 @@ def find_codim2(
     found = [
         Finding(Codim2.GRAZING, graze.point, describe_switch(graze.point.orbit, graze.switch))
         for graze in find_grazing(stretch, before, first, last)
+        if not _is_echo(corrector, graze)
     ]
     for what in codim2_kinds(locus):
         function = codim2_function(locus, what, corrector, first)
@@ -55,18 +63,36 @@ def find_codim2(
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
         zeros = _search(function, stretch, first, last, rate)
-        found += [Finding(what, point) for point in zeros if is_genuine(locus, what, point)]
-    return sorted(_without_echoes(found), key=lambda finding: finding.point.arclength)
+        found += [Finding(what, point) for point in zeros if _is_genuine(locus, what, point, stretch)]
+    return sorted(found, key=lambda finding: finding.point.arclength)
 
 
-def _without_echoes(found: list[Finding]) -> list[Finding]:
-    """The findings less the change of the pattern by the grazing contact itself, where its two turning points merge."""
-    merged = [finding.point.arclength for finding in found if finding.kind is Codim2.DEGENERATE_GRAZING]
-    return [
-        finding
-        for finding in found
-        if finding.kind is not Codim2.GRAZING or all(abs(finding.point.arclength - place) > _ECHO for place in merged)
-    ]
+def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch) -> bool:
+    """Whether a zero of a test function is what it is taken for.
+
+    At a sharp cusp rounding leaves some speed in the plane. What tells it then is that both parameters turn back.
+    """
+    if is_genuine(locus, what, point):
+        return True
+    if what not in (Codim2.CUSP, Codim2.DEGENERATE_GRAZING):
+        return False
+    first, *_, last = (each.arclength for each in stretch.points)
+    beside = min(_BESIDE, point.arclength - first, last - point.arclength)
+    if beside <= 0.0:
+        return False
+    before, after = (stretch.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
+    return bool((np.abs(after + before) < _TURNED * np.abs(after - before)).all())
+
+
+def _is_echo(corrector: Corrector, graze: Graze) -> bool:
+    """Whether a grazing locus has met its own touch alone, where the margin changes sides or its two turns merge."""
+    equation = corrector.equation
+    if not isinstance(equation, TouchEquation) or equation.switch != graze.switch:
+        return False
+    full, depths = PERIOD * equation.period, graze.point.orbit.turning_depths[graze.switch]
+    own = float(graze.point.x[-3] * corrector.scales[-3]) % full
+    touches = [theta for theta, depth in zip(*depths, strict=True) if abs(depth) < _TOUCHING * corrector.scales[0]]
+    return all(apart(theta, own, full) < _MERGED for theta in touches)
 
 
 def _search(

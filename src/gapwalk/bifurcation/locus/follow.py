@@ -36,8 +36,10 @@ def follow_locus(
         Names of the parameters, such as ``"frequency"`` and ``"mean.q1"``.
     to
         The range of each: ``((low, high), (low, high))``.
-    walk, method
-        Options of the walk and of the method (one segment).
+    walk
+        Options of the walk.
+    method
+        How orbits are posed: `Shooting` in one segment (the default), or `Balance`, whatever the point was found with.
     report
         Called with each new point and the points of codimension two before it.
 
@@ -46,7 +48,7 @@ def follow_locus(
     ModelError
         For a branch point, which has no locus; for unknown or equal parameters; for ranges without the start.
     ConvergenceError
-        If the start is no special point of its kind, to the tolerance of the method.
+        If the start is no special point of its kind, to the tolerance of the method; or if it takes more harmonics.
     """
     trails: list[LocusTrail] = []
     walked: list[list[LocusStep]] = []

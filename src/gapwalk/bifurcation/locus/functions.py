@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.locus.condition import critical_pair
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.locus import Codim2
-from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
@@ -78,7 +77,7 @@ def codim2_function(
 def _compute(locus: Kind, what: Codim2, corrector: Corrector, point: BranchPoint) -> float:
     if what is Codim2.GENERALISED_FLIP:
         assert isinstance(corrector.equation, MultiplierEquation)
-        coefficient = flip_coefficient(corrector.equation, point.x * corrector.scales)
+        coefficient = corrector.equation.flip_coefficient(point.x[:-1] * corrector.scales[:-1], point.value)
         return coefficient * _product(point.orbit.multipliers - 1.0)  # without its poles, at fold-flips
     return multiplier_test(locus, what, point.orbit.multipliers)
 

@@ -20,6 +20,7 @@ class LocusEndReason(Enum):
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
     JOINED = "the locus ends where its orbits take half their period"
+    COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
     STOPPED = "the walk was stopped before its end"
@@ -27,7 +28,7 @@ class LocusEndReason(Enum):
     @property
     def is_failure(self) -> bool:
         """Whether the numerics gave up."""
-        return self is LocusEndReason.STEP
+        return self in (LocusEndReason.COARSE, LocusEndReason.STEP)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,18 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.doubling import halves_apart, is_close
 from gapwalk.bifurcation.locus.curve import Secant, zero_along
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
-from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
-from gapwalk.orbit.orbit import Orbit
 
 _SECANT = Secant(first=1e-3, exact=1e-9)  # as well as the coefficient is known
 _OVER = 2.0  # distance within which the end must lie, in distances that were estimated
@@ -38,24 +33,21 @@ def find_merging(corrector: Corrector, point: BranchPoint, distance: float) -> B
     """
     equation = corrector.equation
     assert isinstance(equation, MultiplierEquation)
-    plane = replace(equation.plane, period=equation.period // 2)
-    flips = Corrector(replace(equation, plane=plane, kind=Kind.FLIP), corrector.scales)
-    size = len(point.orbit.state)
-    middle = 0.5 * (point.orbit.state + _half_later(point.orbit)) / corrector.scales[:size]
+    shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
+    plane, scales = equation.plane.halved(), corrector.scales[shared]
+    flips = Corrector(replace(equation, plane=plane, kind=Kind.FLIP, scales=scales), scales)
+    middle = equation.plane.mean_of_halves(point.orbit) / scales[:-2]
 
     def coefficient(correction: Correction) -> float:
+        x = correction.x * scales
         assert isinstance(flips.equation, MultiplierEquation)
-        return flip_coefficient(flips.equation, correction.x * flips.scales)
+        return flips.equation.flip_coefficient(x[:-1], float(x[-1]))
 
-    end = zero_along(flips, np.concatenate((middle, point.x[size:])), coefficient, _SECANT)
-    if end is None:
+    found = zero_along(flips, np.concatenate((middle, point.x[-2:])), coefficient, _SECANT)
+    if found is None:
         return None
-    way = end.x - point.x
+    end = np.zeros(len(point.x))
+    end[shared] = found.x
+    way = end - point.x
     length = float(np.linalg.norm(way))
-    return corrector.uncorrected(end.x, way / length, point.arclength + length) if length < _OVER * distance else None
-
-
-def _half_later(orbit: Orbit) -> NDArray[np.float64]:
-    """The state of an orbit after half its period."""
-    flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
-    return flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state
+    return corrector.uncorrected(end, way / length, point.arclength + length) if length < _OVER * distance else None

@@ -2,58 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.locus.equation import MultiplierEquation
+from gapwalk.bifurcation.locus.condition import Criticality
 from gapwalk.motion.switching import ContactEvent
 
-_STEPS = (6e-5, 6e-6)  # displacements in units of the state: beyond them curvature shows, below them rounding
+_STEPS = (6e-5, 6e-6)  # displacements in units of the unknowns: beyond them curvature shows, below them rounding
 _ALIKE = 0.05  # relative change of an impact's velocity within which displaced orbits touch in the same way
 _PLACES = (-2.0, -1.0, 1.0, 2.0)
 _FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # differences of fourth order at those places
 _SECOND = np.array([-1.0, 16.0, 16.0, -1.0]) / 12.0
 _SECOND_HERE = -30.0 / 12.0
 
+Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
+"""The derivative of a map or of an equation somewhere, in units of its unknowns, and the contacts of the motion."""
 
-def flip_coefficient(equation: MultiplierEquation, unknowns: NDArray[np.float64]) -> float:
+
+def flip_coefficient(
+    matrix_at: Callable[[NDArray[np.float64]], Matrix],
+    here: Matrix,
+    unknowns: NDArray[np.float64],
+    units: NDArray[np.float64],
+    critical: Criticality,
+    response: NDArray[np.float64],
+) -> float:
     """The cubic coefficient at a flip, times ``w^T v``, which makes it smooth along its locus.
 
     With the map over m periods P, its critical vectors ``B v = -v`` and ``w^T B = -w^T`` (Kuznetsov, Elements of
     Applied Bifurcation Theory, section 5.4):
 
-        w^T [ P'''(v, v, v) / 6 + P''(v, (1 - B)^-1 P''(v, v)) / 2 ]
+        w^T [ P'''(v, v, v) / 6 + P''(v, R^-1 P''(v, v)) / 2 ],    R = 1 - B
 
-    The derivatives along v come from differences of exact monodromy matrices. nan so close to a grazing contact that
+    An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same with F in place of
+    P, and ``R = -F'`` among the motions of half the period (the reduction of Lyapunov and Schmidt).
+
+    The derivatives along v come from differences of exact matrices P' or F'. nan so close to a grazing contact that
     there are none at any length of motion that matters.
 
     Parameters
     ----------
-    equation
-        The equation of the flips.
-    unknowns : shape (2n + 2,)
-        State and both parameters at a flip.
+    matrix_at
+        Gives the matrix P' or F' of some unknowns.
+    here
+        The same at the flip.
+    unknowns, units : shape (N,)
+        Those of the flip; units of the unknowns.
+    critical
+        v and w.
+    response : shape (N, N)
+        R.
     """
-    state, (coefficients, slopes) = unknowns[:-2], equation.plane.coefficients(float(unknowns[-2]), float(unknowns[-1]))
-    here = equation.plane.full_turn(coefficients, state, slopes)
-    critical, monodromy = equation.criticality(here), equation.scaled(here)
     v, w = critical.directions[0], critical.covectors[0]
     for step in _STEPS:
         matrices = []
         for place in _PLACES:
-            arc = equation.plane.full_turn(coefficients, state + place * step * equation.units * v, slopes)
-            if not _alike(arc.contacts, here.contacts):
+            matrix, contacts = matrix_at(unknowns + place * step * units * v)
+            if not _alike(contacts, here[1]):
                 break
-            matrices.append(equation.scaled(arc))
+            matrices.append(matrix)
         else:
             first = np.tensordot(_FIRST, matrices, 1) / step
-            second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * monodromy) / step**2
-            bent = np.linalg.solve(np.eye(len(v)) - monodromy, first @ v)
+            second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * here[0]) / step**2
+            bent = np.linalg.solve(response, first @ v)
             return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
     return float("nan")
 
 
-def _alike(some: list[ContactEvent], others: list[ContactEvent]) -> bool:
+def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
     """Whether two motions make the same contacts, at about the same velocities."""
     return len(some) == len(others) and all(
         a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)

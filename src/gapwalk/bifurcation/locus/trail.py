@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.locus.approach import Approach, approaches, leaps
 from gapwalk.bifurcation.locus.condition import critical_pair
 from gapwalk.bifurcation.locus.corner import AWAY, Corner, turn_corner
-from gapwalk.bifurcation.locus.departure import LocusDeparture
+from gapwalk.bifurcation.locus.departure import LocusDeparture, lift, refined
 from gapwalk.bifurcation.locus.detect import Finding, find_codim2
 from gapwalk.bifurcation.locus.functions import ends_locus
 from gapwalk.bifurcation.locus.locus import Codim2, Codim2Point, LocusEnd, LocusEndReason, LocusPoint
@@ -23,6 +23,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.motion.flow import PERIOD
 
 _CORNER = 1e-7  # step below which a corner is looked for if none was seen to come
 _AT = 100.0  # distance within which it must lie then, in lengths of that step
@@ -73,6 +74,9 @@ class LocusTrail(Iterator[LocusStep]):
         self.departure, self.options = departure, walk or WalkOptions()
         self.first = self._point(departure.first)
         self.end: LocusEnd | None = None
+        while resume is not None and len(self.departure.first.x) < len(resume.walk.point.x):
+            if not self._refine():
+                break
         self.walk = self._walk_from(resume and resume.walk)
 
     @property
@@ -106,6 +110,12 @@ class LocusTrail(Iterator[LocusStep]):
                     return step
                 self.walk = self._walk_from(self.walk.state)
                 continue
+            doubt = self.departure.plane.doubt(point.orbit)
+            if doubt:
+                if self._go_on_more_finely(state):
+                    continue
+                self.end = LocusEnd(LocusEndReason.COARSE, self._values(state.point), doubt)
+                raise StopIteration
             step = None
             try:
                 if self._is_smooth(state, point, is_coarse):
@@ -150,6 +160,24 @@ class LocusTrail(Iterator[LocusStep]):
         if state.point.orbit.closings != last.orbit.closings:
             return False
         return not leaps(state.previous, state.point, last)
+
+    def _refine(self) -> bool:
+        """Resolve the locus more finely, as if it had been so from the beginning; whether that can be done."""
+        finer = refined(self.departure)
+        if finer is None:
+            return False
+        self.departure = finer
+        return True
+
+    def _go_on_more_finely(self, state: WalkState) -> bool:
+        """Go on from a state with a finer resolution; whether that can be done."""
+        if not self._refine():
+            return False
+        point = lift(state.point, self.departure.corrector)
+        if point is None:
+            return False
+        self.walk = self._walk_from(WalkState(None, point, state.step, state.count))
+        return True
 
     def _walk_from(self, state: WalkState | None) -> Walk:
         departure = self.departure
@@ -231,7 +259,7 @@ class LocusTrail(Iterator[LocusStep]):
 
     def _passes_start(self, point: BranchPoint, corner: Corner) -> bool:
         """Whether the way round a corner leads over the point from which the trail began."""
-        if point.arclength < 4.0 * self.options.initial_step:
+        if point.arclength < 4.0 * self.options.first_step:
             return False
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
@@ -275,7 +303,7 @@ class LocusTrail(Iterator[LocusStep]):
                 pair = point.orbit.multipliers[list(critical_pair(point.orbit.multipliers))]
                 return float(np.arccos(np.clip(0.5 * pair.sum().real, -1.0, 1.0)))
             case _:
-                return float(point.x[-3] * self.departure.corrector.scales[-3]) % self.departure.plane.length
+                return float(point.x[-3] * self.departure.corrector.scales[-3]) % (PERIOD * self.departure.plane.period)
 
 
 def _distance(x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -20,6 +20,7 @@ from gapwalk.orbit.balance.hill import projected_monodromy
 from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.balance.laws import Laws
 from gapwalk.orbit.balance.linear import linear_of
+from gapwalk.orbit.balance.linearised import Linearised
 from gapwalk.orbit.balance.modal import modal_monodromy
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.balance.orbit import BalancedOrbit
@@ -78,6 +79,8 @@ class BalanceEquation:
         How to balance.
     harmonics
         H, the highest harmonic of the forcing frequency.
+    others
+        Names of other parameters that may vary; see `evaluate_at`.
     """
 
     system: System
@@ -85,6 +88,7 @@ class BalanceEquation:
     period: int = 1
     options: Balance = Balance()
     harmonics: int = 10
+    others: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.period, bool) or not isinstance(self.period, int) or self.period < 1:
@@ -118,7 +122,18 @@ class BalanceEquation:
         NumericalError
             If the linear part is singular at one of the lines.
         """
-        coefficients, slope = self._parts.coefficients(value)
+        return self.evaluate_at(unknowns, *self._parts.coefficients(value))
+
+    def evaluate_at(
+        self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
+    ) -> Evaluation:
+        """Residual and derivatives for coefficients of the flow, and for their derivatives by any of the parameters.
+
+        Raises
+        ------
+        NumericalError
+            As `evaluate`.
+        """
         lines = from_real_form(unknowns.reshape(len(self._parts.layout.contacts), -1))
         compliance = self._parts.compliance(coefficients, slope)
         laws = self._parts.laws(coefficients, slope)
@@ -140,8 +155,12 @@ class BalanceEquation:
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """The orbit of a solution."""
-        evidence: Evidence = evaluation.evidence
         system = self.system if self.parameter is None else self._parts.line.system_at(value)
+        return self.orbit_at(system, unknowns, evaluation)
+
+    def orbit_at(self, system: System, unknowns: NDArray[np.float64], evaluation: Evaluation) -> BalancedOrbit:
+        """The orbit of a solution, which is a motion of `system`."""
+        evidence: Evidence = evaluation.evidence
         # the unknowns may be one Newton step past the evaluation
         lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
         compliance, shift = evidence.compliance, self._parts.shift
@@ -151,8 +170,8 @@ class BalanceEquation:
             system,
             self.period,
             series.start(),
-            self._multipliers(evidence),
-            self._events(evidence),
+            multipliers([self.monodromy(evidence)]),
+            self.events(evidence),
             max(map(abs, evaluation.residual.tolist())),
             2 * self.count,
             series,
@@ -211,19 +230,27 @@ class BalanceEquation:
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
-    def _multipliers(self, evidence: Evidence) -> NDArray[np.complex128]:
-        length = 2.0 * np.pi / float(evidence.compliance.lines.frequencies[1])
+    def linearised(self, evidence: Evidence) -> Linearised:
+        """The linearised equations of all motions with the coefficients and the laws of one."""
+        return self._parts.linearised(evidence.coefficients, evidence.laws)
+
+    def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
+        """How changes of a motion are mapped over its period, in the unknowns in which `options.stability` has them.
+
+        Where `linearised` is known already, that saves time.
+        """
+        length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, breaks = evidence.forces, evidence.forces.crossings[0]
         poles, shift = self._parts.poles, self._parts.shift
         if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
             # eigenvectors that are faster than every line, by far, follow at once
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
-            return multipliers([modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)])
-        linearised = self._parts.linearised(evidence.coefficients, evidence.laws)
+            return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
+        linearised = linearised or self.linearised(evidence)
         if self.options.stability == "hill":
             tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
-            return multipliers([projected_monodromy(linearised, tangents, length)])
-        return multipliers([monodromy(linearised, evidence.lines, breaks, length)])
+            return projected_monodromy(linearised, tangents, length)
+        return monodromy(linearised, evidence.lines, breaks, length)
 
     def _truncation(self, evidence: Evidence) -> float:
         """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
@@ -231,7 +258,8 @@ class BalanceEquation:
         neglected = evidence.compliance.answer(frequencies, beyond(evidence.forces.parts, frequencies))
         return share(neglected, evidence.lines)
 
-    def _events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
+    def events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
+        """The crossings of breakpoints in one period."""
         rate = float(evidence.compliance.lines.frequencies[1])
         return tuple(
             ContactEvent(self.period * phi, int(switch), closes > 0.0, rate * slope)
@@ -240,4 +268,4 @@ class BalanceEquation:
 
     @cached_property
     def _parts(self) -> Parts:
-        return Parts(self.system, self.parameter, self.period, self.count)
+        return Parts(self.system, self.parameter, self.period, self.count, self.others)

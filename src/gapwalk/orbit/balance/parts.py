@@ -30,12 +30,15 @@ class Parts:
         As of the equation.
     count
         K.
+    others
+        Names of other parameters that may vary.
     """
 
     system: System
     parameter: str | None
     period: int
     count: int
+    others: tuple[str, ...] = ()
 
     @cached_property
     def layout(self) -> CoefficientLayout:
@@ -97,17 +100,22 @@ class Parts:
 
     @cached_property
     def _fixed(self) -> Linear | None:
-        """The linear part, where it does not change with the parameter."""
-        if self.parameter not in (None, "frequency"):
-            slope = self.coefficients(self.system[self.parameter])[1]
-            if slope is not None and not linear_of(self.layout, slope).is_zero:
+        """The linear part, where it does not change with any parameter."""
+        for name in self._varying:
+            slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
+            if not linear_of(self.layout, slope).is_zero:
                 return None
         return linear_of(self.layout, coefficients_of(self.system))
 
     @cached_property
     def _fixed_laws(self) -> Laws | None:
-        """The laws, where the parameter does not touch them."""
-        return laws_of(self.layout, coefficients_of(self.system)) if self.parameter in (None, "frequency") else None
+        """The laws, where no parameter touches them."""
+        return None if self._varying else laws_of(self.layout, coefficients_of(self.system))
+
+    @property
+    def _varying(self) -> tuple[str, ...]:
+        """The parameters that may change the matrices or the laws."""
+        return tuple(name for name in (self.parameter, *self.others) if name not in (None, "frequency"))
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:

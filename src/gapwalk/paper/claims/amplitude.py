@@ -163,11 +163,18 @@ HIGH, MODERATE = ("29-0.65", "29-0.8", "29-0.95", "29-0.2"), ("29-0.16", "29-0.2
 
 CLAIMS = (
     Claim("27-islands", "At Ω = 0.25 two isolated branches lie over the amplitude.", ("27",), _two_islands),
-    Claim("27-beats", "The larger one has two small ranges of motions that beat.", ("27",), _large_beats, BOTH),
+    Claim(
+        "27-beats",
+        "The larger one has two small ranges of motions that beat.",
+        ("27",),
+        _large_beats,
+        BOTH,
+        short=True,
+    ),
     Claim("27-flip", "On the smaller one periods double.", ("27",), _small_flips),
     Claim("27-nothing", "For 0.3 ≤ Te1 ≤ 0.45 there is no periodic motion, stable or not.", ("27",), _nothing_between),
     Claim("28-grow", "At Ω = 0.255 both loops are larger.", ("27", "28"), _grow),
-    Claim("28-overlap", "There they overlap.", ("28", "28-overlap"), _overlap, BOTH),
+    Claim("28-overlap", "There they overlap.", ("28", "28-overlap"), _overlap, BOTH, short=True),
     Claim("28-throughout", "There periodic motions exist throughout the range.", ("28",), _throughout),
     Claim("29-small", "At Ω = 0.35 period 1 is stable for small amplitudes.", ("29",), _small_amplitude),
     Claim("29-cascade", "At moderate amplitudes periods double to 2, 4 and more.", ("29",), _cascade),
@@ -180,6 +187,7 @@ CLAIMS = (
         ("12", "20a", "4a", "10b"),
         _heavy,
         BOTH,
+        short=True,
     ),
     Claim(
         "summary-light",

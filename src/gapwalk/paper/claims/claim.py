@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from gapwalk.paper.job import BranchJob, Job
 from gapwalk.paper.jobs import find_job
 from gapwalk.paper.reading import AS_PRINTED, LITERAL, Reading
 from gapwalk.study.result import Result
@@ -61,6 +62,8 @@ class Claim:
         The check: takes their results, in this order.
     others
         Other readings of the paper that are checked beside the default one, which has the first word.
+    short
+        Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Claim:
     rests_on: tuple[str, ...]
     decide: Callable[..., Outcome]
     others: tuple[Reading, ...] = ()
+    short: bool = False
 
     @property
     def figure(self) -> str:
@@ -94,7 +98,15 @@ class Claim:
         return Outcome(Verdict.OTHER_READING, evidence, holding)
 
     def _keys(self, reading: Reading | None) -> list[str]:
-        return [key if reading is None else find_job(key).at(reading).key for key in self.rests_on]
+        if reading is None:
+            return list(self.rests_on)
+        return [self._key_in(reading, find_job(key)) for key in self.rests_on]
+
+    def _key_in(self, reading: Reading, job: Job) -> str:
+        other = job.at(reading)
+        if other != job and self.short and isinstance(job, BranchJob) and job.max_period > 1:
+            other = job.shortest.at(reading)
+        return other.key
 
     def _check(self, reading: Reading | None, results: Mapping[str, Result], failures: Mapping[str, str]) -> Outcome:
         keys = self._keys(reading)

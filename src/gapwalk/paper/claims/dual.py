@@ -188,8 +188,9 @@ CLAIMS = (
         ("22",),
         _antiphase_flips,
         BOTH,
+        short=True,
     ),
-    Claim("22-wider", "At 180° the non-linear range is wider still.", ("20a", "20b", "22"), _wider, BOTH),
+    Claim("22-wider", "At 180° the non-linear range is wider still.", ("20a", "20b", "22"), _wider, BOTH, short=True),
     Claim("23-single", "One harmonic: peaks at 1/2, 1/3 and 1/4 of the main resonance.", ("9b",), _single_peaks),
     Claim("23-half", "A second harmonic at 2 Ω makes the peak at 1/2 higher.", ("9b", "23b"), _half_grows),
     Claim(
@@ -198,8 +199,9 @@ CLAIMS = (
         ("9b", "23b", "23b-120", "23b-180"),
         _others_vanish,
         BOTH,
+        short=True,
     ),
-    Claim("25-peaks", "The same holds for twice the excitation.", ("24", "25"), _doubled_peaks, BOTH),
+    Claim("25-peaks", "The same holds for twice the excitation.", ("24", "25"), _doubled_peaks, BOTH, short=True),
     Claim("25-lower", "There the second harmonic lowers the amplitude for Ω ≤ 0.25.", ("24", "25"), _lower_amplitude),
     Claim(
         "26-higher",

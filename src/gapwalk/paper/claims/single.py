@@ -7,10 +7,11 @@ import numpy as np
 from gapwalk.bifurcation.compare import compare
 from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
-from gapwalk.paper.balance import HARMONICS, balanced
+from gapwalk.orbit.balance import Balance
 from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds
 from gapwalk.paper.claims.look import Range, beating, flipped, main_branch, values, words
 from gapwalk.paper.reading import AS_PRINTED
+from gapwalk.study.options import BranchOptions
 from gapwalk.study.result import Result
 
 _NOTABLE = 0.05  # of the frequency: what a picture of the whole response would show
@@ -19,15 +20,17 @@ _CLOSE = 0.002  # share of the picture by which two curves may differ and still 
 
 def _balance(*results: Result) -> Outcome:
     parts, agree = [], True
-    for name, result in zip(("κ = 0.1", "κ = 0.4"), results, strict=True):
-        branch = main_branch(result)
-        difference = compare(balanced(branch), branch)
+    for name, shot, balanced in zip(("κ = 0.1", "κ = 0.4"), results[::2], results[1::2], strict=True):
+        difference = compare(main_branch(balanced), main_branch(shot))
         agree &= difference.within(_CLOSE)
         parts.append(
             f"{name}: largest distance {difference.largest:.1e} of the ranges, special points within "
             f"{difference.largest_shift:.1e} of each other"
         )
-    return holds(agree, f"with {HARMONICS} harmonics; {'; '.join(parts)}")
+    options = results[1].options
+    assert isinstance(options, BranchOptions)
+    assert isinstance(options.method, Balance)
+    return holds(agree, f"with {options.method.harmonics} harmonics; {'; '.join(parts)}")
 
 
 def _shrinks(stiff: Result, soft: Result) -> Outcome:
@@ -104,11 +107,18 @@ CLAIMS = (
     Claim(
         "9-balance",
         "Shooting and harmonic balance with many harmonics give the same responses.",
-        ("9a", "9b"),
+        ("9a", "9a-balance", "9b", "9b-balance"),
         _balance,
     ),
     Claim("10-shrinks", "A softer second stage makes the range of doubled periods smaller.", ("4a", "10b"), _shrinks),
-    Claim("10-gone", "With n1 = 0.8 it is gone altogether.", ("10b", "10b-softer"), _disappears, (AS_PRINTED,)),
+    Claim(
+        "10-gone",
+        "With n1 = 0.8 it is gone altogether.",
+        ("10b", "10b-softer"),
+        _disappears,
+        (AS_PRINTED,),
+        short=True,
+    ),
     Claim(
         "11-spacing", "The resonances of the two sets are 0.6 and 0.8 apart.", ("11a", "11b", "11a-mended"), _spacing
     ),
@@ -131,5 +141,6 @@ CLAIMS = (
         ("12",),
         _heavy_beats,
         BOTH,
+        short=True,
     ),
 )

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from gapwalk.paper.claims import amplitude, dual, light, models, single
+from gapwalk.paper.claims import amplitude, dual, light, models, rattle, single
 from gapwalk.paper.claims.claim import Claim
 
-CLAIMS: tuple[Claim, ...] = (*models.CLAIMS, *single.CLAIMS, *light.CLAIMS, *dual.CLAIMS, *amplitude.CLAIMS)
+CLAIMS: tuple[Claim, ...] = (
+    *models.CLAIMS,
+    *rattle.CLAIMS,
+    *single.CLAIMS,
+    *light.CLAIMS,
+    *dual.CLAIMS,
+    *amplitude.CLAIMS,
+)
 
 
 def claims_about(figure: int) -> tuple[Claim, ...]:

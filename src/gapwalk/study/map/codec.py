@@ -16,7 +16,8 @@ class LocusCodec:
     """Packs the points of one locus.
 
     The row of a point holds both parameters, then both of its orbit (they differ by rounding at most), angle,
-    arclength; x (N + 1); tangent (N + 1); then that of its orbit.
+    arclength; by harmonic balance N + 1, for the number of harmonics may grow along a locus; x (N + 1); tangent
+    (N + 1); then that of its orbit.
 
     Parameters
     ----------
@@ -27,12 +28,16 @@ class LocusCodec:
     period
         m of the orbits.
     unknowns
-        N + 1, the number of scaled variables.
+        N + 1, the number of scaled variables of its first point.
+    balanced
+        Whether its orbits were found by harmonic balance.
     """
 
-    def __init__(self, system: System, first: str, second: str, period: int, unknowns: int) -> None:
+    def __init__(
+        self, system: System, first: str, second: str, period: int, unknowns: int, *, balanced: bool = False
+    ) -> None:
         self.period, self.unknowns = period, unknowns
-        self._orbits = OrbitCodec(system, (first, second), period)
+        self._orbits = OrbitCodec(system, (first, second), period, balanced=balanced)
 
     def pack(self, points: Sequence[LocusPoint]) -> Packed:
         """The bytes of some points."""
@@ -45,7 +50,8 @@ class LocusCodec:
         numbers, points = self._orbits.numbers(packed, count, 6 + 2 * self.unknowns), []
         for _ in range(count):
             first, second, *values, angle, arclength = numbers.take(6).tolist()
-            x, tangent = numbers.take(self.unknowns), numbers.take(self.unknowns)
+            n = numbers.take_count() if self._orbits.balanced else self.unknowns
+            x, tangent = numbers.take(n), numbers.take(n)
             points.append(
                 LocusPoint((first, second), self._orbits.orbit(numbers, values), angle, x, tangent, arclength)
             )
@@ -55,4 +61,6 @@ class LocusCodec:
     def _row(self, point: LocusPoint) -> NDArray[np.float64]:
         values = self._orbits.values(point.orbit)
         head = [*point.values, *values, point.angle, point.arclength]
+        if self._orbits.balanced:
+            head.append(len(point.x))
         return np.concatenate((head, point.x, point.tangent, self._orbits.row(point.orbit, values)))

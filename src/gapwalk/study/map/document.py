@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gapwalk.bifurcation.locus import Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.study.columns import method_document
 from gapwalk.study.map.chart import Map
 
 
@@ -41,7 +42,8 @@ def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, An
 
 def _point(point: LocusPoint) -> dict[str, Any]:
     """`angle` is the argument of the critical multiplier; on a grazing locus it tells when the contact touches."""
-    return {"parameters": list(point.values), "angle": point.angle, "contacts": point.orbit.pattern}
+    about = {"parameters": list(point.values), "angle": point.angle, "contacts": point.orbit.pattern}
+    return {**about, **method_document(point.orbit)}
 
 
 def _codim2(codim2: Codim2Point) -> dict[str, Any]:

@@ -37,7 +37,7 @@ def read_map(connection: sqlite3.Connection, system: System, options: MapStudyOp
         What the file says of the map as a whole.
     """
     first, second = options.parameter, options.second.parameter
-    loci = tuple(_loci(connection, system, first, second))
+    loci = tuple(_loci(connection, system, options))
     if len(loci) != int(about["loci"]):
         raise ValueError("a locus is missing")
     notes, failures = (tuple(str(text) for text in about[key]) for key in ("notes", "failures"))
@@ -68,7 +68,8 @@ def _sections(
     )
 
 
-def _loci(connection: sqlite3.Connection, system: System, first: str, second: str):
+def _loci(connection: sqlite3.Connection, system: System, options: MapStudyOptions):
+    first, second = options.parameter, options.second.parameter
     rows = connection.execute(
         "SELECT id, kind, period, contact, unknowns, ends, count, data, events, checksum FROM locus ORDER BY id"
     ).fetchall()
@@ -76,7 +77,7 @@ def _loci(connection: sqlite3.Connection, system: System, first: str, second: st
         number, kind, period, contact, unknowns, ends, count, data, events, expected = row
         if number != place or period < 1:
             raise ValueError("a locus is missing")
-        codec = LocusCodec(system, first, second, period, unknowns)
+        codec = LocusCodec(system, first, second, period, unknowns, balanced=options.balanced)
         points = codec.unpack(checked(data, events, expected), count)
         one, other = (_end_of(end) for end in json.loads(ends))
         codim2 = tuple(_codim2_points(connection, number, codec))

@@ -61,7 +61,9 @@ class MapStore:
 
     def _write_locus(self, connection: sqlite3.Connection, locus: Locus) -> None:
         number, unknowns = self._loci + 1, len(locus.points[0].x)
-        codec = LocusCodec(self.file.study.system, locus.first, locus.second, locus.period, unknowns)
+        study = self.file.study
+        plane = (study.system, locus.first, locus.second)
+        codec = LocusCodec(*plane, locus.period, unknowns, balanced=study.walked.balanced)
         packed = codec.pack(locus.points)
         ends = json.dumps([_plain_end(end) for end in locus.ends])
         about = (number, locus.kind.value, locus.period, locus.contact, unknowns, ends, len(locus.points))

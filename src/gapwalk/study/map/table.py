@@ -15,7 +15,7 @@ from gapwalk.model.system import System
 from gapwalk.study.diagram.search_table import SearchPart
 from gapwalk.study.fields import CountOrValues, check_inside
 from gapwalk.study.map.options import KINDS
-from gapwalk.study.method_table import MethodName, ShootingPart
+from gapwalk.study.method_table import ShootingPart
 from gapwalk.study.options import MapStudyOptions, SecondParameter
 from gapwalk.study.store.plain import with_tuples
 from gapwalk.study.tables import BranchPart, Surroundings, check_parameter, check_value
@@ -88,16 +88,6 @@ class MapPart(BranchPart):
             if second is not None:
                 check_inside(sections, "sections", (second.begin, second.end))
         return sections
-
-    @field_validator("method")
-    @classmethod
-    def _follows_loci(cls, method: MethodName) -> MethodName:
-        if method is MethodName.BALANCE:
-            raise ValueError(
-                f"is {given(method.value)}, but loci are followed by shooting, with exact motions; leave it out, and "
-                f'compare the branches of sections in studies of the kind "diagram"'
-            )
-        return method
 
     @field_validator("shooting")
     @classmethod

@@ -35,7 +35,7 @@ def work_settle(
     options = study.options
     assert isinstance(options, SettleStudyOptions)
     settled = settle(study.system, options.start, options.limits)
-    attractor = identify(settled, ClassifyOptions(options.limits))
+    attractor = identify(settled, ClassifyOptions(options.limits, options.lyapunov))
     motion = motion_of(attractor, settled)
     section = strobe(study.system, motion.state, motion.period or _POINTS, options.phase)
     lines = spectrum(motion, options.signal).peaks(_LINES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from gapwalk.attractor.lyapunov import LyapunovOptions
 from gapwalk.attractor.settle import SettleOptions
 from gapwalk.study.options import StudyOptions
 
@@ -26,6 +27,8 @@ class SettleStudyOptions(StudyOptions):
         Phase of the excitation at which the section is taken, in radians.
     max_periods, max_period, tolerance
         How to settle; as `gapwalk.SettleOptions`.
+    lyapunov
+        How long the exponents of a motion without period are averaged.
     """
 
     kind: ClassVar[str] = "settle"
@@ -36,6 +39,7 @@ class SettleStudyOptions(StudyOptions):
     max_periods: int = _LIMITS.max_periods
     max_period: int = _LIMITS.max_period
     tolerance: float = _LIMITS.tolerance
+    lyapunov: LyapunovOptions = LyapunovOptions()
 
     @property
     def plan(self) -> str:

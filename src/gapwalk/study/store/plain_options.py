@@ -10,6 +10,7 @@ from pydantic import TypeAdapter
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.basins.study_options import BasinStudyOptions
+from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, ResponseOptions, StudyOptions
 from gapwalk.study.regimes.study_options import RegimeStudyOptions
 from gapwalk.study.settle.study_options import SettleStudyOptions
@@ -21,6 +22,7 @@ _OPTIONS: dict[str, type[StudyOptions]] = {
         ResponseOptions,
         DiagramStudyOptions,
         MapStudyOptions,
+        FamilyStudyOptions,
         SettleStudyOptions,
         SweepStudyOptions,
         BasinStudyOptions,

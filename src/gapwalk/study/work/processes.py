@@ -80,14 +80,14 @@ class Processes:
         self._held.close()
 
     def _pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context, initializer=_live_on_a_leash, initargs=(self._held,))
+        return ProcessPoolExecutor(1, self._context, initializer=live_on_a_leash, initargs=(self._held,))
 
     def _submit(self, place: int, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
-        with _undisturbed():
+        with undisturbed():
             return self._pools[place].submit(function, piece)
 
 
-def _live_on_a_leash(held: Any) -> None:
+def live_on_a_leash(held: Any) -> None:
     """End this process when the other end of the leash is closed, which the death of its holder does too."""
 
     def wait_for_the_end() -> None:
@@ -98,7 +98,7 @@ def _live_on_a_leash(held: Any) -> None:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def undisturbed() -> Iterator[None]:
     """Processes that are started inside do not see Ctrl-C, which is for this one; nor do they run the user's script.
 
     Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The

@@ -241,12 +241,8 @@ def workers(count: int | None = None) -> Iterator[Workers]:
 @contextmanager
 def sharing(count: int | None = None) -> Iterator[Workers]:
     """Have all work of a while done by the same processes, so that each starts once; `count` as in `workers`."""
-    with workers(count) as hands:
-        token = _around.set(hands)
-        try:
-            yield hands
-        finally:
-            _around.reset(token)
+    with workers(count) as hands, _for_all(hands):
+        yield hands
 
 
 @contextmanager
@@ -266,12 +262,8 @@ def on_cluster(scheduler: str) -> Iterator[Workers]:
     """
     from gapwalk.study.work.cluster import Cluster  # it needs Dask, which is an extra
 
-    with _hired(Cluster(scheduler)) as hands:
-        token = _around.set(hands)
-        try:
-            yield hands
-        finally:
-            _around.reset(token)
+    with _hired(Cluster(scheduler)) as hands, _for_all(hands):
+        yield hands
 
 
 @contextmanager
@@ -282,3 +274,13 @@ def _hired(crew: Crew) -> Iterator[Workers]:
         crew.close(at_once=True)
         raise
     crew.close(at_once=False)
+
+
+@contextmanager
+def _for_all(hands: Workers) -> Iterator[None]:
+    """Have these workers do all work of a while."""
+    token = _around.set(hands)
+    try:
+        yield
+    finally:
+        _around.reset(token)

@@ -1,0 +1,161 @@
+"""The explorer in a browser: how long a motion takes to appear, and how smoothly many points pan and zoom.
+
+    python -m benchmarks.explorer [PICTURE.png]
+
+Needs Chromium. Milliseconds of a wall clock, so on a machine that nobody else uses. Without a GPU, as here, frames take
+longer than at a desk. With the name of a picture, the page is saved as it looks with a motion on it.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Page, sync_playwright
+
+MODEL = Path(__file__).parents[1] / "examples" / "clutch.toml"
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+STEPS = 20  # along the branch, a motion each
+
+# 200 branches of 2,000 points each, in pieces of all kinds of stability
+MANY = """() => {
+    const { curves, diagram } = gapwalk;
+    curves.clear();
+    for (let b = 0; b < 200; b++) {
+        const n = 2000, x = new Float64Array(n), y = new Float64Array(n);
+        const node = new Int32Array(n), label = new Uint8Array(n);
+        for (let i = 0; i < n; i++) {
+            const t = i / (n - 1);
+            x[i] = 0.2 + 1.6 * t + 0.02 * Math.sin(9 * t + b);
+            y[i] = 1 + b * 0.02 + 0.5 * Math.sin(6 * t + b * 0.3) + 0.2 * Math.cos(31 * t + b);
+            [node[i], label[i]] = [i, Math.floor(t * 8 + b) % 4];
+        }
+        const curve = { key: `b/${b}`, result: "b", branch: b, name: "P1-1", period: 1, count: n, special: [] };
+        curves.all.set(curve.key, { ...curve, x, y, node, label });
+    }
+    const times = [];
+    for (let k = 0; k < 5; k++) { diagram.draw(); times.push(diagram.drawTime); }
+    return times;
+}"""
+FRAMES = """() => {
+    window.frames_ = [];
+    let last = performance.now();
+    const frame = () => {
+        const now = performance.now();
+        frames_.push(now - last);
+        last = now;
+        requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+}"""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Measure, and print a line for each thing."""
+    with served() as address, sync_playwright() as driver:
+        chrome = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        page = chrome.new_page(viewport={"width": 1280, "height": 720})
+        page.goto(address)
+        until(page, "Boolean(window.gapwalk?.page.about)")
+        page.click("#compute")
+        until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
+        say("a motion appears after a key", walk(page))
+        if arguments:
+            save_picture(page, arguments[0])
+        say("200 branches of 2,000 points are drawn", page.evaluate(MANY))
+        page.evaluate(FRAMES)
+        say("frames of a drag", drag(page))
+        say("frames while zooming", zoom(page))
+        chrome.close()
+
+
+def walk(page: Page) -> list[float]:
+    """Milliseconds from a key to the motion of the next point."""
+    times = []
+    page.focus("#diagram")
+    for key in ["Home", "s", *["ArrowLeft"] * STEPS]:
+        before = page.evaluate("document.body.dataset.shown ?? ''")
+        page.keyboard.press(key)
+        until(page, f"(document.body.dataset.shown ?? '') !== '{before}'")
+        times.append(float(page.evaluate("document.body.dataset.shownAfter")))
+        page.wait_for_timeout(150)  # spectrum and section come after
+    return times[2:]
+
+
+def save_picture(page: Page, path: str) -> None:
+    """The page with the motion at the upper end of the resonance, where the contact opens."""
+    for key in ["Home", *["s"] * 6]:
+        page.keyboard.press(key)
+    page.wait_for_timeout(2000)
+    page.screenshot(path=path)
+
+
+def drag(page: Page) -> list[float]:
+    """Milliseconds of each frame while the diagram is dragged."""
+    x, y = middle(page)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for i in range(40):
+        page.mouse.move(x + 3 * i, y + i)
+        page.wait_for_timeout(8)
+    frames = page.evaluate("frames_.splice(0)")
+    page.mouse.up()
+    page.wait_for_timeout(800)
+    page.evaluate("frames_.splice(0)")
+    return frames
+
+
+def zoom(page: Page) -> list[float]:
+    """Milliseconds of each frame while the wheel is turned."""
+    page.mouse.move(*middle(page))
+    for _ in range(20):
+        page.mouse.wheel(0, -60)
+        page.wait_for_timeout(16)
+    return page.evaluate("frames_.splice(0)")
+
+
+def middle(page: Page) -> tuple[float, float]:
+    """The middle of the diagram."""
+    box = page.locator("#diagram").bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def say(what: str, times: Sequence[float]) -> None:
+    """Print the middle one of some times, and the one that a tenth of them exceeds."""
+    ordered = sorted(times)
+    print(
+        f"{what}: {ordered[len(ordered) // 2]:.0f} ms; slowest tenth {ordered[int(0.9 * len(ordered))]:.0f} ms",
+        flush=True,
+    )
+
+
+def until(page: Page, condition: str) -> None:
+    """Wait until a condition holds on the page."""
+    end = time.monotonic() + 60.0
+    while not page.evaluate(condition):
+        if time.monotonic() > end:
+            raise TimeoutError(condition)
+        page.wait_for_timeout(5)
+
+
+@contextmanager
+def served() -> Iterator[str]:
+    """The address of an explorer of a copy of the clutch."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "gapwalk", "explore", shutil.copy(MODEL, folder), "--no-browser"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+            assert server.stdout is not None
+            server.stdout.readline()
+            yield server.stdout.readline().strip()
+            server.terminate()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

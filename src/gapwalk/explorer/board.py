@@ -1,0 +1,184 @@
+"""What is on the page: the file that was opened, and the results of its exploration. It is kept on the server."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from gapwalk.attractor.settled import Settled
+from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.explorer.action import Action, Place, plain_action, read_action
+from gapwalk.explorer.entry import Entry, Line, State
+from gapwalk.explorer.plan import plan, word_of
+from gapwalk.explorer.task import Task
+from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.file import Study, read_studies
+from gapwalk.study.store.stored import load
+
+
+class Board:
+    """A model file or a result, and all that has been computed from it.
+
+    Parameters
+    ----------
+    workspace
+        The folder.
+    name
+        The file in it.
+
+    Raises
+    ------
+    ModelError
+        If there is no such file, or it is no model and no result.
+    """
+
+    def __init__(self, workspace: Workspace, name: str) -> None:
+        self.workspace, self.name = workspace, name
+        self.file = workspace.path(name)
+        self.guard = threading.RLock()
+        self.entries: dict[str, Entry] = {}
+        self._stamp = self._seen()
+        self.studies = self._open()
+        self._read_exploration()
+
+    def is_old(self) -> bool:
+        """Whether the file has been changed since it was opened."""
+        return self._seen() != self._stamp
+
+    def is_idle(self) -> bool:
+        """Whether nothing is being computed for it."""
+        with self.guard:
+            return all(entry.state.is_over for entry in self.entries.values())
+
+    def base(self) -> Study:
+        """The first study of the file that was opened."""
+        return self.studies[0]
+
+    def study(self, name: str, values: Mapping[str, float]) -> Study:
+        """A study of the file that was opened, with other values; a ModelError if there is none of that name."""
+        if self.file.suffix == RESULT:
+            study = self.base()
+            return replace(study, system=study.system.at(dict(values)))
+        studies = {study.name: study for study in read_studies(self.file, dict(values))}
+        if name not in studies:
+            known = ", ".join(known for known in studies if known)
+            raise ModelError(f"{self.name} has no study {name!r}; it has {known or 'one without a name'}")
+        return studies[name]
+
+    def entry(self, key: str) -> Entry:
+        """A result by its key; a ModelError if there is none."""
+        with self.guard:
+            if key not in self.entries:
+                raise ModelError(f"there is no result {key[:100]!r} on this page; reload it")
+            return self.entries[key]
+
+    def motion(self, place: Place) -> Orbit | Settled:
+        """The motion at a place; a ModelError if there is none."""
+        with self.guard:
+            return self.entry(place.result).motion(place)
+
+    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
+        """The special point at a place, and its branch; a ModelError if there is none."""
+        with self.guard:
+            return self.entry(place.result).special(place)
+
+    def prepare(self, action: Action) -> tuple[Entry, Task]:
+        """A new entry for an action, and the task that fills it; its result file has a name of its own.
+
+        Raises
+        ------
+        ModelError
+            If the action makes no sense, or nothing can be written.
+        """
+        self._refuse_unfinished(action)
+        title, task = plan(action, self)
+        output = self.workspace.claim(self.file, word_of(action))
+        write_record(output, {"title": title, "action": plain_action(action)})
+        entry = Entry(output.stem, title, output, action, State.QUEUED)
+        with self.guard:
+            self.entries[entry.key] = entry
+        return entry, replace(task, output=output)
+
+    def read(self, entry: Entry) -> None:
+        """Read the result of an entry that is over, if there is one; what is wrong with it becomes its message."""
+        if not entry.path.exists():
+            return
+        try:
+            result = load(entry.path)
+        except GapwalkError as error:
+            with self.guard:
+                entry.message = entry.message or str(error)
+                entry.version += 1
+            return
+        with self.guard:
+            entry.result = result
+            entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
+            entry.version += 1
+
+    def _seen(self) -> tuple[int, int]:
+        """What tells the file from what it was before; zeros if there is none."""
+        try:
+            found = self.file.stat()
+        except OSError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
+
+    def _refuse_unfinished(self, action: Action) -> None:
+        """Points of a branch that is still being walked may have other numbers in the end."""
+        start = getattr(action, "start", None)
+        if start is not None and not self.entry(start.result).state.is_over:
+            raise ModelError("this result is still being computed; wait for its end, or stop it, and ask again")
+
+    def _open(self) -> tuple[Study, ...]:
+        if self.file.suffix == RESULT:
+            result = load(self.file)
+            self.entries[""] = Entry("", self.file.name, self.file, result=result)
+            self.entries[""].message = _ends(self.entries[""])
+            return (result.study,)
+        return read_studies(self.file)
+
+    def _read_exploration(self) -> None:
+        folder = self.workspace.exploration(self.file)
+        for path, record in read_records(folder).items():
+            try:
+                action = read_action(record.get("action"))
+            except ModelError:
+                continue
+            if path.exists():
+                entry = Entry(path.stem, str(record.get("title", path.stem))[:200], path, action)
+                self.entries[entry.key] = entry
+                self.read(entry)
+                if entry.result is not None and not entry.result.complete:
+                    entry.state = State.STOPPED
+
+    def resumed(self, entry: Entry) -> Task:
+        """The task that goes on with a result that was stopped.
+
+        Raises
+        ------
+        ModelError
+            If there is nothing to go on with.
+        """
+        if entry.result is None or entry.result.complete:
+            raise ModelError(f"{entry.title} has come to its end; there is nothing to go on with")
+        with self.guard:
+            study = entry.result.study
+            entry.result, entry.state, entry.message = None, State.QUEUED, ""
+            entry.live = type(entry.live)()
+            entry.version += 1
+        return Task(study, Path(entry.path), resume=True)
+
+
+def _ends(entry: Entry) -> str:
+    """How the one branch of a result ends."""
+    result = entry.result
+    if result is None:
+        return ""
+    if len(result.branches) == 1:
+        return str(result.branches[0].ends[-1])
+    settled = entry.settled()
+    return "; ".join(settled.evidence[:2]) if settled is not None else ""

@@ -1,0 +1,165 @@
+"""What the server keeps: the workspace, the boards that are open, the jobs, and who listens."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+from gapwalk.errors import ModelError
+from gapwalk.explorer.action import read_action
+from gapwalk.explorer.board import Board
+from gapwalk.explorer.entry import Entry
+from gapwalk.explorer.events import Events
+from gapwalk.explorer.flows import Flows
+from gapwalk.explorer.jobs import Jobs
+from gapwalk.explorer.workspace import Workspace
+from gapwalk.motion.motion import signal_names
+from gapwalk.plot.words import full_measure, measure_words, parameter_words
+from gapwalk.study.options import BranchOptions
+
+_BOARDS = 20  # files that are open at once
+_PARAMETERS = 400  # that a page can choose from
+
+
+class Desk:
+    """Everything that outlives a page.
+
+    Parameters
+    ----------
+    root
+        The workspace.
+    name
+        The file to show first; empty for none.
+    """
+
+    def __init__(self, root: Path, name: str = "") -> None:
+        self.workspace, self.first = Workspace(root), name
+        self._guard, self._opening = threading.Lock(), threading.Lock()
+        self._boards: dict[str, Board] = {}
+        self.flows = Flows()
+        self.events = Events(self.progress)
+        self.jobs = Jobs(self.events.changed)
+
+    def board(self, name: str) -> Board:
+        """The board of a file, which is opened if it is not open yet.
+
+        Raises
+        ------
+        ModelError
+            If it cannot be opened.
+        """
+        found = self._boards.get(name)
+        if found is not None:
+            return found
+        with self._opening:  # not the guard: reading a long result must not keep others waiting
+            found = self._boards.get(name)
+            if found is None:
+                found = Board(self.workspace, name)
+                with self._guard:
+                    self._make_room()
+                    self._boards[name] = found
+            return found
+
+    def _make_room(self) -> None:
+        """Forget the file that was opened first of those of which nothing is being computed: all of it is stored."""
+        if len(self._boards) < _BOARDS:
+            return
+        idle = [name for name, board in self._boards.items() if board.is_idle()]
+        if not idle:
+            raise ModelError(f"{_BOARDS} files are open, and something is computed for each; stop some of it")
+        del self._boards[idle[0]]
+
+    def reopen(self, name: str) -> Board:
+        """The board of a file; read anew if the file has been changed, unless something of it is being computed."""
+        with self._guard:
+            board = self._boards.get(name)
+            if board is not None and board.is_old() and board.is_idle():
+                del self._boards[name]
+        return self.board(name)
+
+    def act(self, name: str, plain: object) -> Entry:
+        """Begin what a page asks for; a ModelError if it makes no sense."""
+        board = self.board(name)
+        entry, task = board.prepare(read_action(plain))
+        self.jobs.add(board, entry, task)
+        return entry
+
+    def go_on(self, name: str, key: str) -> None:
+        """Go on with a job that was stopped; a ModelError if that cannot be."""
+        board = self.board(name)
+        entry = board.entry(key)
+        self.jobs.add(board, entry, board.resumed(entry))
+
+    def progress(self) -> dict[str, Any]:
+        """How far the results of all boards have come."""
+        with self._guard:
+            return {
+                name: [_progress(entry) for entry in board.entries.values()] for name, board in self._boards.items()
+            }
+
+    def about(self, name: str) -> dict[str, Any]:
+        """What a page needs to know of a file to show it; a ModelError if it cannot be opened."""
+        board = self.reopen(name)
+        study = board.base()
+        system, options = study.system, study.options
+        self.flows.warm(system)
+        walked = isinstance(options, BranchOptions)
+        parameters = _parameters(board)
+        measures = [f"{kind}.{q}" for q in system.coordinates[:50] for kind in ("half", "max", "min", "mean", "rms")]
+        shown = full_measure(options.measure, system.coordinates) if walked and options.measure else measures[0]
+        if shown not in measures:
+            measures.insert(0, shown)
+        return {
+            "file": name,
+            "title": study.title or name,
+            "coordinates": list(system.coordinates),
+            "signals": signal_names(system)[:400],
+            "contacts": [contact.name for contact in system.structure.contacts],
+            "parameters": parameters,
+            "measures": [{"name": each, "words": measure_words(each)} for each in measures],
+            "x": options.parameter if walked else "frequency",
+            "y": shown,
+            "range": [options.begin, options.end] if walked else [],
+            "studies": [{"name": each.name, "plan": each.options.plan} for each in board.studies],
+            "results": board_progress(board),
+        }
+
+    def close(self) -> None:
+        """Stop everything."""
+        self.events.close()
+        self.jobs.close()
+        self.flows.close()
+
+
+def _parameters(board: Board) -> list[dict[str, Any]]:
+    """The named parameters of the system; of very many, those that are not zero."""
+    system = board.base().system
+    items = list(system.parameters.items())
+    if len(items) > _PARAMETERS:
+        items = [(name, value) for name, value in items if value][:_PARAMETERS]
+    return [{"name": name, "value": value, "words": parameter_words(name)} for name, value in items]
+
+
+def board_progress(board: Board) -> list[dict[str, Any]]:
+    """How far the results of a board have come."""
+    with board.guard:
+        return [_progress(entry) for entry in board.entries.values()]
+
+
+def _progress(entry: Entry) -> dict[str, Any]:
+    return {
+        "key": entry.key,
+        "title": entry.title,
+        "state": entry.state.value,
+        "message": entry.message,
+        "version": entry.version,
+        "kind": entry.action.do if entry.action else "opened",
+        "settled": entry.settled() is not None,
+        "can_go_on": entry.result is not None and not entry.result.complete,
+        "done": [entry.live.done, entry.live.total],
+        "branches": [
+            {"name": line.name, "period": line.period, "points": len(line.points), "range": line.within}
+            for line in entry.lines()
+        ],
+    }

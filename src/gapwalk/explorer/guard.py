@@ -1,0 +1,157 @@
+"""What stands before every request: only pages of this server may ask, and only for small things."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+from collections.abc import Awaitable, Callable, Mapping
+from http.cookies import SimpleCookie
+from ipaddress import ip_address
+from typing import Any
+from urllib.parse import parse_qs
+
+MAX_BODY = 64_000
+"""Bytes of a request, at most."""
+
+_COOKIE = "gapwalk-token"
+_HEADERS = {
+    "content-security-policy": (
+        "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+        "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+    ),
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+}
+
+Receive = Callable[[], Awaitable[Mapping[str, Any]]]
+Send = Callable[[Any], Awaitable[None]]
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address to listen on is reached from this machine only."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(24)
+
+
+class Guard:
+    """Refuses requests that a page of this server would not make.
+
+    - The name of the host must be this machine's loopback, so that no foreign name that points here is served
+      (DNS rebinding). Where a token is set, the token says who may ask instead.
+    - The origin, if the browser tells one, must be this server itself.
+    - What changes something must be JSON: a form of a foreign page cannot send it without being asked.
+    - Bodies are small.
+
+    Parameters
+    ----------
+    app
+        What is guarded.
+    token
+        If there is one, each request must bring it: once in the address (``?token=...``), then in a cookie.
+    """
+
+    def __init__(self, app: Callable[..., Awaitable[None]], token: str = "") -> None:
+        self._app, self._token = app, token
+
+    async def __call__(self, scope: Mapping[str, Any], receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return
+        headers = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in scope["headers"]}
+        problem, brings_token = self._problem(scope, headers), False
+        if not problem and self._token:
+            given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+            brings_token = self._is_token(given)
+            if not brings_token and not self._is_token(_cookie(headers)):
+                problem = (403, "this page needs its token; open the address that the command printed")
+        if problem:
+            await _refuse(send, *problem)
+            return
+
+        async def send_guarded(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                extra = dict(_HEADERS)
+                if brings_token:
+                    extra["set-cookie"] = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+                message["headers"] = [
+                    *message.get("headers", ()),
+                    *((key.encode(), value.encode()) for key, value in extra.items()),
+                ]
+            await send(message)
+
+        await self._app(scope, _bounded(receive), send_guarded)
+
+    def _is_token(self, given: str) -> bool:
+        return hmac.compare_digest(given.encode(), self._token.encode())
+
+    def _problem(self, scope: Mapping[str, Any], headers: Mapping[str, str]) -> tuple[int, str] | None:
+        host = headers.get("host", "")
+        if not self._token and not is_loopback(_name_of(host)):
+            return 421, "this server answers to 127.0.0.1 and localhost only"
+        origin = headers.get("origin")
+        if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
+            return 403, "a page of another origin may not ask this server"
+        if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+            return 403, "a page of another site may not ask this server"
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            return 405, "only GET and POST are answered"
+        if scope["method"] == "POST":
+            if headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+                return 415, "send JSON (content-type: application/json)"
+            length = headers.get("content-length", "0")
+            if not length.isdigit() or int(length) > MAX_BODY:
+                return 413, f"the request is larger than {MAX_BODY} bytes"
+        return None
+
+
+class TooLargeError(Exception):
+    """A body that goes on beyond the limit."""
+
+
+def _bounded(receive: Receive) -> Receive:
+    """The same messages, as long as their bodies are small in all: a length may be a lie, or not be told."""
+    total = 0
+
+    async def bounded() -> Mapping[str, Any]:
+        nonlocal total
+        message = await receive()
+        total += len(message.get("body", b""))
+        if total > MAX_BODY:
+            raise TooLargeError(f"the request is larger than {MAX_BODY} bytes")
+        return message
+
+    return bounded
+
+
+async def _refuse(send: Send, status: int, sentence: str) -> None:
+    body = sentence.encode()
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", str(len(body)).encode())]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _name_of(host: str) -> str:
+    """The name in a Host header, without its port."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.rpartition(":")[0] if ":" in host else host
+
+
+def _cookie(headers: Mapping[str, str]) -> str:
+    try:
+        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
+    except Exception:  # whatever a foreign client writes
+        return ""
+    return found.value if found else ""

@@ -1,0 +1,52 @@
+// What the page asks of the server. Every error becomes a sentence.
+
+export class Refused extends Error {}
+
+/** The answer to a question; `signal` cancels it. */
+export async function get(path, query = {}, signal = undefined) {
+  return answer(await reach(`${path}?${new URLSearchParams(query)}`, { signal }));
+}
+
+/** What the server says to something that is to be done. */
+export async function post(path, body) {
+  const headers = { "content-type": "application/json" };
+  return answer(await reach(path, { method: "POST", headers, body: JSON.stringify(body) }));
+}
+
+/** Have the browser save a file of the server; a refusal is told, not saved. */
+export async function download(path, query) {
+  const response = await reach(`${path}?${new URLSearchParams(query)}`);
+  if (!response.ok) await answer(response);
+  const name = /filename="?([^"]+)"?/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? "gapwalk";
+  save(await response.blob(), name);
+}
+
+/** Have the browser save what the page has made. */
+export function save(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+async function reach(path, options) {
+  try {
+    return await fetch(path, options);
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refused("The server does not answer. Is `gapwalk explore` still running? Start it again, and reload.");
+  }
+}
+
+async function answer(response) {
+  const text = await response.text();
+  let content;
+  try {
+    content = JSON.parse(text);
+  } catch {
+    throw new Refused(text || `The server answered ${response.status}.`);
+  }
+  if (!response.ok) throw new Refused(content.error ?? `The server answered ${response.status}.`);
+  return content;
+}

@@ -1,0 +1,85 @@
+// A small chart in SVG: drawn within a millisecond or two, in the colours of the page.
+
+const SVG = "http://www.w3.org/2000/svg";
+const LEFT = 44, RIGHT = 8, TOP = 8, BOTTOM = 32;
+
+export function element(name, attributes = {}, text = "") {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text) made.textContent = text;
+  return made;
+}
+
+/**
+ * Draw a chart into a place.
+ *
+ * `curves`: lists of [xs, ys]; `dots`: [[x, y, class]]; `bars`: [xs, ys] from the zero line; `across`, `down`: values of
+ * dashed lines; `x`, `y`: names of the axes; `square`: both axes with one scale, and the unit circle.
+ * Returns a function that moves a mark to a point.
+ */
+export function chart(place, { curves = [], dots = [], bars = null, across = [], down = [], x, y, square = false, height = 190, label }) {
+  const width = Math.max(150, Math.round(place.clientWidth) || 300);
+  if (square) height = Math.min(width, 230);
+  const xs = [...curves.map((c) => c[0]), dots.map((d) => d[0]), bars?.[0] ?? [], down];
+  const ys = [...curves.map((c) => c[1]), dots.map((d) => d[1]), bars ? [0, ...bars[1]] : [], across];
+  let [x0, x1] = extent(xs, !square && !dots.length && !down.length && !bars), [y0, y1] = extent(ys, false);
+  if (square) {
+    const reach = Math.max(1.15, ...[x0, x1, y0, y1].map(Math.abs));
+    const ratio = (width - LEFT - RIGHT) / (height - TOP - BOTTOM);
+    [x0, x1, y0, y1] = [-reach * Math.max(1, ratio), reach * Math.max(1, ratio), -reach / Math.min(1, ratio), reach / Math.min(1, ratio)];
+  }
+  const px = (v) => LEFT + ((v - x0) / (x1 - x0)) * (width - LEFT - RIGHT);
+  const py = (v) => height - BOTTOM - ((v - y0) / (y1 - y0)) * (height - TOP - BOTTOM);
+  const svg = element("svg", { viewBox: `0 0 ${width} ${height}`, class: "chart", role: "img", "aria-label": label ?? `${y} over ${x}` });
+  for (const tick of ticks(x0, x1, 5)) {
+    svg.append(element("line", { class: "grid", x1: px(tick), x2: px(tick), y1: TOP, y2: height - BOTTOM }));
+    svg.append(element("text", { x: px(tick), y: height - BOTTOM + 12, "text-anchor": "middle" }, short(tick)));
+  }
+  for (const tick of ticks(y0, y1, 5)) {
+    svg.append(element("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: py(tick), y2: py(tick) }));
+    svg.append(element("text", { x: LEFT - 4, y: py(tick) + 3.5, "text-anchor": "end" }, short(tick)));
+  }
+  if (square) svg.append(element("ellipse", { class: "stop", fill: "none", cx: px(0), cy: py(0), rx: px(1) - px(0), ry: py(0) - py(1) }));
+  for (const v of across) svg.append(element("line", { class: "stop", x1: LEFT, x2: width - RIGHT, y1: py(v), y2: py(v) }));
+  for (const v of down) svg.append(element("line", { class: "stop", x1: px(v), x2: px(v), y1: TOP, y2: height - BOTTOM }));
+  for (const [cx, cy] of curves) {
+    let path = "";
+    for (let i = 0; i < cx.length; i++) path += `${i ? "L" : "M"}${px(cx[i]).toFixed(1)} ${py(cy[i]).toFixed(1)}`;
+    svg.append(element("path", { class: "curve", d: path }));
+  }
+  bars?.[0].forEach((v, i) => svg.append(element("line", { class: "bar", x1: px(v), x2: px(v), y1: py(0), y2: py(bars[1][i]) })));
+  for (const [dx, dy, kind = ""] of dots) svg.append(element("circle", { class: `dot ${kind}`, cx: px(dx), cy: py(dy), r: dots.length > 60 ? 1.6 : 4 }));
+  svg.append(element("rect", { class: "frame", x: LEFT, y: TOP, width: width - LEFT - RIGHT, height: height - TOP - BOTTOM }));
+  svg.append(element("text", { class: "title", x: (LEFT + width - RIGHT) / 2, y: height - 5, "text-anchor": "middle" }, x));
+  const middle = (TOP + height - BOTTOM) / 2;
+  svg.append(element("text", { class: "title", x: 9, y: middle, "text-anchor": "middle", transform: `rotate(-90 9 ${middle})` }, y));
+  const mark = element("circle", { class: "now", r: 4.5, visibility: "hidden" });
+  svg.append(mark);
+  place.replaceChildren(svg);
+  return (vx, vy) => {
+    mark.setAttribute("visibility", "visible");
+    mark.setAttribute("cx", px(vx));
+    mark.setAttribute("cy", py(vy));
+  };
+}
+
+function extent(lists, exact) {
+  let low = Infinity, high = -Infinity;
+  for (const list of lists) for (const v of list) { if (v < low) low = v; if (v > high) high = v; }
+  if (!(low <= high)) [low, high] = [0, 1];
+  if (exact && high > low) return [low, high];
+  const pad = (high - low || Math.max(Math.abs(high), 1) * 0.2) * 0.08;
+  return [low - pad, high + pad];
+}
+
+export function ticks(low, high, count) {
+  const raw = (high - low) / count, size = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].find((s) => s * size >= raw) * size;
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high + step * 1e-9; k++) found.push(Number((k * step).toPrecision(12)));
+  return found;
+}
+
+function short(value) {
+  return value !== 0 && (Math.abs(value) >= 1e4 || Math.abs(value) < 1e-3) ? value.toExponential(0) : String(Number(value.toPrecision(4)));
+}

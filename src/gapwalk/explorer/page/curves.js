@@ -1,0 +1,143 @@
+// The branches that the page holds: typed arrays, merged as they grow, thinned to what the screen can show.
+
+import { get } from "./api.js";
+
+const TOLERANCE = 0.2; // pixels by which a thinned line may be off
+
+/** A branch as the server sends it. */
+function unpack(packed) {
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  return {
+    count: packed.count, name: packed.name, period: packed.period, special: packed.special,
+    x: new Float64Array(bytes(packed.x)), y: new Float64Array(bytes(packed.y)),
+    node: new Int32Array(bytes(packed.node)), label: new Uint8Array(bytes(packed.label)),
+  };
+}
+
+/** The branch with its new points after those that it had. */
+function merge(old, more) {
+  let keep = old.node.lastIndexOf(old.count - 1);
+  if (keep < 0) keep = old.node.length;
+  const join = (a, b) => { const c = new a.constructor(keep + b.length); c.set(a.subarray(0, keep)); c.set(b, keep); return c; };
+  return { ...more, x: join(old.x, more.x), y: join(old.y, more.y), node: join(old.node, more.node), label: join(old.label, more.label) };
+}
+
+export class Curves {
+  constructor() {
+    this.all = new Map(); // "result/branch" -> curve
+    this.settled = new Map(); // result -> { place, title }
+    this.versions = new Map();
+    this.generation = 0;
+  }
+
+  /** Forget everything: another file, or other axes. */
+  clear() {
+    this.all.clear();
+    this.settled.clear();
+    this.versions.clear();
+    this.generation += 1;
+  }
+
+  /** Fetch what has changed in the results; whether anything did. */
+  async update(file, axes, results) {
+    const generation = this.generation, wanted = [];
+    for (const result of results) {
+      if (this.versions.get(result.key) === result.version) continue;
+      this.versions.set(result.key, result.version);
+      const query = { file, result: result.key, ...axes };
+      if (result.settled) {
+        wanted.push(get("/api/curve", query).then(({ settled }) => {
+          if (generation === this.generation && settled) this.settled.set(result.key, { place: settled, title: result.title });
+        }));
+      }
+      result.branches.forEach((branch, number) => {
+        const key = `${result.key}/${number}`, old = this.all.get(key);
+        const grows = old && result.state === "running" && branch.points > old.count;
+        if (old && !grows && branch.points === old.count && result.state === "running") return;
+        const from = grows ? old.count - 1 : 0;
+        wanted.push(get("/api/curve", { ...query, branch: number, from }).then((packed) => {
+          if (generation !== this.generation) return;
+          const found = unpack(packed);
+          this.all.set(key, { ...(grows ? merge(old, found) : found), key, result: result.key, branch: number });
+        }));
+      });
+    }
+    await Promise.all(wanted);
+    return wanted.length > 0 && generation === this.generation;
+  }
+
+  /** The nearest node of all branches to a place on the screen: { curve, index }, or null. */
+  nearest(px, py, toX, toY, reach) {
+    let best = reach * reach, found = null;
+    for (const curve of this.all.values()) {
+      for (let i = 0; i < curve.x.length; i++) {
+        const dx = toX(curve.x[i]) - px;
+        if (dx * dx > best) continue;
+        const dy = toY(curve.y[i]) - py;
+        // special points are hard to hit between their neighbours
+        const distance = (dx * dx + dy * dy) * (curve.node[i] < 0 ? 0.35 : 1);
+        if (distance < best) { best = distance; found = { curve, index: i }; }
+      }
+    }
+    return found;
+  }
+}
+
+/**
+ * The lines of all branches by kind of stability, thinned to the pixels of a window.
+ *
+ * Returns, for each kind, [xs, ys] with nulls between the pieces.
+ */
+export function thinned(curves, kinds, window, scaleX, scaleY) {
+  const lines = Array.from({ length: kinds }, () => [[], []]);
+  for (const { x, y, label } of curves) {
+    let start = 0;
+    for (let i = 1; i <= x.length; i++) {
+      if (i < x.length && label[i] === label[start]) continue;
+      const end = Math.min(i, x.length - 1);
+      if (end > start) piece(x, y, start, end, lines[label[start]], window, scaleX, scaleY);
+      start = i;
+    }
+  }
+  return lines;
+}
+
+/** One piece: parts outside of the window are left out, the rest is thinned (Douglas and Peucker). */
+function piece(x, y, first, last, [xs, ys], [low, high], scaleX, scaleY) {
+  let i = first;
+  while (i < last) {
+    while (i < last && ((x[i] < low && x[i + 1] < low) || (x[i] > high && x[i + 1] > high))) i++;
+    let j = i;
+    while (j < last && !((x[j] < low && x[j + 1] < low) || (x[j] > high && x[j + 1] > high))) j++;
+    if (j > i) {
+      const kept = simplify(x, y, i, j, scaleX, scaleY);
+      for (const k of kept) { xs.push(x[k]); ys.push(y[k]); }
+      xs.push(null);
+      ys.push(null);
+    }
+    i = j + (j === i ? 1 : 0);
+  }
+}
+
+function simplify(x, y, first, last, scaleX, scaleY) {
+  const keep = new Uint8Array(last - first + 1), stack = [first, last];
+  keep[0] = keep[last - first] = 1;
+  while (stack.length) {
+    const b = stack.pop(), a = stack.pop();
+    const ux = (x[b] - x[a]) * scaleX, uy = (y[b] - y[a]) * scaleY, length = ux * ux + uy * uy;
+    let worst = TOLERANCE * TOLERANCE, at = -1;
+    for (let k = a + 1; k < b; k++) {
+      const vx = (x[k] - x[a]) * scaleX, vy = (y[k] - y[a]) * scaleY;
+      const t = length ? Math.max(0, Math.min(1, (vx * ux + vy * uy) / length)) : 0;
+      const distance = (vx - t * ux) ** 2 + (vy - t * uy) ** 2;
+      if (distance > worst) { worst = distance; at = k; }
+    }
+    if (at >= 0) {
+      keep[at - first] = 1;
+      stack.push(a, at, at, b);
+    }
+  }
+  const kept = [];
+  for (let k = first; k <= last; k++) if (keep[k - first]) kept.push(k);
+  return kept;
+}

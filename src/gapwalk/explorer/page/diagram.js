@@ -1,0 +1,207 @@
+// The diagram: Plotly draws it, and this says what is drawn and what a click means.
+
+import { KINDS, Lines } from "./lines.js";
+
+const DASHES = { stable: "solid", below: "dash", above: "dot", pair: "dashdot" };
+const SYMBOLS = {
+  fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
+  "branch-point": ["cross", "--chosen", 10], grazing: ["line-ns-open", "--stop", 9],
+};
+const REACH = 16; // pixels within which a click means a point
+
+export class Diagram {
+  constructor(place, curves, chosen) {
+    this.place = place.querySelector(".plot");
+    this.lines = new Lines(place.querySelector("canvas"));
+    this.curves = curves;
+    this.chosen = chosen; // called with { curve, index } after a click, or { settled }
+    this.mark = null;
+    this.names = { x: "", y: "" };
+    this.watchClicks();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    new ResizeObserver(() => this.ready && this.later()).observe(place);
+  }
+
+  /** Show everything. */
+  fit() {
+    this.range = null;
+    this.draw();
+  }
+
+  /** Show less (factor < 1) or more, about the chosen point or the middle. */
+  zoom(factor) {
+    if (!this.ready) return;
+    const { xaxis, yaxis } = this.place._fullLayout;
+    const about = ([low, high], v) => {
+      const middle = v > low && v < high ? v : (low + high) / 2;
+      return [middle - (middle - low) * factor, middle + (high - middle) * factor];
+    };
+    this.range = { x: about(xaxis.range, this.mark?.[0]), y: about(yaxis.range, this.mark?.[1]) };
+    this.draw();
+  }
+
+  /** Draw again within the next frame, once. */
+  later() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const started = performance.now();
+    const view = this.range ?? this.extent();
+    const all = [...this.curves.all.values()];
+    this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    this.programmatic = true;
+    window.Plotly.react(this.place, this.marks(all), this.layout(view), {
+      responsive: false, scrollZoom: true, displayModeBar: false, doubleClick: false,
+    });
+    this.programmatic = false;
+    this.ready = true;
+    this.watchView();
+    this.paint();
+    this.drawTime = performance.now() - started;
+  }
+
+  paint(moving = false) {
+    this.lines.paint(this.place._fullLayout, color, moving);
+  }
+
+  marks(all) {
+    return [...this.specialPoints(all), this.settledPoints(), this.markTrace()];
+  }
+
+  layout(view) {
+    const axis = (title, range) => ({
+      title: { text: title, standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
+      tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
+    });
+    return {
+      autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
+      margin: { l: 56, r: 12, t: 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
+      xaxis: axis(this.names.x, view.x), yaxis: axis(this.names.y, view.y),
+      hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") } },
+    };
+  }
+
+  /** Put the mark at a node of a curve, or at a place, without drawing the rest again. */
+  choose(curve, index, place = null) {
+    this.mark = place ?? (curve ? [curve.x[index], curve.y[index]] : null);
+    if (!this.ready) return;
+    const number = this.place.data.length - 1;
+    window.Plotly.restyle(this.place, { x: [this.mark ? [this.mark[0]] : []], y: [this.mark ? [this.mark[1]] : []] }, [number]);
+  }
+
+  /** The diagram as a file: the lines become Plotly's own. */
+  async picture(format) {
+    const { xaxis, yaxis } = this.place._fullLayout, view = { x: [...xaxis.range], y: [...yaxis.range] };
+    const traces = KINDS.map((kind, i) => ({
+      type: "scatter", mode: "lines", name: kind, x: this.lines.kinds[i][0], y: this.lines.kinds[i][1],
+      line: { color: color(`--${kind}`), dash: DASHES[kind], width: 2, simplify: false },
+    }));
+    const layout = { ...this.layout(view), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
+    for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
+    const figure = { data: [...traces, ...this.marks([...this.curves.all.values()])], layout };
+    const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
+    const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
+    const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
+    return new Blob([bytes], { type: head.split(";")[0] });
+  }
+
+  extent() {
+    let [a, b, c, d] = [Infinity, -Infinity, Infinity, -Infinity];
+    const take = (x, y) => { a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
+    for (const curve of this.curves.all.values()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
+    for (const { place } of this.curves.settled.values()) take(...place);
+    if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
+    const pad = (low, high) => { const p = 0.04 * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
+    return { x: pad(a, b), y: pad(c, d) };
+  }
+
+  specialPoints(all) {
+    return Object.entries(SYMBOLS).map(([kind, [symbol, shade, size]]) => {
+      const found = all.flatMap((curve) => curve.special.filter((s) => s.kind === kind).map((s) => ({ ...s, branch: curve.name })));
+      return {
+        type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
+        x: found.map((s) => s.x), y: found.map((s) => s.y),
+        text: found.map((s) => s.label), textposition: "top center", textfont: { size: 11, color: color("--soft") },
+        customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
+        marker: { symbol, size, color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
+      };
+    });
+  }
+
+  settledPoints() {
+    const found = [...this.curves.settled.values()];
+    return {
+      type: "scatter", mode: "markers", name: "settled", x: found.map((s) => s.place[0]), y: found.map((s) => s.place[1]),
+      text: found.map((s) => escaped(s.title)), hovertemplate: "%{text}<extra></extra>",
+      marker: { symbol: "x", size: 10, color: color("--chosen"), line: { width: 1, color: color("--card") } },
+    };
+  }
+
+  markTrace() {
+    return {
+      type: "scatter", mode: "markers", name: "chosen", hoverinfo: "skip", x: this.mark ? [this.mark[0]] : [], y: this.mark ? [this.mark[1]] : [],
+      marker: { symbol: "circle-open", size: 17, color: color("--chosen"), line: { width: 3 } },
+    };
+  }
+
+  /** A press and release at one place is a click; anything else is a drag, which Plotly minds. */
+  watchClicks() {
+    let down = null;
+    this.place.addEventListener("pointerdown", (event) => { down = [event.clientX, event.clientY]; }, true);
+    window.addEventListener("pointerup", (event) => {
+      const from = down;
+      down = null;
+      if (!from || !this.ready || Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 4) return;
+      const { xaxis, yaxis } = this.place._fullLayout, box = this.place.getBoundingClientRect();
+      const px = event.clientX - box.left - xaxis._offset, py = event.clientY - box.top - yaxis._offset;
+      if (px < 0 || py < 0 || px > xaxis._length || py > yaxis._length) return;
+      const toX = (v) => xaxis.l2p(v), toY = (v) => yaxis.l2p(v);
+      for (const [key, { place }] of this.curves.settled) {
+        if (Math.hypot(toX(place[0]) - px, toY(place[1]) - py) < 9) return this.chosen({ settled: key });
+      }
+      const found = this.curves.nearest(px, py, toX, toY, REACH);
+      if (found) this.chosen(found);
+    });
+  }
+
+  /** After a zoom, lines are thinned for the new window. */
+  watchView() {
+    if (this.watched) return;
+    this.watched = true;
+    this.place.on("plotly_relayouting", () => this.paint(true));
+    this.place.on("plotly_relayout", () => {
+      if (this.programmatic) return;
+      const { xaxis, yaxis } = this.place._fullLayout;
+      this.range = { x: [...xaxis.range], y: [...yaxis.range] };
+      this.paint();
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.later(), 120);
+    });
+  }
+}
+
+function color(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+export function describe(special) {
+  const parts = [
+    `<b>${escaped(special.text)}</b> on ${escaped(special.branch)}`,
+    `at ${special.value.toPrecision(11)} ± ${special.uncertainty.toExponential(0)}`,
+    escaped(special.change),
+    escaped(special.nature),
+    escaped(special.contact),
+  ];
+  return parts.filter(Boolean).join("<br>");
+}
+
+function escaped(text) {
+  return text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
+}

@@ -1,0 +1,250 @@
+// The page: which file, which axes, which point; everything else is asked of the server, which remembers it.
+
+import { download, get, post, save } from "./api.js";
+import { Curves } from "./curves.js";
+import { Diagram } from "./diagram.js";
+import { MotionView } from "./motion.js";
+import { Parameters } from "./parameters.js";
+import { showResults } from "./results.js";
+import { Walker } from "./walker.js";
+
+const $ = (id) => document.getElementById(id);
+
+const page = { about: null, results: [], chosen: null };
+const curves = new Curves();
+const diagram = new Diagram($("diagram"), curves, choose);
+const motion = new MotionView(tell);
+const parameters = new Parameters($("parameters"), $("filter"));
+const walker = new Walker($("diagram"), curves, choose, {
+  w: walk, b: switchBranch, t: settle, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
+});
+
+begin().catch(tell);
+
+async function begin() {
+  connect();
+  const { folder, files, first } = await get("/api/files");
+  if (!files.length) {
+    $("empty").textContent = `There is no model file in ${folder}. Make one: gapwalk new model.toml, and reload this page.`;
+    return;
+  }
+  options($("file"), files.map((name) => [name, name]));
+  const wanted = decodeURIComponent(location.hash.slice(1));
+  $("file").value = files.includes(wanted) ? wanted : first && files.includes(first) ? first : files[0];
+  await open($("file").value);
+}
+
+async function open(file) {
+  history.replaceState(null, "", `#${encodeURIComponent(file)}`);
+  page.about = null;
+  forget();
+  const about = await get("/api/about", { file });
+  page.about = about;
+  hideError();
+  $("title").textContent = about.title;
+  document.title = `${about.title} – gapwalk`;
+  const names = about.parameters.map(({ name, words }) => [name, words === name || name === "frequency" ? words : name]);
+  const measures = about.measures.map(({ name, words }) => [name, words]);
+  options($("x"), [...names, ...measures]);
+  options($("y"), [...measures, ...names]);
+  options($("walk-parameter"), names);
+  options($("signal"), about.signals.map((name) => [name, name]));
+  options($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
+  $("study-row").hidden = about.studies.length < 2;
+  [$("x").value, $("y").value, $("walk-parameter").value] = [about.x, about.y, about.x];
+  $("walk-to").value = about.range.at(-1) ?? "";
+  showPlan();
+  parameters.show(about.parameters);
+  diagram.range = null;
+  await show(about.results);
+}
+
+function forget() {
+  curves.clear();
+  motion.clear();
+  page.chosen = null;
+  diagram.mark = null;
+  enable();
+}
+
+/** Show what the server says of the results; curves are fetched where they have changed. */
+async function show(results) {
+  page.results = results;
+  showResults($("results"), results, actOn);
+  const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
+  $("status").textContent = busy.length ? `${busy[0].title}: ${busy[0].branches.reduce((s, b) => s + b.points, 0)} points` : "";
+  if (page.updating) return void (page.again = true);
+  page.updating = true;
+  try {
+    do {
+      page.again = false;
+      const file = page.about?.file;
+      if (!file) break;
+      const fresh = await curves.update(file, axes(), page.results);
+      if (fresh || !diagram.ready) drawDiagram();
+    } while (page.again);
+  } catch (error) {
+    tell(error);
+  } finally {
+    page.updating = false;
+  }
+  enable();
+}
+
+function drawDiagram() {
+  const name = (id) => ($(id).selectedOptions[0]?.textContent ?? "").replace(/ \(.*\)$/, "");
+  diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
+  diagram.draw();
+  $("empty").hidden = curves.all.size + curves.settled.size > 0;
+  document.body.dataset.branches = curves.all.size;
+}
+
+const axes = () => ({ x: $("x").value, y: $("y").value });
+
+/** A point was chosen: { curve, index }, or { settled: result }. */
+function choose(found) {
+  if (!page.about) return;
+  const file = page.about.file;
+  if (found.settled !== undefined) {
+    const { title, place } = curves.settled.get(found.settled) ?? {};
+    page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
+    diagram.choose(null, 0, place ?? null);
+  } else {
+    const { curve, index } = found, node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
+    const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
+    const at = `${$("x").value === "frequency" ? "Ω" : $("x").value} = ${curve.x[index].toPrecision(8)}`;
+    page.chosen = { start, special, curve, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
+    walker.stand(curve, index);
+    diagram.choose(curve, index);
+  }
+  $("chosen").textContent = page.chosen.title;
+  enable();
+  const chosen = page.chosen;
+  motion.show({ file, ...chosen.start }, chosen.title).then((shown) => {
+    if (shown && page.chosen === chosen) parameters.take(shown.parameters);
+  });
+}
+
+/** Buttons can be pressed where they make sense. */
+function enable() {
+  const { chosen } = page, start = chosen?.start;
+  const over = start && ["done", "stopped", "failed"].includes(page.results.find((r) => r.key === start.result)?.state);
+  $("walk").disabled = !over;
+  $("settle").disabled = !page.about || (start && !over);
+  $("switch").disabled = !over || !["flip", "branch-point"].includes(chosen.special?.kind);
+  $("compute").disabled = $("compute-values").disabled = !page.about;
+  if (!chosen) $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
+}
+
+async function act(action) {
+  try {
+    hideError();
+    const { key } = await post("/api/act", { file: page.about.file, ...action });
+    return key;
+  } catch (error) {
+    tell(error);
+  }
+}
+
+function compute(values = {}) {
+  return act({ do: "compute", study: $("study").value, values });
+}
+
+function walk() {
+  if ($("walk").disabled) return;
+  const to = $("walk-to").valueAsNumber;
+  if (!Number.isFinite(to)) return tell(new Error("Write the value to which to walk into the field “to”, as in 0.5."));
+  act({ do: "walk", start: page.chosen.start, parameter: $("walk-parameter").value, to });
+}
+
+function switchBranch() {
+  if ($("switch").disabled) return;
+  const { start } = page.chosen, result = page.results.find((r) => r.key === start.result);
+  const [low, high] = result.branches[start.branch].range;
+  act({ do: "switch", start, low, high });
+}
+
+function settle() {
+  if ($("settle").disabled) return;
+  act({ do: "settle", start: page.chosen?.start ?? null, values: parameters.changes });
+}
+
+/** A button of a result. */
+async function actOn(word, result) {
+  const file = page.about.file;
+  try {
+    hideError();
+    if (word === "show") return choose({ settled: result.key });
+    if (["pause", "continue", "stop", "resume"].includes(word)) return await post(`/api/job/${word}`, { file, result: result.key });
+    const query = { file, result: result.key };
+    if (word === "model") {
+      if (!page.chosen) throw new Error("Choose a point first: the model file walks from it.");
+      Object.assign(query, page.chosen.start, { parameter: $("walk-parameter").value, to: $("walk-to").value, y: $("y").value });
+    }
+    await download(`/api/export/${word}`, query);
+  } catch (error) {
+    tell(error);
+  }
+}
+
+/** Listen to the server; after a pause the browser connects again by itself. */
+function connect() {
+  const events = new EventSource("/api/events");
+  events.onmessage = (event) => {
+    const results = page.about && JSON.parse(event.data)[page.about.file];
+    if (results) show(results);
+  };
+  events.onerror = () => { $("status").textContent = "The server does not answer; waiting for it."; };
+  events.onopen = () => { $("status").textContent = ""; };
+}
+
+function showPlan() {
+  $("plan").textContent = page.about.studies.find(({ name }) => name === $("study").value)?.plan ?? "";
+}
+
+function options(select, pairs) {
+  select.replaceChildren(...pairs.map(([value, text]) => new Option(text, value)));
+}
+
+function tell(error) {
+  $("error").hidden = false;
+  $("error").querySelector("p").textContent = error.message;
+  if (!error.message) throw error;
+}
+
+function hideError() {
+  $("error").hidden = true;
+}
+
+async function changeAxes() {
+  forget();
+  diagram.range = null;
+  await show(page.results);
+}
+
+$("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); showResults($("results"), [], actOn); tell(error); }));
+$("x").addEventListener("change", changeAxes);
+$("y").addEventListener("change", changeAxes);
+$("study").addEventListener("change", showPlan);
+$("compute").addEventListener("click", () => compute());
+$("compute-values").addEventListener("click", () => compute(parameters.changes));
+$("walk").addEventListener("click", walk);
+$("switch").addEventListener("click", switchBranch);
+$("settle").addEventListener("click", settle);
+$("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
+$("fit").addEventListener("click", () => diagram.fit());
+$("nearer").addEventListener("click", () => diagram.zoom(0.5));
+$("farther").addEventListener("click", () => diagram.zoom(2));
+for (const format of ["svg", "png"]) {
+  $(`save-${format}`).addEventListener("click", async () => {
+    try {
+      save(await diagram.picture(format), `${(page.about?.file ?? "diagram").replace(/\.\w+$/, "")}.${format}`);
+    } catch (error) {
+      tell(error);
+    }
+  });
+}
+$("error").querySelector("button").addEventListener("click", hideError);
+$("help-open").addEventListener("click", () => $("help").showModal());
+
+window.gapwalk = { page, curves, diagram, motion }; // for the curious, and for the tests

@@ -1,0 +1,150 @@
+// The motion at the chosen point: it is asked for, shown panel by panel, and dropped when another is chosen.
+
+import { get } from "./api.js";
+import { Bodies } from "./bodies.js";
+import { chart } from "./chart.js";
+import { Sound } from "./sound.js";
+
+const $ = (id) => document.getElementById(id);
+const TAB = crypto.randomUUID();
+
+export class MotionView {
+  constructor(tell) {
+    this.tell = tell;
+    this.sound = new Sound();
+    this.bodies = new Bodies($("bodies"), (sample) => this.follow(sample));
+    $("play").textContent = this.bodies.playing ? "Pause" : "Play";
+    $("play").addEventListener("click", () => {
+      const playing = this.bodies.toggle();
+      $("play").textContent = playing ? "Pause" : "Play";
+      $("play").setAttribute("aria-pressed", playing);
+    });
+    $("sound").addEventListener("click", () => {
+      const on = this.sound.toggle(this.motion, this.coordinate);
+      $("sound").textContent = on ? "Silence" : "Listen";
+      $("sound").setAttribute("aria-pressed", on);
+    });
+    let width = 0;
+    new ResizeObserver(([{ contentRect }]) => {
+      if (this.motion && Math.abs(contentRect.width - width) > 2) this.redraw();
+      width = contentRect.width;
+    }).observe($("panels"));
+    $("signal").addEventListener("change", () => this.place && this.show(this.place, this.title));
+  }
+
+  get signal() {
+    return $("signal").value;
+  }
+
+  get coordinate() {
+    const base = this.signal.replace(/'+$/, "");
+    return base in (this.motion?.q ?? {}) ? base : Object.keys(this.motion?.q ?? {})[0];
+  }
+
+  clear() {
+    this.request?.abort();
+    this.place = this.motion = null;
+    $("panels").hidden = true;
+    $("motion-title").textContent = "The motion";
+    $("motion-text").textContent = "It is shown here once a point is chosen.";
+  }
+
+  /** Show the motion at a place; the one before is given up if it is still on its way. */
+  async show(place, title) {
+    const started = performance.now();
+    this.request?.abort();
+    const request = (this.request = new AbortController());
+    [this.place, this.title] = [place, title];
+    $("motion-title").textContent = title;
+    const query = { ...place, signal: this.signal, tab: TAB };
+    try {
+      this.motion = await get("/api/motion", query, request.signal);
+      if (request.signal.aborted) return null;
+      this.details = null;
+      this.draw();
+      this.shownAfter = performance.now() - started;
+      document.body.dataset.shown = `${Number(document.body.dataset.shown ?? 0) + 1}`;
+      document.body.dataset.shownAfter = this.shownAfter.toFixed(1);
+      this.sound.play(this.motion, this.coordinate);
+      const details = await get("/api/details", query, request.signal);
+      if (!request.signal.aborted) this.drawDetails(details);
+    } catch (error) {
+      if (error.name !== "AbortError" && !/superseded/.test(error.message)) this.tell(error);
+    }
+    return this.motion;
+  }
+
+  draw() {
+    const { motion } = this, name = this.coordinate, signal = this.signal;
+    $("panels").hidden = false;
+    $("motion-text").textContent = motion.text;
+    this.bodies.show(motion);
+    const dashes = signal.length - name.length, own = signal.startsWith(name) && dashes <= 2;
+    const named = motion.contacts.find((c) => c.name === signal);
+    const contact = name === signal ? null : named; // of one name, the deflection comes before the force
+    this.values = contact ? contact.force : own ? [motion.q, motion.v, motion.a][dashes][name] : motion.q[name];
+    const stops = !contact && own && dashes === 0 ? motion.contacts.filter((c) => same(c.deflection, motion.q[name])).flatMap((c) => c.stops) : [];
+    const near = stops.filter((s) => s <= Math.max(...this.values) * 1.3 + 0.3 && s >= Math.min(...this.values) * 1.3 - 0.3);
+    this.marks = {
+      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, x: "forcing periods", y: contact ? `force of ${signal}` : signal || name, height: 150 }),
+      phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'` }),
+    };
+    const shown = named ?? motion.contacts[0];
+    this.shownContact = shown;
+    if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: `deflection of ${shown.name}`, y: "force" });
+    else $("loop").textContent = "no contact";
+    const dots = motion.multipliers.map(([re, im]) => [re, im, re * re + im * im > 1 ? "out" : ""]);
+    if (dots.length) chart($("multipliers"), { dots, x: "real part", y: "imaginary part", square: true, label: `Multipliers: ${motion.multipliers.map(complex).join(", ")}` });
+    else $("multipliers").textContent = "none: this motion is not periodic";
+    $("log").replaceChildren(table(motion.log));
+  }
+
+  /** Draw again for another width. */
+  redraw() {
+    this.draw();
+    if (this.details) this.drawDetails(this.details);
+  }
+
+  drawDetails(details) {
+    const { section } = details;
+    this.details = details;
+    // the mean would dwarf what vibrates; lines that stand close are a curve
+    const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
+    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: "order (multiples of Ω)", y: details.signal, height: 140 });
+    chart($("section"), { dots: section.q.map((q, i) => [q, section.v[i]]), x: `${section.of}, each period`, y: `${section.of}'` });
+  }
+
+  /** Move the marks of the panels with the animation. */
+  follow(sample) {
+    const { motion, marks } = this, name = this.coordinate;
+    if (!motion || !marks) return;
+    marks.history(motion.theta[sample], this.values[sample]);
+    marks.phase(motion.q[name][sample], motion.v[name][sample]);
+    marks.loop?.(this.shownContact.deflection[sample], this.shownContact.force[sample]);
+  }
+}
+
+function complex([re, im]) {
+  return im ? `${re.toPrecision(4)} ${im < 0 ? "−" : "+"} ${Math.abs(im).toPrecision(4)}i` : re.toPrecision(4);
+}
+
+function same(a, b) {
+  return a.every((value, i) => Math.abs(value - b[i]) < 1e-9 * (1 + Math.abs(value)));
+}
+
+function reaches(values, stop) {
+  const size = Math.max(...values.map(Math.abs));
+  return Math.abs(stop) < 1.5 * size;
+}
+
+function table(log) {
+  if (!log.length) return document.createTextNode("No contact opens or closes.");
+  const made = document.createElement("table");
+  const row = (cells, name) => {
+    const line = made.insertRow();
+    for (const text of cells) line.append(Object.assign(document.createElement(name), { textContent: text }));
+  };
+  row(["periods", "contact", "", "rate"], "th");
+  for (const e of log) row([e.periods.toFixed(4), `${e.contact} ${e.side}`, e.closes ? "closes" : "opens", e.velocity.toPrecision(3)], "td");
+  return made;
+}

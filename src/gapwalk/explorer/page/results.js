@@ -1,0 +1,56 @@
+// The list of results: how far each has come, what can be done with it, and what it can be saved as.
+
+const WORDS = { queued: "waits", running: "is being computed", paused: "is held", done: "", stopped: "was stopped", failed: "failed" };
+
+/** Show the results; `act(word, result)` is called by the buttons. */
+export function showResults(list, results, act) {
+  const focused = document.activeElement?.dataset?.action;
+  list.replaceChildren(...results.map((result) => item(result, act)));
+  if (focused) list.querySelector(`[data-action="${CSS.escape(focused)}"]`)?.focus();
+}
+
+function item(result, act) {
+  const li = document.createElement("li");
+  li.dataset.key = result.key;
+  li.dataset.state = result.state;
+  const points = result.branches.reduce((sum, branch) => sum + branch.points, 0);
+  const counts = result.branches.length ? `${count(result.branches.length, "branch", "branches")}, ${count(points, "point", "points")}` : "";
+  const state = [WORDS[result.state], counts].filter(Boolean).join(": ");
+  li.append(text("div", "", result.title), text("div", `state ${result.state}`, state));
+  if (result.message) li.append(text("div", `message ${result.state}`, result.message));
+  if (result.state === "running") {
+    const bar = document.createElement("progress");
+    bar.setAttribute("aria-label", `progress of ${result.title}`);
+    if (result.done[1]) [bar.value, bar.max] = result.done;
+    li.append(bar);
+  }
+  const buttons = document.createElement("div");
+  const add = (word, label, about) => {
+    const button = text("button", "quiet", label);
+    Object.assign(button, { type: "button", title: about });
+    button.dataset.action = `${result.key} ${word}`;
+    button.addEventListener("click", () => act(word, result));
+    buttons.append(button);
+  };
+  if (result.state === "running") add("pause", "Pause", "Hold it; it goes on where it is");
+  if (result.state === "paused") add("continue", "Continue", "Let it go on");
+  if (["running", "paused", "queued"].includes(result.state)) add("stop", "Stop", "Stop it; what it has found is kept");
+  if (result.can_go_on && result.state === "stopped") add("resume", "Go on", "Go on where it was stopped");
+  if (["done", "stopped"].includes(result.state)) {
+    if (result.settled) add("show", "Show", "Show the settled motion");
+    add("table", "CSV", "Save the points as a table");
+    add("script", "Python", "Save the Python script that repeats it");
+    add("model", "Model", "Save a model file that walks from the chosen point");
+    add("result", "Result", "Save the result file");
+  }
+  li.append(buttons);
+  return li;
+}
+
+function text(name, kind, content) {
+  return Object.assign(document.createElement(name), { className: kind, textContent: content });
+}
+
+function count(number, one, many) {
+  return `${number} ${number === 1 ? one : many}`;
+}

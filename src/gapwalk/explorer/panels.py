@@ -1,0 +1,140 @@
+"""One motion for the page: histories, contact loops, contact log, spectrum, section, multipliers, moving bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractor.section import strobe
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.spectrum import spectrum
+from gapwalk.model.system import System
+from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.motion import Motion, signal_names
+from gapwalk.orbit.orbit import Orbit
+
+_COORDINATES = 12  # whose histories are sent; a page shows no more
+_LOG = 200  # entries of the contact log
+_SAMPLES = 4096  # of a motion, at most
+_PERIODS = 24  # of a motion that does not repeat
+_ORDERS = 20.0  # of the spectrum
+_STROBES = 400  # of a motion without period
+
+
+def panels_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
+    """Everything that the page shows of a motion but its spectrum and its section (see `details_of`).
+
+    Parameters
+    ----------
+    motion
+        An orbit, or where a motion has settled.
+    signal
+        The coordinate whose history and phase portrait are shown.
+    """
+    system = motion.system
+    sampled = _sampled(motion)
+    names = list(system.coordinates[:_COORDINATES])
+    if signal in system.coordinates and signal not in names:
+        names.append(signal)
+    orbit = motion if isinstance(motion, Orbit) else motion.orbit
+    return {
+        "period": orbit.period if orbit else None,
+        "text": _text(motion),
+        "stable": orbit.stable if orbit else None,
+        "parameters": dict(system.parameters) if len(system.parameters) <= 1000 else {"frequency": system.frequency},
+        "theta": _rounded(sampled.theta / PERIOD),
+        "seconds": 2.0 * np.pi / system.frequency,
+        "q": {name: _rounded(sampled.signal(name)) for name in names},
+        "v": {name: _rounded(sampled.signal(f"{name}'")) for name in names},
+        "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
+        "contacts": _contacts(sampled),
+        "log": _log(sampled),
+        "multipliers": [[z.real, z.imag] for z in orbit.multipliers.tolist()] if orbit else [],
+        "bodies": _bodies(system, sampled),
+    }
+
+
+def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
+    """Spectrum and section of a motion."""
+    orbit = motion if isinstance(motion, Orbit) else motion.orbit
+    lines = spectrum(orbit or motion, signal)
+    base = signal.rstrip("'")
+    base = base if base in motion.system.coordinates else motion.system.coordinates[0]
+    states = strobe(motion.system, motion.state, orbit.period if orbit else _STROBES)
+    shown = lines.orders <= _ORDERS
+    return {
+        "signal": signal,
+        "orders": _rounded(lines.orders[shown]),
+        "amplitudes": _rounded(lines.amplitudes[shown]),
+        "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},
+    }
+
+
+def check_signal(system: System, name: str) -> str:
+    """A signal of the system, or its first coordinate if there is none of that name."""
+    return name if name in signal_names(system) else system.coordinates[0]
+
+
+def _sampled(motion: Orbit | Settled) -> Motion:
+    if isinstance(motion, Settled):
+        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit)
+    return motion.motion(max(32, min(motion.samples, _SAMPLES // motion.period)))
+
+
+def _text(motion: Orbit | Settled) -> str:
+    orbit = motion if isinstance(motion, Orbit) else motion.orbit
+    if orbit is None:
+        return "; ".join(motion.evidence) if isinstance(motion, Settled) else ""
+    state = "stable" if orbit.stable else f"unstable ({orbit.instability.label})"
+    return f"period {orbit.period}, {state}, contacts {orbit.pattern}"
+
+
+def _contacts(sampled: Motion) -> list[dict[str, Any]]:
+    system = sampled.system
+    return [
+        {
+            "name": form.name,
+            "deflection": _rounded(sampled.deflections[:, i]),
+            "force": _rounded(sampled.forces[:, i]),
+            "stops": sorted(
+                side * system[f"{form.stage_prefix(stage)}.clearance"]
+                for stage in form.stages
+                for side in stage.side.signs
+            ),
+        }
+        for i, form in enumerate(system.structure.contacts[:_COORDINATES])
+    ]
+
+
+def _log(sampled: Motion) -> list[dict[str, Any]]:
+    return [
+        {
+            "periods": event.theta / PERIOD,
+            "time": event.time,
+            "contact": f"{event.contact}.{event.stage}" if event.stage else event.contact,
+            "side": "+" if event.side > 0 else "-",
+            "closes": event.closes,
+            "velocity": event.velocity,
+        }
+        for event in sampled.contacts[:_LOG]
+    ]
+
+
+def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
+    """What moves: the inertias of a train by their angles, else the coordinates."""
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        names, moved = assembly.form.inertias, sampled.q @ np.asarray(assembly.angles(system.values), dtype=float).T
+    else:
+        names, moved = system.coordinates, sampled.q
+    turning = isinstance(assembly, TrainAssembly)
+    shown = [{"name": str(name), "moved": _rounded(moved[:, i])} for i, name in enumerate(names[:_COORDINATES])]
+    return {"turning": turning, "parts": shown}
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    """Seven digits: what a screen can show."""
+    return [float(f"{value:.7g}") for value in values.tolist()]

@@ -1,0 +1,86 @@
+"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import webbrowser
+from pathlib import Path
+
+import uvicorn
+
+from gapwalk.errors import ModelError
+from gapwalk.explorer.app import application
+from gapwalk.explorer.board import Board
+from gapwalk.explorer.desk import Desk
+from gapwalk.explorer.guard import is_loopback, new_token
+from gapwalk.explorer.workspace import Workspace
+
+_GRACE = 1  # seconds that open connections have when the server ends
+
+
+def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser: bool = True) -> None:
+    """Serve the explorer until Ctrl-C.
+
+    Parameters
+    ----------
+    file
+        The model or result to begin with, or a folder; its folder is the workspace. None: the current folder.
+    host
+        Where to listen. Beyond loopback, every request must bring a token, which is part of the address printed.
+    port
+        The port; 0 for a free one.
+    browser
+        Whether to open the page.
+
+    Raises
+    ------
+    ModelError
+        If there is no such file, it cannot be opened, or the server cannot listen there.
+    """
+    root, name = _workspace(file)
+    if name:
+        Board(Workspace(root), name)  # what is wrong with the file is told here rather than on a page
+    with _listen(host, port) as listener:
+        token = "" if is_loopback(host) else new_token()
+        desk = Desk(root, name)
+        address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
+        config = uvicorn.Config(
+            application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
+        )
+        print(f"the explorer of {desk.workspace.root} is at\n    {address}", flush=True)
+        print("Ctrl-C ends it; what is computed is kept", flush=True)
+        if browser:
+            webbrowser.open(address)
+        asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
+
+
+def _workspace(file: Path | None) -> tuple[Path, str]:
+    """The folder, and the file in it; empty for none."""
+    path = Path() if file is None else file
+    if path.is_dir():
+        return path, ""
+    if not path.exists():
+        raise ModelError(f"there is no file {path}; `gapwalk new FILE` writes a model to begin with")
+    return path.parent, path.name
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    if not 0 <= port <= 65535:
+        raise ModelError(f"the port is {port}; it must lie between 0 (any that is free) and 65535")
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        listener = socket.socket(family, socket.SOCK_STREAM)
+    except OSError as error:
+        raise ModelError(f"{host} is no address to listen at: {error.strerror}") from None
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+    except OSError as error:
+        listener.close()
+        raise ModelError(f"cannot listen at {host}, port {port}: {error.strerror}; try --port 0") from None
+    return listener
+
+
+def _shown(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,30 @@
+"""Where pictures are drawn: on sheets that are written to files, and in windows that a person sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from gapwalk.plot.style import DPI, RC
+
+Size = tuple[float, float]
+"""Width and height in inches."""
+
+NewFigure = Callable[[Size], Figure]
+"""Either of the two below."""
+
+
+def new_sheet(size: Size) -> Figure:
+    """A figure without pyplot: nothing is left of it when it has been written."""
+    with mpl.rc_context(RC):
+        return Figure(figsize=size, dpi=DPI, layout="constrained")
+
+
+def open_window(size: Size) -> Figure:
+    """A figure of pyplot: it is shown in a window, or in a notebook below its cell."""
+    import matplotlib.pyplot as plt  # only here: it chooses how to show windows, which costs time
+
+    with mpl.rc_context(RC):
+        return plt.figure(figsize=size, layout="constrained")

@@ -1,0 +1,59 @@
+"""A page of the documentation as a program: its cells of Python, and its commands with what they print."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+_BLOCK = re.compile(r"^```(?:\{(?P<directive>[\w-]+)\}|(?P<language>\w+))[^\n]*\n(?P<text>.*?)^```$", re.M | re.S)
+_FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@dataclass(frozen=True)
+class Block:
+    """Something on a page that is run: what it is, its text, and its first line on the page."""
+
+    kind: str
+    text: str
+    line: int
+
+
+def blocks_of(page: Path) -> Iterator[Block]:
+    """The cells and commands of a page, in their order."""
+    text = page.read_text(encoding="utf-8")
+    for match in _BLOCK.finditer(text):
+        kind = match["directive"] or match["language"]
+        if kind in ("code-cell", "python", "console"):
+            yield Block(kind, match["text"], text.count("\n", 0, match.start("text")) + 1)
+
+
+def run_page(page: Path, folder: Path) -> None:
+    """Run a page in a folder, which is the present one; an AssertionError where a command prints something else."""
+    names: dict[str, Any] = {}
+    for block in blocks_of(page):
+        if block.kind == "console":
+            _run_commands(block, page, folder)
+        else:
+            code = compile("\n" * (block.line - 1) + block.text, str(page), "exec")
+            exec(code, names)
+
+
+def _run_commands(block: Block, page: Path, folder: Path) -> None:
+    for part in re.split(r"^\$ ", block.text, flags=re.M)[1:]:
+        command, _, wanted = part.partition("\n")
+        words = shlex.split(command)
+        assert words[0] == "gapwalk", f"{page.name}:{block.line}: {command!r} is no command of gapwalk"
+        done = subprocess.run(
+            [sys.executable, "-m", "gapwalk", *words[1:]], cwd=folder, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{page.name}:{block.line}: {command}\n{done.stderr}"
+        if wanted.strip():
+            agrees = doctest.OutputChecker().check_output(wanted, done.stdout, _FLAGS)
+            assert agrees, f"{page.name}:{block.line}: {command} prints\n{done.stdout}"

@@ -1,0 +1,32 @@
+"""All code of the documentation runs, and its commands print what it says."""
+
+import shutil
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+
+from tests.docs.page import blocks_of, run_page
+
+DOCS = Path(__file__).parents[2] / "docs"
+ELSEWHERE = {"cluster.md"}  # for machines that are not here; tests/study/test_cluster.py does the same with a local one
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if any(blocks_of(page)) and page.name not in ELSEWHERE]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(page.relative_to(DOCS)) for page in PAGES])
+def test_a_page_does_what_it_says(page, tmp_path, monkeypatch) -> None:
+    for file in page.parent.glob("*.toml"):
+        shutil.copy(file, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    try:
+        run_page(page, tmp_path)
+    finally:
+        plt.close("all")
+
+
+def test_pages_are_found() -> None:
+    names = {str(page.relative_to(DOCS)) for page in PAGES}
+    assert {"tutorial.md", "howto/two-gaps.md", "gallery/clutch.md"} <= names
+    assert sum(name.startswith("gallery/") for name in names) >= 8
+    kinds = [block.kind for page in PAGES for block in blocks_of(page)]
+    assert kinds.count("console") >= 4

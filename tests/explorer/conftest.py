@@ -1,0 +1,101 @@
+"""A workspace with model files that are walked in a moment, and a server of it that tests ask without a network."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from gapwalk.explorer.app import application
+from gapwalk.explorer.desk import Desk
+
+ORIGIN = "http://127.0.0.1"
+
+STOP = """
+title = "A stop"
+coordinates = ["x"]
+stiffness = [1.0]
+damping = [0.05]
+frequency = 0.7
+
+[[contact]]
+name = "stop"
+deflection = { x = 1.0 }
+clearance = 1.0
+stiffness = 20.0
+side = "positive"
+impact_damping = 0.1
+
+[[harmonic]]
+amplitude = 0.2
+acts_on = { x = 1.0 }
+
+[study]
+kind = "response"
+parameter = "frequency"
+from = 0.7
+to = 0.9
+measure = "half.x"
+"""
+
+CLUTCH = Path(__file__).parents[2] / "examples" / "clutch.toml"
+
+
+@pytest.fixture(scope="session")
+def desk(tmp_path_factory) -> Iterator[Desk]:
+    """What the server keeps; each test takes a model file of its own (`model`)."""
+    desk = Desk(tmp_path_factory.mktemp("workspace"))
+    yield desk
+    desk.close()
+
+
+@pytest.fixture
+def model(desk, request) -> str:
+    """The name of a model file in the workspace, a new one for each test."""
+    name = f"{request.node.name.partition('[')[0]}.toml"
+    (desk.workspace.root / name).write_text(STOP, encoding="utf-8")
+    return name
+
+
+@pytest.fixture
+def client(desk) -> TestClient:
+    """A page of the server."""
+    return TestClient(application(desk), base_url=ORIGIN)
+
+
+@pytest.fixture
+def do(client) -> Callable[..., dict[str, Any]]:
+    """Do something with a file, wait for its end, and return how the result has come out."""
+
+    def do(file: str, **action: Any) -> dict[str, Any]:
+        answer = client.post("/api/act", json={"file": file, **action})
+        assert answer.status_code == 200, answer.text
+        return wait(client, file, answer.json()["key"])
+
+    return do
+
+
+def result_of(client: TestClient, file: str, key: str) -> dict[str, Any]:
+    """How a result has come out so far; the file is not read anew."""
+    (found,) = [each for each in about(client, file)["results"] if each["key"] == key]
+    return found
+
+
+def about(client: TestClient, file: str) -> dict[str, Any]:
+    """What a page is told of a file."""
+    answer = client.get("/api/about", params={"file": file})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def wait(client: TestClient, file: str, key: str, *states: str) -> dict[str, Any]:
+    """Wait until a result is in one of some states; by default, until it is over."""
+    states = states or ("done", "stopped", "failed")
+    for _ in range(3000):
+        found = result_of(client, file, key)
+        if found["state"] in states:
+            return found
+        time.sleep(0.02)
+    raise AssertionError(f"{key} is still {found['state']}")

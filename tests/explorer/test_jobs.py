@@ -1,0 +1,109 @@
+import os
+import signal
+import time
+
+import pytest
+
+import gapwalk as gw
+from tests.explorer.conftest import STOP, result_of, wait
+
+# steps so small that the walk lasts until it is stopped
+LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
+
+
+@pytest.fixture
+def long(desk, model) -> str:
+    (desk.workspace.root / model).write_text(LONG, encoding="utf-8")
+    return model
+
+
+def begin(client, file: str) -> str:
+    return client.post("/api/act", json={"file": file, "do": "compute"}).json()["key"]
+
+
+def job(client, word: str, file: str, key: str):
+    return client.post(f"/api/job/{word}", json={"file": file, "result": key})
+
+
+def points(client, file: str, key: str) -> int:
+    branches = result_of(client, file, key)["branches"]
+    return branches[0]["points"] if branches else 0
+
+
+def growing(client, file: str, key: str, more_than: int = 0) -> int:
+    for _ in range(1500):
+        if (count := points(client, file, key)) > more_than:
+            return count
+        time.sleep(0.02)
+    raise AssertionError("the branch does not grow")
+
+
+def test_a_job_grows_is_held_goes_on_and_is_stopped(client, desk, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    assert job(client, "pause", long, key).json()["state"] == "paused"
+    time.sleep(0.4)
+    held = points(client, long, key)
+    time.sleep(0.6)
+    assert points(client, long, key) == held
+    assert job(client, "pause", long, key).status_code == 400
+    job(client, "continue", long, key)
+    growing(client, long, key, held)
+    job(client, "stop", long, key)
+    found = wait(client, long, key)
+    assert (found["state"], found["can_go_on"]) == ("stopped", True)
+    # all that it had found is in the file, and it goes on from there
+    (path,) = desk.workspace.exploration(desk.workspace.path(long)).glob("*.gapwalk")
+    (branch,) = gw.load(path).branches
+    assert len(branch.points) == found["branches"][0]["points"] > held
+    assert job(client, "resume", long, key).status_code == 200
+    growing(client, long, key, len(branch.points))
+    job(client, "stop", long, key)
+    assert wait(client, long, key)["branches"][0]["points"] > len(branch.points)
+
+
+def test_a_waiting_job_can_be_stopped_before_it_begins(client, long) -> None:
+    first, second = begin(client, long), begin(client, long)
+    growing(client, long, first)
+    job(client, "stop", long, second)
+    assert result_of(client, long, second)["state"] == "stopped"
+    job(client, "stop", long, first)
+    wait(client, long, first)
+    assert result_of(client, long, second)["branches"] == []
+
+
+def test_the_death_of_the_process_costs_one_job(client, desk, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    os.kill(desk.jobs._engine._process.pid, signal.SIGKILL)
+    found = wait(client, long, key)
+    assert found["state"] == "failed"
+    assert "has died" in found["message"]
+    assert found["branches"][0]["points"] > 0  # what was stored
+    again = begin(client, long)  # in a new process
+    growing(client, long, again)
+    job(client, "stop", long, again)
+    assert wait(client, long, again)["state"] == "stopped"
+
+
+def test_points_of_an_unfinished_branch_lead_nowhere(client, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    action = {"do": "walk", "start": {"result": key, "point": 0}, "parameter": "frequency", "to": 0.6}
+    answer = client.post("/api/act", json={"file": long, **action})
+    assert answer.status_code == 400
+    assert "still being computed" in answer.json()["error"]
+    job(client, "stop", long, key)
+    wait(client, long, key)
+
+
+def test_progress_is_told_four_times_a_second_at_most(client, desk, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    entry = desk.board(long).entry(key)
+    before, began = entry.version, time.monotonic()
+    time.sleep(1.5)
+    reports, seconds = entry.version - before, time.monotonic() - began
+    job(client, "stop", long, key)
+    wait(client, long, key)
+    assert 1 <= reports <= 4 * seconds + 1

@@ -1,0 +1,203 @@
+"""The page in a browser, served by the command: what a user does in the first five minutes."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+import gapwalk as gw
+from tests.explorer.browser import browser, chromium, until
+from tests.explorer.conftest import CLUTCH, STOP
+
+LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
+DONE = "gapwalk.page.results.length === {} && gapwalk.page.results.every((r) => r.state === 'done')"
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    shutil.copy(CLUTCH, folder)
+    (folder / "long.toml").write_text(LONG, encoding="utf-8")
+    (folder / "stop.toml").write_text(STOP, encoding="utf-8")
+    (folder / "bad.toml").write_text("coordinates = 3\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def address(workspace) -> Iterator[str]:
+    """Of the server, as the command prints it."""
+    chromium()
+    command = [sys.executable, "-m", "gapwalk", "explore", str(workspace / "clutch.toml"), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert str(workspace) in server.stdout.readline()
+        yield server.stdout.readline().strip()
+        server.send_signal(2)
+        assert server.wait(20) in (0, 130)
+
+
+@pytest.fixture(scope="module")
+def page(address) -> Iterator[Page]:
+    """The page of the server, with an ear for errors and for requests to anyone else: there are none."""
+    wrong: list[str] = []
+    own = (address, "blob:", "data:")
+    with browser() as chrome:
+        page = chrome.new_page(viewport={"width": 1280, "height": 720}, accept_downloads=True)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
+        page.goto(address)
+        until(page, "Boolean(window.gapwalk?.page.about)")
+        yield page
+    assert wrong == []
+
+
+def opened(page: Page, file: str) -> None:
+    """Choose a file."""
+    page.select_option("#file", file)
+    until(page, f"gapwalk.page.about?.file === '{file}'")
+
+
+def computed(page: Page) -> str:
+    """Compute figure 13, unless a test before has; the name of the branch."""
+    opened(page, "clutch.toml")
+    if not page.evaluate("gapwalk.page.results.length"):
+        page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done'")
+    name = page.evaluate("gapwalk.page.results[0].key") + "/0"
+    until(page, f"gapwalk.curves.all.get('{name}')?.count > 200")
+    return name
+
+
+def place_of(page: Page, name: str, point: int) -> list[float]:
+    """Where a point of a branch is on the screen."""
+    return page.evaluate(
+        """([name, point]) => {
+            const curve = gapwalk.curves.all.get(name), k = curve.node.indexOf(point);
+            const { xaxis, yaxis } = gapwalk.diagram.place._fullLayout;
+            const box = gapwalk.diagram.place.getBoundingClientRect();
+            return [box.left + xaxis._offset + xaxis.l2p(curve.x[k]), box.top + yaxis._offset + yaxis.l2p(curve.y[k])];
+        }""",
+        [name, point],
+    )
+
+
+def choose_special(page: Page, kind: str) -> None:
+    """Walk by keyboard to the next special point of a kind."""
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    for _ in range(30):
+        page.keyboard.press("s")
+        if page.evaluate("gapwalk.page.chosen.special?.kind") == kind:
+            return
+    raise AssertionError(f"no {kind} on the branch")
+
+
+def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, workspace) -> None:
+    name = computed(page)
+    (result,) = gw.load(next((workspace / "clutch.explorer").glob("*.gapwalk"))).branches
+    assert page.evaluate(f"gapwalk.curves.all.get('{name}').count") == len(result.points)
+    x, y = place_of(page, name, 30)  # a click beside a point chooses it
+    page.mouse.click(x + 1, y + 1)
+    until(page, "Boolean(gapwalk.motion.motion)")
+    number = page.evaluate("gapwalk.page.chosen.start.point")
+    assert abs(number - 30) <= 1
+    shown = np.array(page.evaluate("gapwalk.motion.motion.q.q1"))
+    np.testing.assert_allclose(shown[0], result.points[number].orbit.state[0], rtol=1e-6)
+    assert page.locator("#history path.curve").count() == 1
+    until(page, "document.querySelectorAll('#section .dot').length === 1")
+    # on to the branch of twice the period
+    choose_special(page, "flip")
+    until(page, "!document.getElementById('switch').disabled")
+    page.click("#switch")
+    until(page, DONE.format(2))
+    until(page, "gapwalk.curves.all.size === 2")
+    assert page.evaluate("[...gapwalk.curves.all.values()].map((c) => c.period)") == [1, 2]
+    # all of it is there after a reload
+    page.reload()
+    until(page, "window.gapwalk?.curves.all.size === 2")
+
+
+def test_keys_walk_along_the_branch_and_say_where(page) -> None:
+    computed(page)
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    first = page.inner_text("#chosen")
+    page.keyboard.press("ArrowLeft")  # the branch was walked from 2 downwards
+    page.keyboard.press("Shift+ArrowLeft")
+    assert page.evaluate("gapwalk.page.chosen.start.point") == 11
+    assert page.inner_text("#chosen") != first
+    # the second of two quick steps is the one that is shown
+    until(page, "gapwalk.motion.place?.point === 11 && document.querySelectorAll('#spectrum .bar').length > 5")
+    assert "Ω" in page.inner_text("#motion-title")
+
+
+def test_what_is_shown_can_be_saved(page) -> None:
+    computed(page)
+    found = {}
+    for name, button in {
+        "svg": "#save-svg",
+        "png": "#save-png",
+        "csv": "#results li:first-child button:text-is('CSV')",
+        "py": "#results li:first-child button:text-is('Python')",
+    }.items():
+        with page.expect_download() as download:
+            page.click(button)
+        path = download.value.path()
+        found[name] = path.read_bytes()
+        assert download.value.suggested_filename.endswith(f".{name}")
+    assert found["svg"].startswith(b"<svg")
+    assert found["png"].startswith(b"\x89PNG")
+    assert found["csv"].count(b"\n") > 200
+    assert b"gw.read_study('clutch.toml')" in found["py"]
+
+
+def test_a_long_walk_grows_and_is_stopped(page) -> None:
+    opened(page, "long.toml")
+    page.click("#compute")
+    until(page, "[...gapwalk.curves.all.values()][0]?.count > 10")
+    count = page.evaluate("[...gapwalk.curves.all.values()][0].count")
+    until(page, f"[...gapwalk.curves.all.values()][0].count > {count}")
+    page.reload()  # the job goes on
+    until(page, f"[...(window.gapwalk?.curves.all.values() ?? [])][0]?.count > {count}")
+    page.click("#results button:text-is('Stop')")
+    until(page, "gapwalk.page.results[0].state === 'stopped'")
+    assert page.locator("#results button:text-is('Go on')").count() == 1
+
+
+def test_a_bad_file_is_told_in_sentences_and_another_can_be_opened(page) -> None:
+    page.select_option("#file", "bad.toml")
+    until(page, "!document.getElementById('error').hidden")
+    assert "bad.toml" in page.inner_text("#error")
+    page.select_option("#file", "stop.toml")
+    until(page, "gapwalk.page.about?.file === 'stop.toml'")
+    assert page.is_hidden("#error")
+
+
+def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
+    opened(page, "stop.toml")
+    page.click("text=Values")
+    page.fill("#filter", "frequency")
+    page.fill("[aria-label='excitation frequency Ω']", "0.6")
+    page.click("#settle")
+    until(page, "gapwalk.curves.settled.size === 1")
+    page.click("#results button:text-is('Show')")
+    until(page, "gapwalk.motion.motion?.parameters.frequency === 0.6")
+    assert "stable" in page.inner_text("#motion-text")
+
+
+def test_nothing_is_cut_off_at_200_percent(page) -> None:
+    computed(page)
+    page.set_viewport_size({"width": 640, "height": 360})  # a window of 1280 x 720 at 200 %
+    page.wait_for_timeout(100)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 640
+    for part in ("#controls", "#diagram", "#motion"):
+        page.locator(part).scroll_into_view_if_needed()
+        box = page.locator(part).bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= 640

@@ -1,0 +1,44 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tests.explorer.conftest import CLUTCH
+
+
+@pytest.fixture
+def clutch(desk) -> str:
+    name = "clutch_script.toml"
+    (desk.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
+    return name
+
+
+def test_the_script_gives_the_same_points(client, do, desk, clutch) -> None:
+    first = do(clutch, do="compute", values={"harmonic1.amplitude": 0.24})
+    query = {"file": clutch, "result": first["key"], "branch": 0, "x": "frequency", "y": "half.q1"}
+    special = client.get("/api/curve", params=query).json()["special"]
+    number = [each["kind"] for each in special].index("flip")
+    low, high = first["branches"][0]["range"]
+    start = {"result": first["key"], "branch": 0, "special": number}
+    child = do(clutch, do="switch", start=start, low=low, high=high)
+    walked = do(clutch, do="walk", start={"result": child["key"], "point": 4}, parameter="stage2.clearance", to=0.98)
+    assert walked["state"] == "done"
+    script = client.get("/api/export/script", params={"file": clutch, "result": walked["key"]}).text
+    path = desk.workspace.root / "repeat.py"
+    path.write_text(f"{script}\nimport numpy as np\nnp.save('states.npy', [p.orbit.state for p in branch.points])\n")
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + script
+    entry = desk.board(clutch).entry(walked["key"])
+    (branch,) = entry.result.branches
+    np.testing.assert_array_equal(np.load(path.with_name("states.npy")), [point.orbit.state for point in branch.points])
+
+
+def test_a_script_settles_too(client, do, desk, model) -> None:
+    settled = do(model, do="settle", values={"frequency": 0.6})
+    script = client.get("/api/export/script", params={"file": model, "result": settled["key"]}).text
+    path = desk.workspace.root / "settle.py"
+    path.write_text(script)
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "Settled(period 1, settled" in run.stdout
