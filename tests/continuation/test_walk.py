@@ -1,6 +1,7 @@
 """The walk on branches whose shape is known: linear resonance, closed loops, ends with their reasons."""
 
 import itertools
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.motion.flow import Flow
 from gapwalk.orbit import Shooting, find_orbit
+from gapwalk.orbit.balance.equation import BalanceEquation
+from gapwalk.orbit.balance.options import Balance
 from gapwalk.paper import case
 from tests.orbit.test_orbit import linear_response
 from tests.systems import clutch, linear
@@ -191,4 +194,26 @@ def test_work_of_the_main_job_does_not_grow():
     Flow.calls = 0
     branch = follow(orbit, "frequency", to=0.15)
     assert len(branch.points) < 340
-    assert Flow.calls < 1650
+    assert Flow.calls < 1560
+
+
+def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
+    """The same for figure 9b at H = 10, whose special points are all found with steps of 0.06."""
+    counts, evaluate, orbit = Counter(), BalanceEquation.evaluate, BalanceEquation.orbit
+
+    def counted_evaluate(*args):
+        counts["evaluations"] += 1
+        return evaluate(*args)
+
+    def counted_orbit(*args):
+        counts["orbits"] += 1
+        return orbit(*args)
+
+    start = find_orbit(case("9b"), frequency=2.0)
+    monkeypatch.setattr(BalanceEquation, "evaluate", counted_evaluate)
+    monkeypatch.setattr(BalanceEquation, "orbit", counted_orbit)
+    options = WalkOptions(largest_step=0.06)
+    branch = follow(start, "frequency", to=0.15, method=Balance(10, error=1.0), walk=options)
+    assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
+    assert counts["evaluations"] < 1265
+    assert counts["orbits"] < 520

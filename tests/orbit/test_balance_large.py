@@ -68,11 +68,11 @@ def test_poles_give_the_flexibility_of_a_matrix_inverse(damping) -> None:
     for w in (0.0, 0.7, 5.0):
         dynamic = stiffness - w**2 * np.eye(12) + 1j * w * system.matrix("damping")
         expected = linear.deflections @ np.linalg.solve(dynamic, linear.contacts)
-        found = (poles.residues / (1j * w - poles.values)[:, None]).sum(axis=0).reshape(2, 2)
+        found = (poles.residues / (1j * w - poles.values)[:, None, None]).sum(axis=0)
         assert found == pytest.approx(expected, abs=1e-11)
         # a few eigenvectors and the others at rest are exact at rest, and near it
         few = poles.below(0.6 * np.abs(poles.values).max())
-        near = (few.residues / (1j * w - few.values)[:, None]).sum(axis=0).reshape(2, 2) + few.residual
+        near = (few.residues / (1j * w - few.values)[:, None, None]).sum(axis=0) + few.residual
         assert len(few.values) < 24
         if w < 1.0:
             assert near == pytest.approx(expected, abs=0.07 * w**2 + 1e-11)

@@ -7,6 +7,7 @@ gone. Zeros that are already known are divided out first, so that only unknown o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,7 +26,9 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 
 _DOUBT = 1.0  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
+# between equal ends; unequal ones count with their geometric mean, as a dip to zero has to leave the larger one too
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
+_CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EXACT = 1e-14  # arclength to which zeros are located
 
@@ -109,8 +112,7 @@ class Detector:
         """All zeros of one test function on a stretch."""
         known = self._recent[kind]
         zeros: list[_Zero] = []
-        nodes = stretch.points
-        for a, b in pairwise(nodes):
+        for a, b in pairwise(_apart(stretch.points)):
             zeros += self._search(kind, stretch, a, b, self._rates.get(kind), known)
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
@@ -124,7 +126,7 @@ class Detector:
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
         changes = at_a * at_b < 0.0
         bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        if not changes and (length < _FINEST or min(abs(at_a), abs(at_b)) > _DOUBT * bend):
+        if not changes and (length < _FINEST or math.sqrt(at_a * at_b) > _DOUBT * bend):
             return []
         if max(abs(value(kind, a)), abs(value(kind, b))) < _NOISE:
             return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
@@ -179,6 +181,15 @@ def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
     for zero in known:
         result /= point.arclength - zero if point.arclength != zero else 1e-300
     return result
+
+
+def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
+    """The points but those that crowd about a zero: between them test functions change by no more than rounding."""
+    kept = points[:1]
+    for point in points[1:-1]:
+        if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
+            kept.append(point)
+    return [*kept, points[-1]]
 
 
 def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.corrector import TRUST
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import Method
 
@@ -53,17 +54,19 @@ def _flip_nature(
     except NumericalError:
         return "", 0.0
     corrector, first = departure.corrector, departure.first
-    sides, amplitudes = [], []
-    for amplitude in _AMPLITUDES:
-        correction = corrector.correct(first.x + amplitude * first.tangent, first.tangent)
+    sides, corrections = [], []
+    for size in _AMPLITUDES:
+        # no guess but the tangent: by a grazing point a curve through the nearer points led to other branches
+        correction = corrector.correct(first.x + size * first.tangent, first.tangent, TRUST)
         if correction is None:
             break
         sides.append(float(np.sign(correction.x[-1] - first.x[-1])))
-        orbit = corrector.point(correction, first.tangent, amplitude).orbit
-        amplitudes.append(float(np.abs(orbit.state - special.orbit.state).max()))
+        corrections.append(correction)
     if not sides or sides[0] == 0.0:
         return "", 0.0
-    holds = next((i for i, side in enumerate(sides) if side != sides[0]), len(sides))
+    holds = next((i for i, side in enumerate(sides) if side != sides[0]), len(sides)) - 1
+    judged = corrector.point(corrections[holds], first.tangent, _AMPLITUDES[holds]).orbit
+    amplitude = float(np.abs(judged.state - special.orbit.state).max())
     loses_after = special.after.below > special.before.below
     unstable_side = neighbours[1] - special.value if loses_after else neighbours[0] - special.value
-    return ("supercritical" if sides[0] * unstable_side > 0.0 else "subcritical"), amplitudes[holds - 1]
+    return ("supercritical" if sides[0] * unstable_side > 0.0 else "subcritical"), amplitude

@@ -86,40 +86,55 @@ class _Doubled:
         which has its own flip nearby: the secant method along the parent leads there.
         """
         start = self._doubled(self.special.orbit)
-        here, across = self._singular(start)
-        if abs(here) < _SINGULAR:
+        left, values, right = np.linalg.svd(self._jacobian(start))
+        least, across = float(values[-1]), right[-1] * np.sign(right[-1][np.argmax(np.abs(right[-1]))])
+        if least < _SINGULAR:
             return start, across
+        borders = left[:, -1] * (right[-1] @ across), across
         x = np.append(self.parent.equation.unknowns(self.special.orbit), self.special.value) / self.parent.scales
         evaluation = self.parent.equation.evaluate(x[:-1] * self.parent.scales[:-1], self.special.value)
         tangent, _ = self.parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0))
-        least, places, values = abs(here), [0.0, _BESIDE], [here]
+        places, sizes = [0.0, _BESIDE], [least]
         try:
             for _ in range(_STEPS):
                 beside = self._along(x, tangent, places[-1])
-                value, vector = self._singular(beside)
-                values.append(value)
-                if abs(value) < least:
-                    least, start, across = abs(value), beside, vector
-                rise = values[-1] - values[-2]
+                size, vector = self._singular(beside, *borders)
+                sizes.append(size)
+                if abs(size) < least:
+                    least, start, across = abs(size), beside, vector
+                rise = sizes[-1] - sizes[-2]
                 if least < _SINGULAR or rise == 0.0:
                     break
-                places.append(places[-1] - value * (places[-1] - places[-2]) / rise)
+                places.append(places[-1] - size * (places[-1] - places[-2]) / rise)
                 if abs(places[-1]) > _FAR:
                     break
-        except NumericalError:
+        except (NumericalError, np.linalg.LinAlgError):
             pass  # the nearest place so far serves
         return start, across
 
-    def _singular(self, start: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """The smallest singular value of the Jacobian by the scaled unknowns, with the sign of its determinant.
+    def _singular(
+        self, start: NDArray[np.float64], left: NDArray[np.float64], right: NDArray[np.float64]
+    ) -> tuple[float, NDArray[np.float64]]:
+        """How far the Jacobian is from singular, with a sign that changes where it is; and its null vector there.
 
-        And its right vector, the same one each time.
+        Bordered by the null vectors of a place nearby, it stays regular (Govaerts 2000, section 3.2):
+
+            [ J        left ] [ v  ]     [ 0 ]
+            [ right^T       ] [ -s ]  =  [ 1 ]
+
+        Where J is singular s vanishes, and v is its null vector; nearby s is about the smallest singular value.
         """
+        size = len(left)
+        matrix, unit = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+        matrix[:-1, :-1], matrix[:-1, -1], matrix[-1, :-1] = self._jacobian(start), left, right
+        unit[-1] = 1.0
+        solution = np.linalg.solve(matrix, unit)
+        return -float(solution[-1]), solution[:-1] / np.linalg.norm(solution[:-1])
+
+    def _jacobian(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of the doubled equation by the scaled unknowns."""
         evaluation = self.corrector.equation.evaluate(start[:-1], float(start[-1]))
-        left, values, right = np.linalg.svd(evaluation.by_unknowns * self.corrector.scales[:-1])
-        sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
-        vector = right[-1] * np.sign(right[-1][np.argmax(np.abs(right[-1]))])
-        return float(sign * values[-1]), vector
+        return evaluation.by_unknowns * self.corrector.scales[:-1]
 
     def _along(self, x: NDArray[np.float64], tangent: NDArray[np.float64], step: float) -> NDArray[np.float64]:
         """The unknowns and the parameter of the doubled equation at a scaled distance along the parent."""

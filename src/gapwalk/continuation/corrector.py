@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import truediv
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ TRUST = 1e-7
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size
 _ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
 _TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
 
@@ -30,7 +32,8 @@ class Course(NamedTuple):
     tangent : shape (N + 1,)
         Unit tangent of the branch, in scaled variables.
     determinant
-        Determinant of the Jacobian bordered by it.
+        Determinant of the Jacobian bordered by it, by unknowns that are not scaled: with their scales it would change
+        with the units, and grow with the number of unknowns until no number can hold it.
     """
 
     tangent: NDArray[np.float64]
@@ -80,6 +83,7 @@ class Corrector:
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales = scales[:-1]
+        self._column_scales = [*self._unknown_scales.tolist(), 1.0]
 
     def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0) -> Correction | None:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
@@ -106,20 +110,20 @@ class Corrector:
                 return None
             # the second right-hand side leads along the branch
             right = np.zeros((len(x), 2), order="F")
-            right[:-1, 0] -= evaluation.residual
+            np.negative(evaluation.residual, out=right[:-1, 0])
             right[-1, 1] = 1.0
             factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             if solved:
                 x = x + step if length < _POLISH else x
-                course = None if singular else _course(factors, pivots, steps[:, 1])
+                course = None if singular else self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
             if size <= trust * scale and length < _TRUSTED:
-                course = _course(factors, pivots, steps[:, 1])
+                course = self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
 
@@ -135,7 +139,7 @@ class Corrector:
         right[-1] = 1.0
         factors, pivots, solution, singular = lapack.dgesv(matrix, right)
         if not singular:
-            return _course(factors, pivots, solution[:, 0])
+            return self._course(factors, pivots, solution[:, 0])
         tangent = np.linalg.svd(matrix[:-1])[2][-1]
         tangent *= np.sign(tangent @ along) or 1.0
         return Course(tangent, self._determinant(evaluation, tangent))
@@ -171,25 +175,43 @@ class Corrector:
         return self.correct(start, normal)
 
     def _bordered(self, evaluation: Evaluation, border: NDArray[np.float64]) -> NDArray[np.float64]:
+        assert evaluation.by_parameter is not None
         size = len(border)
         matrix = np.empty((size, size), order="F")
         np.multiply(evaluation.by_unknowns, self._unknown_scales, out=matrix[:-1, :-1])
-        matrix[:-1, -1] = evaluation.by_parameter
-        matrix[:-1, -1] *= self.scales[-1]
+        np.multiply(evaluation.by_parameter, self.scales[-1], out=matrix[:-1, -1])
         matrix[-1] = border
         return matrix
 
+    def _course(self, factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
+        """What follows from the factors of a bordered matrix and its solution for a step along the border."""
+        # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
+        length = length_of(along)
+        return Course(along / length, self._product(factors, pivots) * length)
+
     def _determinant(self, evaluation: Evaluation, border: NDArray[np.float64]) -> float:
-        """Determinant of the Jacobian bordered by a unit vector."""
-        return float(np.linalg.det(self._bordered(evaluation, border)))
+        """Determinant of the Jacobian bordered by a unit vector; see `Course`."""
+        factors, pivots, singular = lapack.dgetrf(self._bordered(evaluation, border))
+        return 0.0 if singular else self._product(factors, pivots)
+
+    def _product(self, factors: NDArray[np.float64], pivots: NDArray[np.intp]) -> float:
+        """The determinant of a bordered matrix, by unknowns that are not scaled, from its factors."""
+        swaps = sum(place != row for row, place in enumerate(pivots.tolist()))
+        size = bounded_product(list(map(truediv, factors.diagonal().tolist(), self._column_scales)))
+        return -size if swaps % 2 else size
 
 
-def _course(factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
-    """The course that follows from the factors of a bordered matrix and its solution for a step along the border."""
-    swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
-    # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
-    length = length_of(along)
-    return Course(along / length, float(np.prod(factors.diagonal())) * (-1.0) ** swaps * length)
+def bounded_product(factors: list[float]) -> float:
+    """The product of some numbers, none of them 0: with its sign, even where its size is beyond what a number holds.
+
+    There the size is 1e300, or 1e-300, which is as good where only the sign matters.
+    """
+    product = math.prod(factors)
+    if 0.0 < abs(product) < math.inf:
+        return product
+    logarithm = sum(math.log(abs(factor)) for factor in factors)
+    sign = -1.0 if sum(factor < 0.0 for factor in factors) % 2 else 1.0
+    return sign * math.exp(min(max(logarithm, -_LOGARITHM), _LOGARITHM))
 
 
 def _largest(vector: NDArray[np.float64]) -> float:

@@ -27,7 +27,7 @@ class BranchPoint:
     tangent : shape (N + 1,)
         Unit tangent of the branch there, in scaled variables, in the direction of the walk.
     determinant
-        Determinant of the Jacobian bordered by the tangent; it changes sign where branches cross.
+        Determinant of the Jacobian bordered by the tangent (see `Course`); it changes sign where branches cross.
     arclength
         Scaled arclength from the start of the walk.
     memo

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,14 @@ class ContactForm:
     def stage_prefix(self, stage: StageForm) -> str:
         """What the names of the stage's parameters begin with."""
         return f"{self.name}.{stage.name}" if stage.name else self.name
+
+
+class Breakpoint(NamedTuple):
+    """Where a stage begins on one side: number of its contact, side (1 or -1), place of its clearance."""
+
+    contact: int
+    side: int
+    place: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +136,16 @@ class Structure:
     def frequency(self) -> float:
         """The angular frequency W of the excitation at the value 1 of the first parameter."""
         return self.units.frequency if self.units else 1.0
+
+    @cached_property
+    def breakpoints(self) -> tuple[Breakpoint, ...]:
+        """The breakpoint of each switch of the flow, in the order of the switches."""
+        return tuple(
+            Breakpoint(index, side, self.place(f"{contact.stage_prefix(stage)}.clearance"))
+            for index, contact in enumerate(self.contacts)
+            for stage in contact.stages
+            for side in stage.side.signs
+        )
 
     @cached_property
     def equations(self) -> Structure:

@@ -238,6 +238,11 @@ class System:
         """The value of one parameter."""
         return self._at(self.structure.place(name))
 
+    @property
+    def breakpoints(self) -> list[tuple[int, int, float]]:
+        """For each switch of the flow the number of its contact, its side (1 or -1), and the clearance there."""
+        return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
+
     def matrix(self, which: str) -> NDArray[np.float64]:
         """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
         system = self.equations

@@ -64,10 +64,10 @@ def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.comple
         real, imaginary, _, _, info = lapack.dgeev(transitions[0], compute_vl=0, compute_vr=0)
         if info:
             raise NumericalError("the eigenvalues of the monodromy matrix did not converge")
-        values = real + 1j * imaginary
+        values = map(complex, real.tolist(), imaginary.tolist())
     else:
-        values = _pencil_eigenvalues(transitions, size)
-    return values[np.argsort(-np.abs(values), kind="stable")]
+        values = _pencil_eigenvalues(transitions, size).tolist()
+    return np.array(sorted(values, key=abs, reverse=True))
 
 
 def classify(values: NDArray[np.complex128]) -> Instability:

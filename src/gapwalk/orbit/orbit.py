@@ -64,7 +64,7 @@ class Orbit:
     @cached_property
     def closings(self) -> tuple[int, ...]:
         """How often each switch closes in one full period; it changes only where a contact grazes."""
-        counts = [0] * sum(len(stage.side.signs) for form in self.system.structure.contacts for stage in form.stages)
+        counts = [0] * len(self.system.structure.breakpoints)
         for event in self.events:
             counts[event.switch] += event.enters
         return tuple(counts)
@@ -114,11 +114,9 @@ class Orbit:
     def turning_depths(self) -> tuple[Turns, ...]:
         """For each switch: angles at which the deflection turns, and how far past the breakpoint."""
         depths = []
-        for index, contact in enumerate(self.system.structure.contacts):
-            thetas, values = self.turns[index]
-            for stage in contact.stages:
-                clearance = self.system[f"{contact.stage_prefix(stage)}.clearance"]
-                depths += [Turns(thetas, [side * x - clearance for x in values]) for side in stage.side.signs]
+        for contact, side, clearance in self.system.breakpoints:
+            thetas, values = self.turns[contact]
+            depths.append(Turns(thetas, [side * x - clearance for x in values]))
         return tuple(depths)
 
     def measure(self, name: str) -> float:

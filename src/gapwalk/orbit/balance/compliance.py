@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
+from gapwalk.orbit.balance.kernels import real_form
 from gapwalk.orbit.balance.linear import Linear
 from gapwalk.orbit.balance.poles import Poles, amplitudes_of, answers_of, gains_of, slopes_of
 
@@ -63,8 +64,8 @@ class Compliance(Protocol):
         """Deflections on other lines under contact forces alone (against them), both of shape (lines, contacts)."""
         ...
 
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Derivatives of the deflections by the parameter, from the forces and theirs, shape (lines, contacts)."""
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Derivatives of the deflections by the parameter, in real forms, from the forces and theirs."""
         ...
 
 
@@ -121,7 +122,7 @@ class DirectCompliance:
         others = replace(self, lines=Lines(frequencies, np.zeros_like(frequencies), self.lines.loads[:0]))
         return others._solve((forces @ self.linear.contacts.T)[:, :, None])[:, :, 0] @ self.linear.deflections.T
 
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
         """See `Compliance.slope`."""
         linear, change = self.linear, self.change
         motion = self.motion(forces)
@@ -129,13 +130,13 @@ class DirectCompliance:
         right = (2.0 * w * rate) * motion - 1j * rate * (motion @ linear.damping.T)
         right -= force_slopes @ linear.contacts.T
         if change is None:
-            return self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T
+            return real_form((self._solve(right[:, :, None])[:, :, 0] @ linear.deflections.T).T).ravel()
         shifted = change.stiffness + (change.contacts * self.shift) @ linear.deflections
         shifted += (linear.contacts * self.shift) @ change.deflections
         right += self._loads(change) - forces @ change.contacts.T
         right -= motion @ shifted.T + 1j * w * (motion @ change.damping.T)
         moved = self._solve(right[:, :, None])[:, :, 0]
-        return moved @ linear.deflections.T + motion @ change.deflections.T
+        return real_form((moved @ linear.deflections.T + motion @ change.deflections.T).T).ravel()
 
     def _loads(self, linear: Linear) -> NDArray[np.complex128]:
         loads = np.zeros((len(self.lines.frequencies), len(linear.loads)), dtype=complex)
@@ -179,7 +180,7 @@ class PoleCompliance(NamedTuple):
         amplitudes = amplitudes_of(self.gains, poles.loads, self.lines.loads, poles.inputs, forces)
         return amplitudes @ poles.outputs.T
 
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
         """See `Compliance.slope`."""
         poles, lines = self.poles, self.lines
         applied = poles.loads, lines.loads, poles.inputs, forces
@@ -192,6 +193,5 @@ class PoleCompliance(NamedTuple):
 
 def pole_compliance(poles: Poles, lines: Lines) -> PoleCompliance:
     """The linear part on some lines, from its eigenvalues."""
-    gains, free = gains_of(lines.frequencies, poles.values, poles.loads, lines.loads, poles.deflections)
-    contacts = len(poles.deflections)
-    return PoleCompliance(poles, lines, gains, free, (gains @ poles.residues).reshape(-1, contacts, contacts))
+    applied = poles.loads, lines.loads, poles.deflections, poles.residues
+    return PoleCompliance(poles, lines, *gains_of(lines.frequencies, poles.values, *applied))

@@ -149,7 +149,7 @@ class BalanceEquation:
         )
         by_parameter = None
         if slope is not None:
-            by_parameter = -real_form(compliance.slope(total, change).T).ravel()
+            by_parameter = -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
 

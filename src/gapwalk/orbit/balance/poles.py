@@ -43,21 +43,20 @@ class Poles:
 
     @cached_property
     def residues(self) -> NDArray[np.complex128]:
-        """What each eigenvalue adds to the flexibility, shape (poles, contacts * contacts)."""
-        product = self.deflections.T[:, :, None] * self.inputs[:, None, :]
-        return product.reshape(len(self.values), -1)
+        """What each eigenvalue adds to the flexibility, shape (poles, contacts, contacts)."""
+        return np.ascontiguousarray(self.deflections.T[:, :, None] * self.inputs[:, None, :])
 
     def below(self, rate: float) -> Poles:
         """The eigenvalues up to a size; the others answer at once, as if they were at rest."""
         kept = np.abs(self.values) <= rate
-        flexibility = -(self.residues[~kept] / self.values[~kept, None]).sum(axis=0).real
+        flexibility = -(self.residues[~kept] / self.values[~kept, None, None]).sum(axis=0).real
         return Poles(
             self.values[kept],
             self.inputs[kept],
             self.loads[kept],
             self.outputs[:, kept],
             self.deflections[:, kept],
-            self.residual + flexibility.reshape(self.residual.shape),
+            self.residual + flexibility,
         )
 
 
@@ -113,20 +112,31 @@ def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
     return values.astype(np.complex128), left, vectors[:n]
 
 
-@kernel("Tuple((c16[:, ::1], c16[:, ::1]))(f8[::1], c16[::1], c16[:, ::1], i8[::1], c16[:, ::1])")
-def gains_of(frequencies, values, loads, load_lines, deflections):
-    """Amplitude of each eigenvector under a unit load, shape (lines, poles); deflections under the loads alone."""
+@kernel(
+    "Tuple((c16[:, ::1], c16[:, ::1], c16[:, :, ::1]))"
+    "(f8[::1], c16[::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, :, ::1])"
+)
+def gains_of(frequencies, values, loads, load_lines, deflections, residues):
+    """Amplitude of each eigenvector under a unit load, shape (lines, poles); deflections under the loads alone.
+
+    And the flexibility, shape (lines, contacts, contacts).
+    """
+    contacts = len(deflections)
     gains = np.empty((len(frequencies), len(values)), np.complex128)
-    free = np.zeros((len(frequencies), len(deflections)), np.complex128)
+    free = np.zeros((len(frequencies), contacts), np.complex128)
+    flexibility = np.zeros((len(frequencies), contacts, contacts), np.complex128)
     for line in range(len(frequencies)):
         for p in range(len(values)):
             gains[line, p] = 1.0 / (complex(0.0, frequencies[line]) - values[p])
+            for c in range(contacts):
+                for d in range(contacts):
+                    flexibility[line, c, d] += gains[line, p] * residues[p, c, d]
     for order in range(len(load_lines)):
         line = load_lines[order]
         for c in range(len(deflections)):
             for p in range(len(values)):
                 free[line, c] += deflections[c, p] * gains[line, p] * loads[p, order]
-    return gains, free
+    return gains, free, flexibility
 
 
 @part
@@ -152,10 +162,11 @@ def amplitudes_of(gains, loads, load_lines, inputs, forces):
     return result
 
 
-@kernel("c16[:, ::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1])")
+@kernel("f8[::1](c16[:, ::1], c16[:, ::1], i8[::1], c16[:, ::1], c16[:, ::1], f8[::1], c16[:, ::1], c16[:, ::1])")
 def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, force_slopes):
-    """Derivatives of the deflections by the parameter, shape (lines, contacts)."""
-    amplitudes, result = np.empty(gains.shape, np.complex128), np.zeros(forces.shape, np.complex128)
+    """Derivatives of the deflections by the parameter, in real forms one after the other."""
+    amplitudes, count = np.empty(gains.shape, np.complex128), len(gains) - 1
+    result = np.zeros(len(deflections) * (2 * count + 1))
     _amplitudes(gains, loads, load_lines, inputs, forces, amplitudes)
     for line in range(len(gains)):
         for p in range(gains.shape[1]):
@@ -164,7 +175,10 @@ def slopes_of(gains, loads, load_lines, inputs, forces, slopes, deflections, for
                 push += inputs[p, c] * force_slopes[line, c]
             push *= gains[line, p]
             for c in range(len(deflections)):
-                result[line, c] -= deflections[c, p] * push
+                place, change = c * (2 * count + 1) + line, deflections[c, p] * push
+                result[place] -= change.real
+                if line:
+                    result[place + count] += change.imag
     return result
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +38,9 @@ class Series:
 
     def start(self) -> NDArray[np.float64]:
         """The state at theta = 0, shape (2n,)."""
-        k = np.arange(self.lines.shape[1])
-        rates = self.lines.imag @ (k * (-self.frequency / self.period))
-        return np.concatenate((self.lines.real.sum(axis=1), rates))
+        state = (self.lines @ _first_values(self.lines.shape[1])).real.T.ravel()
+        state[len(self.lines) :] *= self.frequency / self.period
+        return state
 
     def turns(self) -> list[NDArray[np.float64]]:
         """For each coordinate the angles theta at which it turns, and its values there; shape (2, turns) each."""
@@ -60,3 +61,11 @@ class Series:
             if len(values):
                 largest[index], smallest[index] = values.max(), values.min()
         return np.column_stack((largest, smallest, mean, np.sqrt(square)))
+
+
+@lru_cache(maxsize=32)
+def _first_values(count: int) -> NDArray[np.complex128]:
+    """From lines to the value at 0 and the derivative by phi there, shape (count, 2)."""
+    values = np.ones((count, 2), dtype=np.complex128)
+    values[:, 1] = 1j * np.arange(count)
+    return values

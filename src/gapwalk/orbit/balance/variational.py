@@ -9,7 +9,7 @@ from gapwalk.orbit.balance.compiled import kernel, part
 from gapwalk.orbit.balance.linearised import Linearised
 
 _REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
-_FINE = 3  # steps to the shortest wave of the motion, at least
+_FINE = 2  # steps to the shortest wave of the motion, at least
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])  # Gauss and Legendre's, on 0 ... 1
 _FEWEST = 8
 _LANES = 16  # steps that are taken side by side: they fill the registers, and their matrices the cache
