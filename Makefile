@@ -9,7 +9,7 @@ PYTHON ?=
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs explore test test-jobs test-engine check lint types bench campaign lock clean
+.PHONY: help demo docs explore browser test test-jobs test-engine check lint types bench campaign lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -23,7 +23,7 @@ explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)
 	@cp -n examples/*.toml examples/*.mtx examples/*.csv out/ || true
 	$(VENV)/bin/gapwalk explore out/clutch.toml
 
-test: check  ## lint, types and tests
+test: check browser  ## lint, types and tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-jobs test-engine
 
 # Two halves of about equal length, side by side.
@@ -34,6 +34,16 @@ test-jobs: $(STAMP)
 
 test-engine: $(STAMP)
 	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider tests $(JOBS:%=--ignore=%)
+
+# The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
+browser:
+	@command -v chromium chromium-browser google-chrome >/dev/null && exit 0; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  echo "installing chromium for the tests of the explorer"; \
+	  (apt-get install -y -qq --no-install-recommends chromium || \
+	    (apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium)) >/dev/null 2>&1 && exit 0; \
+	fi; \
+	echo "no Chromium: the tests of the explorer's page are skipped; apt-get install chromium brings it"
 
 check: lint types  ## lint and types only
 
