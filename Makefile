@@ -37,7 +37,7 @@ test-engine: $(STAMP)
 
 # The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
 browser:
-	@command -v chromium chromium-browser google-chrome >/dev/null && exit 0; \
+	@for name in chromium chromium-browser google-chrome; do command -v $$name >/dev/null && exit 0; done; \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	  echo "installing chromium for the tests of the explorer"; \
 	  (apt-get install -y -qq --no-install-recommends chromium || \
