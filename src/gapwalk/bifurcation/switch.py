@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.continuation.branch import Kind, SpecialPoint
@@ -19,6 +20,7 @@ from gapwalk.orbit.shooting import Shooting
 
 _SINGULAR = 1e-8  # size of a singular value that is zero but for rounding
 _BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is first seen to change
+_ITERATIONS, _SETTLED = 12, 1e-13  # of inverse iteration, and the change of a unit vector at which it ends
 _STEPS = 6  # of the secant method, at most
 _FAR = 0.05  # scaled distance beyond which its branch point is not that of the flip
 
@@ -86,11 +88,12 @@ class _Doubled:
         which has its own flip nearby: the secant method along the parent leads there.
         """
         start = self._doubled(self.special.orbit)
-        left, values, right = np.linalg.svd(self._jacobian(start))
-        least, across = float(values[-1]), right[-1] * np.sign(right[-1][np.argmax(np.abs(right[-1]))])
+        left, least, right = _least_singular(self._jacobian(start))
+        way = np.sign(right[np.argmax(np.abs(right))])
+        across = right * way
         if least < _SINGULAR:
             return start, across
-        borders = left[:, -1] * (right[-1] @ across), across
+        borders = left * way, across
         x = np.append(self.parent.equation.unknowns(self.special.orbit), self.special.value) / self.parent.scales
         evaluation = self.parent.equation.evaluate(x[:-1] * self.parent.scales[:-1], self.special.value)
         tangent, _ = self.parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0))
@@ -149,6 +152,29 @@ class _Doubled:
         equation = self.corrector.equation
         unknowns = equation.unknowns(replace(orbit, period=2 * orbit.period))
         return np.append(unknowns, orbit.system[equation.parameter or ""])
+
+
+def _least_singular(
+    matrix: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    """The smallest singular value of a matrix between its left and right vectors.
+
+    By inverse iteration with one factorisation, which takes a tenth of the time of all singular values where harmonics
+    make the matrix large. Its errors fall with the square of the ratio of the two smallest ones.
+    """
+    factors, pivots, exact_zero = lapack.dgetrf(matrix)
+    right = np.full(len(matrix), len(matrix) ** -0.5)
+    for _ in range(_ITERATIONS if not exact_zero else 0):
+        left = lapack.dgetrs(factors, pivots, right, trans=1)[0]
+        left /= np.linalg.norm(left)
+        following = lapack.dgetrs(factors, pivots, left)[0]
+        size = 1.0 / float(np.linalg.norm(following))
+        following *= size
+        change, right = float(np.linalg.norm(following - right)), following
+        if change < _SETTLED:
+            return left, size, right
+    left_vectors, values, right_vectors = np.linalg.svd(matrix)
+    return left_vectors[:, -1], float(values[-1]), right_vectors[-1]
 
 
 def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
