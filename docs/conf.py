@@ -31,6 +31,8 @@ napoleon_use_ivar = True
 
 html_theme = "furo"
 html_title = "gapwalk"
+html_static_path = ["_static"]
+html_css_files = ["gapwalk.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False

@@ -6,6 +6,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+import gapwalk
+from gapwalk import plot
 from tests.docs.page import blocks_of, run_page
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -22,6 +24,13 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch) -> None:
         run_page(page, tmp_path)
     finally:
         plt.close("all")
+
+
+def test_the_reference_has_every_public_name() -> None:
+    text = (DOCS / "reference.md").read_text(encoding="utf-8").split()
+    names = {*gapwalk.__all__, *plot.__all__} - {"__version__", "errors", "paper"}
+    assert not sorted(names - set(text))
+    assert "gapwalk.errors" in text
 
 
 def test_pages_are_found() -> None:
