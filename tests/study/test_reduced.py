@@ -9,7 +9,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from gapwalk import load, reduce, run
-from gapwalk.cli.app import app
+from gapwalk.cli.commands import app
 from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.file import read_system

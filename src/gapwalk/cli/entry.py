@@ -8,7 +8,7 @@ from io import TextIOWrapper
 
 from cyclopts import CycloptsError
 
-from gapwalk.cli.explore import app
+from gapwalk.cli.commands import app
 from gapwalk.cli.outcome import BAD_INPUT, report_error
 from gapwalk.study.work.threads import work_in_one_thread
 

@@ -1,4 +1,4 @@
-"""``gapwalk explore``: the page in the browser; its command is added to those of `gapwalk.cli.app`."""
+"""``gapwalk explore``: the page in the browser."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from cyclopts import Parameter
 
 from gapwalk.cli.app import Flag, app
 from gapwalk.cli.outcome import DONE, guard
-
-__all__ = ["app", "explore"]
 
 
 @app.command(sort_key=3.5)

@@ -1,0 +1,86 @@
+"""Commands on model files: ``new``, ``check``, ``modes``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gapwalk.cli.app import Changes, Flag, app
+from gapwalk.cli.outcome import guard
+
+
+@app.command(sort_key=1)
+def new(file: Path, /, *, debug: Flag = False) -> int:
+    """Write a model file to begin with; its comments explain every key.
+
+    Parameters
+    ----------
+    file
+        The file to write, such as model.toml.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import new_file
+
+        return new_file(file)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=2)
+def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: Flag = False) -> int:
+    """Check a model file, and say what it describes or everything that is wrong with it.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    changes
+        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import check_file
+
+        return check_file(file, changes or [], json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=3)
+def modes(
+    file: Path,
+    /,
+    *,
+    changes: Changes = None,
+    picture: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Show where a system rests under its mean load, which clearances are open there, and its natural vibrations.
+
+    Parameters
+    ----------
+    file
+        The model file; a study in it is not looked at.
+    changes
+        Another value, as in --set stage2.clearance=0.5; may be repeated.
+    picture
+        Draw the slowest modes into this file, PNG or SVG.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.modes import show_modes
+
+        return show_modes(file, changes or [], picture, json=json)
+
+    return guard(job, json=json, debug=debug)

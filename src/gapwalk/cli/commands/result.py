@@ -1,0 +1,113 @@
+"""Commands on result files: ``show``, ``export``, ``compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from gapwalk.cli.app import Changes, Flag, app
+from gapwalk.cli.outcome import guard
+
+
+@app.command(sort_key=5)
+def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
+    """Show what a result file holds: branches, why they end, and special points; or what else its study found.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    points
+        Show the special points of a diagram or a map too.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import show_result
+
+        return show_result(result, points=points, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=6)
+def export(
+    result: Path,
+    /,
+    *,
+    format: Literal["csv", "png", "svg"] | None = None,
+    output: Path | None = None,
+    measure: str | None = None,
+    debug: Flag = False,
+) -> int:
+    """Write the tables or the picture of a result file.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    format
+        What to write; by default what the ending of the output says, or else csv.
+    output
+        The file to write, over an earlier one; by default named after the result. For csv, the special points stand in
+        a second file beside it, and so do further tables.
+    measure
+        What the picture shows, as in max.q1; by default what the study says. Only branches have one.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.files import export_result
+
+        return export_result(result, format, output, measure)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=6)
+def compare(
+    first: str,
+    second: str,
+    /,
+    *,
+    tolerance: float = 1e-3,
+    output: Path | None = None,
+    measure: str | None = None,
+    changes: Changes = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compare two results, found by two methods perhaps: how far apart they are, and what only one of them has.
+
+    The exit code is 0 if they agree within the tolerance, and 4 if they do not.
+
+    Parameters
+    ----------
+    first, second
+        Result files; or model files, whose study is then run (name one of several as in model.toml:light).
+    tolerance
+        The largest distance, location of a special point, or missing part of a range that counts as agreement: a share
+        of the range of the parameter and of the motions' measures.
+    output
+        A picture to write, PNG or SVG, with both results overlaid and their distance.
+    measure
+        What the picture shows, as in max.q1; by default what the first study says.
+    changes
+        Another value in model files, as in --set stage2.clearance=0.5; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.compare import compare_files
+
+        options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
+        return compare_files(first, second, tolerance, **options)
+
+    return guard(job, json=json, debug=debug)
