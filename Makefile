@@ -29,6 +29,9 @@ test: check browser  ## lint, types and tests
 # Two halves of about equal length, side by side.
 JOBS = tests/cli tests/explorer tests/measurement tests/plot tests/study
 
+# The tests start some hundred programs, each of which would compile its modules where this is set.
+test-jobs test-engine: export PYTHONDONTWRITEBYTECODE =
+
 test-jobs: $(STAMP)
 	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider $(JOBS)
 

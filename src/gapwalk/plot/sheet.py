@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 
 import matplotlib as mpl
@@ -28,3 +29,22 @@ def open_window(size: Size) -> Figure:
 
     with mpl.rc_context(RC):
         return plt.figure(figsize=size, layout="constrained")
+
+
+def lay_out(figure: Figure) -> None:
+    """Make the layout once and for all: with its engine each file would make it anew, and draw everything twice."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        with mpl.rc_context(RC):
+            engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
+def sheet_bytes(figure: Figure, form: str) -> bytes:
+    """A figure as the content of a file of this form, ``png`` or ``svg``; the same figure gives the same bytes."""
+    content = io.BytesIO()
+    metadata = {"Date": None} if form == "svg" else None
+    lay_out(figure)
+    with mpl.rc_context(RC):
+        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+    return content.getvalue()
