@@ -63,8 +63,8 @@ docs: $(STAMP)  ## build the documentation into out/docs, and check its spelling
 	$(PY) docs/_ext/links.py out/docs
 	@echo "open out/docs/index.html"
 
-bench: $(STAMP)  ## measure the speed
-	$(PY) -m benchmarks
+bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
+	$(PY) -m benchmarks --record
 
 campaign: $(STAMP)  ## the slow tests (minutes)
 	MPLBACKEND=Agg $(PY) -m pytest -m slow

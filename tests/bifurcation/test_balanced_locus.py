@@ -16,7 +16,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.paper import case
-from tests.bifurcation.test_locus import WIDE, islands, nearest, response
+from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, nearest, response
 from tests.bifurcation.test_many_degrees import rod
 from tests.systems import viscous_stop
 
@@ -174,13 +174,7 @@ def test_derivatives_agree_with_differences(kind):
     equation, scales, x = departure.equation, departure.corrector.scales, departure.first.x
     if kind is Kind.GRAZING:  # beside it, because differences across it are none
         x = x + 1e-3 * np.cos(np.arange(len(x)))
-    evaluation = equation.evaluate(x[:-1] * scales[:-1], x[-1] * scales[-1])
-    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * scales
-    for column, unit in zip(jacobian.T, np.eye(len(x)), strict=True):
-        ends = [(x + sign * 1e-6 * unit) * scales for sign in (1.0, -1.0)]
-        residuals = [equation.evaluate(end[:-1], end[-1]).residual for end in ends]
-        slope = (residuals[0] - residuals[1]) / 2e-6
-        assert column == pytest.approx(slope, abs=1e-5 * max(1.0, np.abs(jacobian).max()))
+    assert_derivatives_agree(equation, scales, x)
 
 
 def growing(method: Balance) -> Locus:
