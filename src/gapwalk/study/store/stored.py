@@ -19,7 +19,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.search_result import search_of
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
-from gapwalk.study.jobs import JOBS
+from gapwalk.study.jobs import JOBS, job_of
 from gapwalk.study.map.read import StoredMap, read_map
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions
 from gapwalk.study.reduced.full_check import FullCheck, checks_of
@@ -164,7 +164,7 @@ def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) 
     options = study.options
     if options.kind in JOBS:
         parts = read_shelf(connection)
-        return StoredParts(JOBS[options.kind].read(study, parts), parts)
+        return StoredParts(job_of(options.kind).read(study, parts), parts)
     if isinstance(options, MapStudyOptions):
         return read_map(connection, study.system, options, about["map"])
     assert isinstance(options, BranchOptions)
