@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Kind
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import OrbitEquation
 
 _SAFETY = 4.0  # times the difference of two computations, of which neither is exact
-_ROUNDING = 4.0 * np.finfo(float).eps
+ROUNDING = 2e-14
+"""Relative error of a parameter that both computations share: that of the flow, some 1e-15 in each of its steps."""
 
 
 class SecondOpinion:
@@ -54,7 +55,11 @@ class SecondOpinion:
         correction = self._corrector.correct(start + shift * along, along / np.linalg.norm(along))
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} when it is posed otherwise")
-        return self._corrector.point(correction, along, point.arclength + shift)
+        # exactly there: the correction may have been evaluated a step aside
+        x = correction.x
+        evaluation = self._other.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
+        exact = Correction(x, evaluation, 0, 0.0, 0.0)
+        return self._corrector.point(exact, along, point.arclength + shift)
 
     def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
@@ -80,4 +85,4 @@ def location_error(kind: Kind, point: BranchPoint, second: BranchPoint, zeros: t
     ahead = abs(float(point.tangent[-1])) * along
     if kind is Kind.FOLD:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
-    return _SAFETY * (off + width * ahead) + _ROUNDING * (abs(point.value) + width)
+    return _SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width)
