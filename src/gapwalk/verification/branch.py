@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.second import SecondOpinion
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -17,7 +18,7 @@ from gapwalk.verification.balanced import verify_balanced
 from gapwalk.verification.carry import Round, carry
 from gapwalk.verification.counts import unexplained
 from gapwalk.verification.gaps import gap
-from gapwalk.verification.multipliers import distance, is_on_border, reshoot
+from gapwalk.verification.multipliers import distance, is_on_border, reshoot, spread
 from gapwalk.verification.sides import look
 from gapwalk.verification.track import Track
 from gapwalk.verification.verification import Check, Ledger, Spot
@@ -25,8 +26,9 @@ from gapwalk.verification.verification import Check, Ledger, Spot
 Advance = Callable[[str, int, int], object]
 """Called with a word for what is verified, how many of its pieces are done, and how many there are."""
 
-_EXACT = 1e-12  # error of a branch point's location below which rounding is all there is, in widths of the range
-_INTERPOLATED = 1e-3  # of the reach over which the location of a branch point is interpolated again
+_EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
+_VARIED = 3.0  # times the variation of multipliers near by that may be between those of a point and its neighbour
+_INTERPOLATED = 1e-9  # the same for that of a branch point, which is interpolated again
 
 
 def verify_branches(ledger: Ledger, branches: Sequence[tuple[str, Branch]], advance: Advance | None = None) -> None:
@@ -66,27 +68,45 @@ def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance:
     report(0)
     for (spot, point, track), around in zip(every, carry(orbits, report), strict=True):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
-        verify_orbit(ledger, spot, point.orbit, around, track.segments)
+        verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point))
 
 
-def verify_orbit(ledger: Ledger, spot: Spot, orbit: Orbit, around: Round, segments: int) -> None:
-    """Check one orbit by shooting, given what it does when it is carried once around."""
-    growth = max(1.0, float(np.abs(orbit.multipliers).max()))
-    allowed = max(1.0, around.error / Check.CLOSURE.bound)  # a motion that cannot be integrated so exactly is told
-    if allowed > 1.0:
-        ledger.note(f"{spot}: the other integrator is no more exact than {around.error:.1g} of the motion")
-    ledger.enter(Check.CLOSURE, spot, around.closure / growth / allowed)
-    ledger.enter(Check.STAGES, spot, around.astray / growth / allowed)
-    size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
-    extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
-    ledger.enter(Check.EXTREMES, spot, extremes / size / growth / allowed)
+def verify_orbit(
+    ledger: Ledger, spot: Spot, orbit: Orbit, around: Round, segments: int, beside: Sequence[NDArray[np.float64]] = ()
+) -> None:
+    """Check one orbit by shooting.
+
+    Parameters
+    ----------
+    ledger, spot
+        Where to enter what.
+    orbit
+        The orbit.
+    around
+        What it does when it is carried once around.
+    segments
+        With how many it was shot.
+    beside
+        Changes of its state by as much as the point may be off to which its multipliers belong.
+    """
     try:
         reshot = reshoot(orbit, segments, around.contraction)
     except NumericalError as error:
         ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
         return
+    rough = max(1.0, around.error / Check.CLOSURE.bound)
+    if rough > 1.0:
+        ledger.note(f"{spot}: the other integrator is no more exact than {around.error:.1g} of the motion")
+    ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
+    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / rough)
+    size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
+    extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
+    ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
     ledger.enter(Check.VOLUME, spot, abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction)))
-    ledger.enter(Check.MULTIPLIERS, spot, distance(reshot.multipliers, orbit.multipliers))
+    off = distance(reshot.multipliers, orbit.multipliers)
+    if off > Check.MULTIPLIERS.bound and beside:
+        off /= max(1.0, _VARIED * spread(orbit, segments, around.contraction, beside) / Check.MULTIPLIERS.bound)
+    ledger.enter(Check.MULTIPLIERS, spot, off)
     verify_stability(ledger, spot, orbit, reshot.multipliers)
 
 
@@ -142,8 +162,6 @@ def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: fl
     """Enter how far a special point is from where it was found again, in units of its error."""
     off = abs(found - special.value)
     width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
-    error = special.uncertainty + _EXACT * width
-    if special.kind is Kind.BRANCH_POINT:  # located again by a straight line: that is good to the square of its length
-        error += _INTERPOLATED * width
+    error = special.uncertainty + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
     detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {special.uncertainty:.2g}"
     ledger.enter(Check.LOCATION, spot, off / error, detail)

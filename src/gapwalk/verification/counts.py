@@ -10,6 +10,7 @@ from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.verification.multipliers import is_on_border
 
+_VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
 _SINGULAR = 1e-6  # a test function so near to zero has no sign
 _TESTED = {Kind.FOLD: "the branch turns round", Kind.BRANCH_POINT: "another branch crosses", Kind.FLIP: "a flip is passed"}
 
@@ -41,7 +42,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 def _sign(kind: Kind, point: BranchPoint) -> int:
     size = value(kind, point)
-    if abs(size) < _SINGULAR or (kind is Kind.BRANCH_POINT and _is_singular(point)):
+    if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is Kind.BRANCH_POINT and _is_singular(point)):
         return 0
     return 1 if size > 0.0 else -1
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,13 @@ class Reshot:
         Largest modulus first.
     contraction
         Logarithm of the factor by which volumes of states change, from the determinants of the segments.
+    growth
+        Largest factor by which a small change of the state grows over the period; at least 1.
     """
 
     multipliers: NDArray[np.complex128]
     contraction: float
+    growth: float
 
 
 def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
@@ -41,7 +45,19 @@ def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
     logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
     total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
-    return Reshot(multipliers([arc.transition for arc in arcs]), total)
+    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
+    around = np.eye(len(units))
+    for arc in arcs:
+        around = arc.transition @ around
+    growth = float(np.linalg.norm(around * units / units[:, None], 2))
+    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
+
+
+def spread(orbit: Orbit, segments: int, contraction: float, asides: Sequence[NDArray[np.float64]]) -> float:
+    """How much the multipliers vary over some small changes of the state: the largest `distance`."""
+    there = reshoot(orbit, segments, contraction).multipliers
+    beside = [reshoot(replace(orbit, state=orbit.state + aside), segments, contraction) for aside in asides]
+    return max(distance(there, each.multipliers) for each in beside)
 
 
 def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from gapwalk.bifurcation.functions import value
@@ -18,7 +19,9 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.verification.multipliers import is_on_border
 
 _REACH = 1e-3  # arclength from which a special point is looked at, where its neighbours are not nearer
-_WIDE = 2e-2  # the same for a branch point, close to which no orbit can be held
+_WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held
+_NODES = (-1.0, -0.75, -0.45, 0.45, 0.75, 1.0)  # where orbits beside a branch point are looked for, in reaches
+_REAL = 1e-6  # imaginary part of a root that is real but for rounding
 _SHARE = 0.4  # of the way to a neighbour
 
 
@@ -55,7 +58,7 @@ def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | Non
     if signs[0] * signs[1] > 0.0:
         return Sides((*faults, f"the test function of a {special.kind.value} keeps its sign"), None)
     if special.kind is Kind.BRANCH_POINT:
-        return Sides(tuple(faults), _straight(special, a, b, signs))
+        return Sides(tuple(faults), _interpolated(second, special, reach))
     return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)))
 
 
@@ -81,12 +84,23 @@ def _zero(second: SecondOpinion, special: SpecialPoint, reach: float, function) 
         return None
 
 
-def _straight(special: SpecialPoint, a: BranchPoint, b: BranchPoint, signs: list[float]) -> float:
-    """Where the straight line through both values of the test function is zero: a branch point needs no more."""
-    share = abs(signs[0]) / (abs(signs[0]) + abs(signs[1]))
-    along = np.array([float((each.x[-1] - special.point.x[-1])) for each in (a, b)])
-    scale = special.point.value / special.point.x[-1] if special.point.x[-1] else 1.0
-    return special.point.value + float((1.0 - share) * along[0] + share * along[1]) * scale
+def _interpolated(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:
+    """The parameter where the determinant is zero, by the polynomial through its values on both sides.
+
+    Where branches cross no orbit can be held, but the branch and its determinant are smooth.
+    """
+    shifts = reach * np.array(_NODES)
+    try:
+        points = [second.at(special.point, float(shift)) for shift in shifts]
+    except NumericalError:
+        return None
+    values, places = np.array([value(special.kind, each) for each in points]), np.array(_NODES)
+    roots = Polynomial.fit(places, values, len(places) - 1, domain=[-1.0, 1.0]).roots()
+    real = roots[np.abs(roots.imag) < _REAL].real
+    if not len(real):
+        return None
+    parameter = Polynomial.fit(places, [each.value for each in points], len(places) - 1, domain=[-1.0, 1.0])
+    return float(parameter(real[np.argmin(np.abs(real))]))
 
 
 def _graze(

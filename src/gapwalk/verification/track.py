@@ -18,6 +18,9 @@ from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
+_ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
+_WAYS, _SEED = 3, 1995  # random directions of such a step
+
 
 class Track:
     """Corrects onto a branch; by harmonic balance with as many harmonics as a point has.
@@ -46,6 +49,13 @@ class Track:
     def equation_at(self, point: BranchPoint) -> OrbitEquation:
         """The equation of the unknowns of a point."""
         return cast("OrbitEquation", self.corrector_at(point).equation)
+
+    def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
+        """Changes of a state by as much as the point may be off at which its multipliers were evaluated."""
+        size = 2 * self.branch.system.size
+        ways = np.random.default_rng(_SEED).normal(size=(_WAYS, size))
+        ways = np.vstack((ways / np.linalg.norm(ways, axis=1)[:, None], point.tangent[:size]))
+        return [sign * _ASIDE * way * self.corrector_at(point).scales[:size] for way in ways for sign in (-1.0, 1.0)]
 
     def mismatch(self, point: BranchPoint) -> float:
         """How far what is stored of a point disagrees with itself, relative to its size.
