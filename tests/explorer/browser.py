@@ -17,7 +17,6 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
-_PATIENCE = 60.0  # seconds
 
 READY = "Boolean(window.gapwalk?.page.about)"
 """A file is open on the page."""
@@ -60,9 +59,9 @@ def served(file: Path) -> Iterator[str]:
         assert server.wait(20) in (0, 130)
 
 
-def until(page: Page, condition: str) -> None:
+def until(page: Page, condition: str, patience: float = 30.0) -> None:
     """Wait until a condition holds on the page; its security policy lets no text be evaluated there by itself."""
-    end = time.monotonic() + _PATIENCE
+    end = time.monotonic() + patience  # seconds
     while time.monotonic() < end:
         if page.evaluate(condition):
             return
