@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
+    from gapwalk.explorer.kept import save_html
     from gapwalk.measurement.alignment import Alignment, align
     from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
     from gapwalk.measurement.fit import Fit, FitOptions, fit
@@ -203,6 +204,7 @@ __all__ = [
     "regimes",
     "rest_of",
     "run",
+    "save_html",
     "search",
     "section",
     "settle",

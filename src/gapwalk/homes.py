@@ -112,6 +112,7 @@ HOMES = {
     "regimes": "study.regimes.mapping",
     "rest_of": "model.rest",
     "run": "study.run",
+    "save_html": "explorer.kept",
     "search": "bifurcation.search",
     "section": "attractor.section",
     "settle": "attractor.settle",

@@ -24,8 +24,8 @@ def save_html(
 ) -> None:
     """Save what was found as one HTML file with clickable points, which opens in any browser, without a network.
 
-    The diagram zooms, its axes can be chosen, and a click on a point (or the arrow keys) shows its motion: moving parts,
-    history, phase portrait, force-deflection loop, multipliers, contact log, and its sound.
+    The diagram zooms, its axes can be chosen, and a click on a point (or the arrow keys) shows its motion: moving
+    parts, history, phase portrait, force-deflection loop, multipliers, contact log, and its sound.
 
     Parameters
     ----------
