@@ -19,7 +19,7 @@ from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
 from gapwalk.plot.sheet import open_window
-from gapwalk.plot.size import takes_size
+from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
@@ -105,7 +105,7 @@ def begin_branches(
     drawing = _Drawing(branches, measure)
     drawing.draw_lines(ax)
     ax.set_xlabel(parameter_words(first.parameter, first.system.units))
-    ax.set_ylabel(measure_words(measure, first.system.units))
+    ax.set_ylabel(broken(measure_words(measure, first.system.units)))
     ax.margins(x=0.02, y=0.06)
     ax.autoscale_view()
     if within:

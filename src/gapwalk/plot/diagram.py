@@ -14,7 +14,7 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.legend import draw_period_legend
 from gapwalk.plot.sheet import open_window
-from gapwalk.plot.size import takes_size
+from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.strobes import Strobes
 from gapwalk.plot.style import SHADE, diagram_size, rc
 from gapwalk.plot.words import full_measure, parameter_words, state_words
@@ -96,7 +96,7 @@ def draw_diagram(
             panel.set_xlabel(parameter_words(diagram.parameter, system.units))
         for panel in panels[1:]:
             strobes.draw(panel)
-            panel.set_ylabel(state_words(strobes.coordinate, system.units))
+            panel.set_ylabel(broken(state_words(strobes.coordinate, system.units)))
         _set_limits(panels, strobes, crowd)
         if legend:
             draw_period_legend(panels[1], strobes.periods, bool(strobes.births))

@@ -45,6 +45,7 @@ SIZES: dict[str, Size] = {
 """A column of a journal, its whole page, and a slide of 13.3 x 7.5 inches below its title."""
 
 _INCH = 25.4  # mm
+_ROOMY = 160.0  # mm, at the letters of a screen, from which labels need not be broken
 _now: ContextVar[Size] = ContextVar("gapwalk_size", default=SIZES["screen"])
 
 
@@ -91,6 +92,15 @@ def takes_size(draw: Drawer) -> Drawer:
 def points(length: float) -> float:
     """A length in points at the present size: of letters, lines or symbols."""
     return length * _now.get().scale
+
+
+def broken(label: str) -> str:
+    """The label of an upright axis, in two lines where the sheet has few letters' room: parted at a comma or bracket."""
+    size = _now.get()
+    if size.width is None or size.width / size.scale > _ROOMY:
+        return label
+    places = [at for mark in (" (", ", ") if (at := label.find(mark, 8)) > 0]
+    return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"
 
 
 def sheet_size(width: float, height: float) -> tuple[float, float]:
