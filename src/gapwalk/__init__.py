@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.notebook.progress import show_progress
     from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -208,6 +209,7 @@ __all__ = [
     "search",
     "section",
     "settle",
+    "show_progress",
     "spectrum",
     "stop",
     "strobe",

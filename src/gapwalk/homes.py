@@ -116,6 +116,7 @@ HOMES = {
     "search": "bifurcation.search",
     "section": "attractor.section",
     "settle": "attractor.settle",
+    "show_progress": "notebook.progress",
     "spectrum": "attractor.spectrum",
     "stop": "model.contact",
     "strobe": "attractor.section",

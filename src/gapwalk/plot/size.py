@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar
 
 from gapwalk.errors import ModelError
 
@@ -43,6 +43,9 @@ SIZES: dict[str, Size] = {
     "slide": Size(250.0, 16.0 / 9.5, 0.95),
 }
 """A column of a journal, its whole page, and a slide of 13.3 x 7.5 inches below its title."""
+
+CARD = Size(115.0, 8.0 / 9.5, 1.05)
+"""The small picture on the card of a notebook."""
 
 _INCH = 25.4  # mm
 _ROOMY = 160.0  # mm, at the letters of a screen, from which labels need not be broken
@@ -95,7 +98,7 @@ def points(length: float) -> float:
 
 
 def broken(label: str) -> str:
-    """The label of an upright axis, in two lines where the sheet has few letters' room: parted at a comma or bracket."""
+    """The label of an upright axis, in two lines where a sheet has little room: parted at a comma or bracket."""
     size = _now.get()
     if size.width is None or size.width / size.scale > _ROOMY:
         return label

@@ -19,7 +19,7 @@ from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _SAMPLES = 512  # of a motion, at most
 _COORDINATES = 6  # whose measures can be chosen
-_MEASURES = ("half", "max", "min", "mean", "rms")
+_MEASURES = ("half", "max", "min")  # which are stored
 _LEFT_OUT = ("parameters", "seconds")  # of the panels: only a page with a server asks for them
 
 
