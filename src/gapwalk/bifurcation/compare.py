@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import ModelError
+from gapwalk.notebook.shown import Shown
 
 _NEAR = 0.05  # distance, in sizes of the whole picture, beyond which two special points are not the same
 _FAR = 1e3
@@ -38,7 +39,7 @@ class Match:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Shown):
     """What two branches have in common, and what not.
 
     Lengths are relative: to the range of the parameter, and to the range of each measure.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,14 @@ from gapwalk.plot.style import SYMBOLS
 
 LABELS = ("stable", "below", "above", "pair")
 """Kinds of stability (see `Instability.label`) by the numbers that stand for them."""
+
+
+class Node(NamedTuple):
+    """A place on a branch: the number of a point, or -1 - the number of a special point; what follows it (`LABELS`)."""
+
+    number: int
+    orbit: Orbit
+    label: int
 
 
 def quantity(orbit: Orbit, name: str) -> float:
@@ -54,33 +62,44 @@ def curve_of(
         ``label`` (uint8: the place in `LABELS` of what follows), each in base64, little-endian; ``count``, the points
         of the branch; and ``special``, all its special points.
     """
-    begin = points[first].arclength if first and first < len(points) else -np.inf
-    nodes = [(point.arclength, i, point.orbit, point.instability.label) for i, point in enumerate(points) if i >= first]
-    if first < len(points):
-        nodes += [
-            (each.point.arclength, -1 - i, each.orbit, each.after.label)
-            for i, each in enumerate(special_points)
-            if each.point.arclength >= begin
-        ]
-    nodes.sort(key=lambda node: node[0])
+    nodes = nodes_of(points, special_points, first)
     return {
         "count": len(points),
-        "x": _packed([quantity(orbit, x) for _, _, orbit, _ in nodes], "<f8"),
-        "y": _packed([quantity(orbit, y) for _, _, orbit, _ in nodes], "<f8"),
-        "node": _packed([node for _, node, _, _ in nodes], "<i4"),
-        "label": _packed([LABELS.index(label) for *_, label in nodes], "u1"),
-        "special": [_special(each, x, y) for each in special_points],
+        "x": _packed([quantity(node.orbit, x) for node in nodes], "<f8"),
+        "y": _packed([quantity(node.orbit, y) for node in nodes], "<f8"),
+        "node": _packed([node.number for node in nodes], "<i4"),
+        "label": _packed([node.label for node in nodes], "u1"),
+        "special": [
+            {**special_words(each), "x": quantity(each.orbit, x), "y": quantity(each.orbit, y)}
+            for each in special_points
+        ],
     }
 
 
-def _special(special: SpecialPoint, x: str, y: str) -> dict[str, Any]:
+def nodes_of(points: Sequence[BranchPoint], special_points: Sequence[SpecialPoint], first: int = 0) -> list[Node]:
+    """The points and special points of a branch in the order of the walk, from the point numbered `first` on."""
+    begin = points[first].arclength if first and first < len(points) else -np.inf
+    nodes = [
+        (point.arclength, Node(i, point.orbit, LABELS.index(point.instability.label)))
+        for i, point in enumerate(points)
+        if i >= first
+    ]
+    if first < len(points):
+        nodes += [
+            (each.point.arclength, Node(-1 - i, each.orbit, LABELS.index(each.after.label)))
+            for i, each in enumerate(special_points)
+            if each.point.arclength >= begin
+        ]
+    return [node for _, node in sorted(nodes, key=lambda placed: placed[0])]
+
+
+def special_words(special: SpecialPoint) -> dict[str, Any]:
+    """What a page says of a special point."""
     style, multiplier = SYMBOLS[special.kind], special.multiplier
     return {
         "kind": special.kind.value,
         "text": style.text,
         "label": style.label,
-        "x": quantity(special.orbit, x),
-        "y": quantity(special.orbit, y),
         "value": special.value,
         "uncertainty": special.uncertainty,
         "change": special.change,

@@ -5,7 +5,7 @@ import { KINDS, Lines } from "./lines.js";
 const DASHES = { stable: "solid", below: "dash", above: "dot", pair: "dashdot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
-  "branch-point": ["cross", "--chosen", 10], grazing: ["line-ns-open", "--stop", 9],
+  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9],
 };
 const REACH = 16; // pixels within which a click means a point
 
