@@ -1,4 +1,4 @@
-"""The picture of a kept page for the documentation: ``make pictures``."""
+"""The picture of a kept page for the documentation: ``make screenshots``."""
 
 import sys
 import tempfile

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.continuation.branch import Branch, SpecialPoint
@@ -227,6 +226,8 @@ def match_places(
 
     Places have shape (places, dimensions), in units in which the whole picture has a size of about 1.
     """
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
     apart = np.linalg.norm(first[:, None] - second[None], axis=2)
     alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)
     apart = np.where(alike & (apart <= _NEAR), apart, _FAR)

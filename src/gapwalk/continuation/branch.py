@@ -47,7 +47,9 @@ class SpecialPoint(Shown):
     before, after
         Unstable multipliers on either side, in the direction of the walk.
     uncertainty
-        Bound on the error of its parameter value, from the bracket in which it was located.
+        Estimated error of its parameter value: four times the difference from the same point posed otherwise (by
+        shooting with another number of segments, by harmonic balance with more harmonics, so that it tells what
+        truncation does), and the bracket in which it was located. Infinite where it is not known.
     contact
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     nature

@@ -16,7 +16,8 @@ from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
 from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
 from gapwalk.study.grid import check_resolution
-from gapwalk.study.store.cell_store import CellStore, undamaged
+from gapwalk.study.store.cell_store import CellStore
+from gapwalk.study.store.trust import undamaged
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
 

@@ -17,7 +17,8 @@ from gapwalk.orbit.find import initial_state
 from gapwalk.study.grid import check_parameters, check_resolution
 from gapwalk.study.regimes.job import Places, Plan, RegimeChunk, RegimeJob, Report
 from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
-from gapwalk.study.store.cell_store import CellStore, undamaged
+from gapwalk.study.store.cell_store import CellStore
+from gapwalk.study.store.trust import undamaged
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
 
