@@ -12,11 +12,7 @@ from gapwalk.verification.multipliers import is_on_border
 
 _VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
 _SINGULAR = 1e-6  # a test function so near to zero has no sign
-_TESTED = {
-    Kind.FOLD: "the branch turns round",
-    Kind.BRANCH_POINT: "another branch crosses",
-    Kind.FLIP: "a flip is passed",
-}
+_TESTED = {Kind.FOLD: "the branch turns round", Kind.BRANCH_POINT: "another branch crosses", Kind.FLIP: "a flip is passed"}
 
 
 def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
@@ -26,10 +22,8 @@ def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint])
         signs = [_sign(kind, point) for point in (a, b)]
         found = sum(each.kind is kind or (kind is Kind.FOLD and each.is_vertex) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
-            yield (
-                f"{words}, with {found} points of the kind {kind.value} between"
-                if found % 2 == 0
-                else (f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign")
+            yield f"{words}, with {found} points of the kind {kind.value} between" if found % 2 == 0 else (
+                f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign"
             )
     yield from _contacts(a, b, special)
 

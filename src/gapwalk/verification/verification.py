@@ -199,9 +199,7 @@ class Ledger:
     @property
     def verification(self) -> Verification:
         """All that was entered."""
-        summaries = tuple(
-            Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
-        )
+        summaries = tuple(Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts)
         return Verification(summaries, tuple(self._breaches), tuple(self.notes), self.points, self.special_points)
 
 
