@@ -11,7 +11,8 @@ from multiprocessing import get_context
 from typing import Any
 
 from gapwalk.errors import GapwalkError, WorkError
-from gapwalk.explorer.task import Progress, Task, do
+from gapwalk.explorer.news import Progress
+from gapwalk.explorer.task import Task, do
 from gapwalk.study.work.processes import live_on_a_leash, undisturbed
 
 _PATIENCE = 5.0  # seconds that a job has to end by itself once it is stopped
