@@ -72,6 +72,13 @@ export class Diagram {
     this.drawTime = performance.now() - started;
   }
 
+  /** Thin the lines for another window; what Plotly draws stays as it is. */
+  refine() {
+    const { xaxis, yaxis } = this.place._fullLayout, view = { x: xaxis.range, y: yaxis.range };
+    this.lines.thin([...this.curves.all.values()], view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    this.paint();
+  }
+
   paint(moving = false) {
     this.lines.paint(this.place._fullLayout, color, moving);
   }
@@ -200,9 +207,9 @@ export class Diagram {
       if (this.programmatic) return;
       const { xaxis, yaxis } = this.place._fullLayout;
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
-      this.paint();
+      this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.later(), 120);
+      this.timer = setTimeout(() => this.refine(), 120);
     });
   }
 }

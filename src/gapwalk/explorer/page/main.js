@@ -80,7 +80,8 @@ async function show(results) {
   page.results = results;
   showResults($("results"), results, actOn);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
-  $("status").textContent = busy.length ? `${busy[0].title}: ${busy[0].branches.reduce((s, b) => s + b.points, 0)} points` : "";
+  const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
+  $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
   if (page.updating) return void (page.again = true);
   page.updating = true;
   try {
