@@ -146,7 +146,7 @@ def test_the_branches_that_cross_at_a_branch_point_are_mirror_images(client, do,
     name = "symmetric.toml"
     (desk.workspace.root / name).write_text(SYMMETRIC, encoding="utf-8")
     first = do(name, do="compute")
-    query = {"file": name, "result": first["key"], "x": "frequency", "y": "mean.x"}
+    query = {"file": name, "result": first["key"], "x": "frequency", "y": "measure:mean.x"}
     special = client.get("/api/curve", params=query).json()["special"]
     number = [each["kind"] for each in special].index("branch-point")
     start = {"result": first["key"], "special": number}

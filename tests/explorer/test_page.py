@@ -1,8 +1,6 @@
 """The page in a browser, served by the command: what a user does in the first five minutes."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import pytest
 from playwright.sync_api import Page
 
 import gapwalk as gw
-from tests.explorer.browser import browser, chromium, until
+from tests.explorer.browser import READY, browser, choose_special, chromium, opened, served, until
 from tests.explorer.conftest import CLUTCH, STOP
 
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
@@ -32,13 +30,8 @@ def workspace(tmp_path_factory) -> Path:
 def address(workspace) -> Iterator[str]:
     """Of the server, as the command prints it."""
     chromium()
-    command = [sys.executable, "-m", "gapwalk", "explore", str(workspace / "clutch.toml"), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        assert str(workspace) in server.stdout.readline()
-        yield server.stdout.readline().strip()
-        server.send_signal(2)
-        assert server.wait(20) in (0, 130)
+    with served(workspace / "clutch.toml") as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +44,9 @@ def page(address) -> Iterator[Page]:
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
         page.goto(address)
-        until(page, "Boolean(window.gapwalk?.page.about)")
+        until(page, READY)
         yield page
     assert wrong == []
-
-
-def opened(page: Page, file: str) -> None:
-    """Choose a file."""
-    page.select_option("#file", file)
-    until(page, f"gapwalk.page.about?.file === '{file}'")
 
 
 def computed(page: Page) -> str:
@@ -84,17 +71,6 @@ def place_of(page: Page, name: str, point: int) -> list[float]:
         }""",
         [name, point],
     )
-
-
-def choose_special(page: Page, kind: str) -> None:
-    """Walk by keyboard to the next special point of a kind."""
-    page.focus("#diagram")
-    page.keyboard.press("Home")
-    for _ in range(30):
-        page.keyboard.press("s")
-        if page.evaluate("gapwalk.page.chosen.special?.kind") == kind:
-            return
-    raise AssertionError(f"no {kind} on the branch")
 
 
 def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, workspace) -> None:
