@@ -183,11 +183,12 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     opened(page, "stop.toml")
     key = page.evaluate("gapwalk.page.results.length")
     page.click("#compute")
-    until(page, f"gapwalk.page.results[{key}]?.state === 'done' && gapwalk.curves.all.size >= 1")
+    until(page, f"gapwalk.page.results[{key}]?.state === 'done'")
+    until(page, "gapwalk.curves.subject().at(-1)?.special.some((s) => s.kind === 'grazing')")
     assert page.is_disabled("#locus")
     page.evaluate(
         """(() => {
-            const curve = gapwalk.curves.subject()[0], special = curve.special.findIndex((s) => s.kind === "grazing");
+            const curve = gapwalk.curves.subject().at(-1), special = curve.special.findIndex((s) => s.kind === "grazing");
             gapwalk.diagram.chosen({ curve, index: curve.node.indexOf(-1 - special) });
         })()"""
     )
