@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.study.diagram.others import find_others
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
@@ -176,6 +177,7 @@ __all__ = [
     "errors",
     "family",
     "find_orbit",
+    "find_others",
     "fit",
     "follow",
     "follow_locus",
@@ -220,7 +222,7 @@ __all__ = [
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
-_MODULES = ("errors", "paper")
+_MODULES = ("errors", "paper", "plot")
 
 
 def __getattr__(name: str) -> Any:

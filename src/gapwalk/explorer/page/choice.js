@@ -5,10 +5,10 @@ export function choiceAt({ curve, index }, x) {
   const node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
   const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
   const at = `${x === "frequency" ? "Ω" : x} = ${curve.x[index].toPrecision(8)}`;
-  return { start, special, curve, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
+  return { start, special, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
 }
 
-/** Fill a select with pairs of value and text. */
+/** Fill a select with values, texts, and whole names, which are told where the box is too narrow for them. */
 export function fill(select, pairs) {
-  select.replaceChildren(...pairs.map(([value, text]) => new Option(text, value)));
+  select.replaceChildren(...pairs.map(([value, text, title = text]) => Object.assign(new Option(text, value), { title })));
 }

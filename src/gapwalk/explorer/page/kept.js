@@ -51,7 +51,7 @@ async function show(diagram) {
   const axes = { x: $("x").value, y: $("y").value }, { at, index } = page.walker;
   const branches = page.about.branches.map(({ name, period, count }) => ({ name, period, points: count }));
   curves.clear();
-  await curves.update("", axes, [{ key: "", version: 0, state: "done", settled: false, branches }]);
+  await curves.update("", axes, false, [{ key: "", version: 0, state: "done", settled: false, branches }]);
   diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
   diagram.mark = null;
   diagram.fit();
