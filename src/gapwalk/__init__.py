@@ -86,7 +86,9 @@ if TYPE_CHECKING:
     from gapwalk.study.sweep.record import Sweep
     from gapwalk.study.sweep.store import load_sweep
     from gapwalk.study.sweep.sweeping import sweep
+    from gapwalk.study.verify import verify
     from gapwalk.study.work.workers import on_cluster, workers
+    from gapwalk.verification import Check, Verification
 
     __version__: str
 
@@ -100,6 +102,7 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Cascade",
+    "Check",
     "ClassifyOptions",
     "Comparison",
     "Contact",
@@ -158,6 +161,7 @@ __all__ = [
     "SweepOptions",
     "System",
     "Train",
+    "Verification",
     "WalkOptions",
     "__version__",
     "align",
@@ -211,6 +215,7 @@ __all__ = [
     "strobe",
     "sweep",
     "switch",
+    "verify",
     "waterfall",
     "workers",
 ]

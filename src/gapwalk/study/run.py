@@ -15,6 +15,7 @@ from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
 from gapwalk.study.run_job import run_job
 from gapwalk.study.store.stored import read
+from gapwalk.study.verify import with_verification
 
 _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
@@ -70,4 +71,4 @@ def run(
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
-    return with_checks(result, output)
+    return with_verification(with_checks(result, output), output)

@@ -1,8 +1,8 @@
 """Orbits carried once around by another integrator: Dormand and Prince's method of order 8 between contact events.
 
 All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section II.10; the
-tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are believed
-only as far as the motion passes its breakpoints there, and nowhere else.
+tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are
+believed only as far as the motion passes its breakpoints there, and nowhere else.
 """
 
 from __future__ import annotations
@@ -60,7 +60,15 @@ class Round:
 
 
 def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:
-    """Carry orbits of one structure once around; `report` is called with the number of those that are done."""
+    """Carry orbits of one structure once around; `report` is called with the number of those that are done.
+
+    Raises
+    ------
+    ValueError
+        If their systems are of different structures.
+    """
+    if len({id(orbit.system.structure) for orbit in orbits}) > 1 and len({o.system.structure for o in orbits}) > 1:
+        raise ValueError("orbits of systems of different structure cannot be carried side by side")
     rounds: list[Round] = []
     size = orbits[0].system.size if orbits else 1
     lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
