@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import VerificationError
+from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.study.store.codec import PointCodec
 from gapwalk.study.store.rows import write_points, write_special_points
 from gapwalk.verification import verification_of
@@ -189,10 +190,10 @@ def test_points_of_two_branches_that_were_swapped_are_found(branch):
 
 
 def test_a_missing_contact_event_is_found(branch):
-    orbit = branch.points[5].orbit
-    assert orbit.events
-    found = gw.verify(change(branch, 5, orbit=replace(orbit, events=orbit.events[2:])))
-    assert ("stages", "point 5") in failed(found)
+    number = next(i for i, point in enumerate(branch.points) if len(point.orbit.events) >= 4)
+    orbit = branch.points[number].orbit
+    found = gw.verify(change(branch, number, orbit=replace(orbit, events=orbit.events[2:])))
+    assert ("stages", f"point {number}") in failed(found)
 
 
 def test_balanced_branches_verify_with_their_truncation():
@@ -203,6 +204,7 @@ def test_balanced_branches_verify_with_their_truncation():
     assert verification.ok, verification.words
     assert {"lines", "truth", "location"} <= {summary.check.word for summary in verification.summaries}
     orbit = found.points[3].orbit
+    assert isinstance(orbit, BalancedOrbit)
     lines = orbit.series.lines.copy()
     lines[0, 2] += 1e-4
     broken = replace(orbit, series=replace(orbit.series, lines=lines))
@@ -217,7 +219,8 @@ def test_where_branches_are_attached_is_verified():
     assert found.ok, found.words
     assert found.worst("tree").size < 1e-8
     limb = next(limb for limb in tree.limbs if limb.begins is not None)
-    other = next(i for i, each in enumerate(tree["P1-1"].branch.special_points) if each.kind == "fold")
+    assert limb.begins is not None
+    other = next(i for i, each in enumerate(tree["P1-1"].branch.special_points) if each.kind == "grazing")
     wrong = replace(limb, begins=replace(limb.begins, special=other))
     limbs = tuple(wrong if each is limb else each for each in tree.limbs)
     broken = gw.verify(replace(tree, limbs=limbs))
@@ -246,7 +249,7 @@ def test_the_stated_error_of_a_balanced_point_is_that_of_its_truncation(branch):
         assert off <= special.uncertainty
         assert special.uncertainty <= 1e3 * off
         errors.append(special.uncertainty)
-    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+    assert errors[0] > 5 * errors[1] > 25 * errors[2]
 
 
 def rewrite(path, branch):
@@ -299,7 +302,7 @@ def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
         model.write_text(file.read())
     assert main(["run", str(model), "--quiet"]) == 0
     capsys.readouterr()
-    assert main(["verify", str(tmp_path / "settle.gapwalk")]) == 2
+    assert main(["verify", str(next(tmp_path.glob("*.gapwalk")))]) == 2
     assert "responses, diagrams, maps and families" in capsys.readouterr().err
 
 
@@ -319,7 +322,7 @@ def test_a_study_verifies_itself_and_keeps_what_it_found(tmp_path):
 
 def test_loci_are_shot_again():
     flip = gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.75).special("flip")[0]
-    locus = gw.follow_locus(flip, "frequency", (0.7, 0.9), "stage2.clearance", (0.9, 1.1))
+    locus = gw.follow_locus(flip, "frequency", "stage2.clearance", ((0.7, 0.9), (0.9, 1.1)))
     chart = gw.Map("frequency", "stage2.clearance", ((0.7, 0.9), (0.9, 1.1)), (locus,))
     found = gw.verify(chart)
     assert found.ok, found.words

@@ -160,9 +160,9 @@ class _Fleet:
         with np.errstate(over="ignore", invalid="ignore"):  # a broken orbit may run away, and is seen at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes)
             for s in range(1, _STAGES):
-                middle = state + h * np.tensordot(_A[s, :s], rates[:s], axes=(0, 0))
+                middle = state + h * _sum(_A[s, :s], rates[:s])
                 rates[s] = self.equations.rates(theta + _C[s] * length, middle, closed, lanes)
-            new = state + h * np.tensordot(_B, rates[:_STAGES], axes=(0, 0))
+            new = state + h * _sum(_B, rates[:_STAGES])
             rates[-1] = self.equations.rates(theta + length, new, closed, lanes)
             self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
             self._watch(lanes, state, new, rates, h, closed)
@@ -208,9 +208,15 @@ class _Fleet:
         )
 
 
+def _sum(weights: Array, rates: Array) -> Array:
+    """The rates of some stages, weighted."""
+    total: Any = np.tensordot(weights, rates, axes=(0, 0))
+    return total
+
+
 def _error(rates: Array) -> Array:
     """The error of a step of length 1, as DOP853 estimates it, component by component."""
-    fifth, third = (np.tensordot(weights, rates, axes=(0, 0)) for weights in (_ERROR_5, _ERROR_3))
+    fifth, third = (_sum(weights, rates) for weights in (_ERROR_5, _ERROR_3))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 
