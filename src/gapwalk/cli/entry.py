@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (by default those of the process), and return its exit code.
 
     The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
-    compared differs; 130: interrupted.
+    compared differs; 5: what was verified is wrong; 130: interrupted.
     """
     work_in_one_thread()
     words = sys.argv[1:] if arguments is None else list(arguments)
