@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.motion.unit import size_of
@@ -28,6 +27,8 @@ def nearest_pairs(
     To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
     what goes on.
     """
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
     if not left or not right:
         return []
     rows, columns = list(left), list(right)

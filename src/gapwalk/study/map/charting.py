@@ -13,6 +13,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.motion.unit import size_of
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import stroboscopic
@@ -65,6 +66,7 @@ class _Piece:
     method: Method | None
 
 
+@shows_progress(lambda count, chart, added: f"{len(chart.sections)} sections, {len(chart.loci)} loci")
 def bifurcation_map(
     system: System,
     first: str,
