@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -70,6 +70,13 @@ def small_disk(folder: Path, size: str) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
+def fill(filler: Path) -> None:
+    """Write until nothing more can be written."""
+    with suppress(OSError), open(filler, "wb", buffering=0) as file:
+        while True:
+            file.write(b"x" * 4096)
+
+
 @pytest.mark.skipif(shutil.which("mount") is None or os.geteuid() != 0, reason="only root mounts disks")
 def test_a_real_full_disk(tmp_path) -> None:
     study, elsewhere = stop_study(), tmp_path / "elsewhere.gapwalk"
@@ -88,15 +95,11 @@ def test_a_real_full_disk(tmp_path) -> None:
             write_whole(disk / "picture.png", b"x" * 200_000)
         assert not list(disk.glob(".picture*"))
         shutil.move(path, elsewhere)
-        with pytest.raises(OSError, match="No space"), open(filler, "wb", buffering=0) as file:
-            while True:
-                file.write(b"x" * 4096)
-        for again in ("x.gapwalk", "y.sweep"):
-            with pytest.raises(StoreError, match="the disk (is|may be) full"):
-                if again == "x.gapwalk":
-                    gw.run(study, disk / again)
-                else:
-                    gw.sweep(*FOLDS, options=options(), output=disk / again)
+        fill(filler)
+        with pytest.raises(StoreError, match=r"the disk (is|may be) full"):
+            gw.run(study, disk / "x.gapwalk")
+        with pytest.raises(StoreError, match=r"the disk (is|may be) full"):
+            gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
         filler.unlink()
         gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
     assert_same_result(gw.run(long_study(), elsewhere, resume=True), gw.run(long_study()))
