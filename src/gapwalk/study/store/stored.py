@@ -18,7 +18,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.search_result import search_of
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
-from gapwalk.study.jobs import JOBS
+from gapwalk.study.jobs import JOBS, job_of
 from gapwalk.study.map.read import StoredMap, read_map
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions
 from gapwalk.study.reduced.full_check import FullCheck, checks_of
@@ -165,16 +165,17 @@ def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) 
     options = study.options
     if options.kind in JOBS:
         parts = dict(checked_parts(connection))
-        return StoredParts(JOBS[options.kind].read(study, parts), parts)
+        return StoredParts(job_of(options.kind).read(study, parts), parts)
     if isinstance(options, MapStudyOptions):
         return read_map(connection, study.system, options, about["map"])
     assert isinstance(options, BranchOptions)
     rows = list(branch_rows(connection, options, lambda place: study.system))
+    if isinstance(options, DiagramStudyOptions) and "search" in about:  # which may have led to nothing new
+        return _diagram(options, rows, about["diagram"], search_of(about["search"], study.system))
     if not rows:
         raise ValueError("it holds no branch")
     if isinstance(options, DiagramStudyOptions):
-        search = search_of(about["search"], study.system) if "search" in about else None
-        return _diagram(options, rows, about["diagram"], search)
+        return _diagram(options, rows, about["diagram"], None)
     return _walk(options, rows)
 
 
