@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.study.diagram.others import find_others
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
@@ -174,6 +175,7 @@ __all__ = [
     "errors",
     "family",
     "find_orbit",
+    "find_others",
     "fit",
     "follow",
     "follow_locus",

@@ -84,6 +84,7 @@ HOMES = {
     "diagram": "study.diagram.diagram",
     "family": "study.family.family",
     "find_orbit": "orbit.find",
+    "find_others": "study.diagram.others",
     "fit": "measurement.fit",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",

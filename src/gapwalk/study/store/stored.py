@@ -169,11 +169,12 @@ def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) 
         return read_map(connection, study.system, options, about["map"])
     assert isinstance(options, BranchOptions)
     rows = list(branch_rows(connection, options, lambda place: study.system))
+    if isinstance(options, DiagramStudyOptions) and "search" in about:  # which may have led to nothing new
+        return _diagram(options, rows, about["diagram"], search_of(about["search"], study.system))
     if not rows:
         raise ValueError("it holds no branch")
     if isinstance(options, DiagramStudyOptions):
-        search = search_of(about["search"], study.system) if "search" in about else None
-        return _diagram(options, rows, about["diagram"], search)
+        return _diagram(options, rows, about["diagram"], None)
     return _walk(options, rows)
 
 
