@@ -134,7 +134,8 @@ def follow(page: Page) -> None:
     page.fill("#locus-high", "0.6")
     until(page, "!document.getElementById('locus').disabled")
     page.click("#locus")
-    until(page, "gapwalk.page.results[2]?.state === 'done' && gapwalk.curves.all.size === 1")
+    until(page, "gapwalk.page.results[2]?.state === 'done'")
+    page.wait_for_timeout(1500)  # for the curve
 
 
 def search(page: Page) -> None:
