@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
+    from gapwalk.explorer.kept import save_html
     from gapwalk.measurement.alignment import Alignment, align
     from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
     from gapwalk.measurement.fit import Fit, FitOptions, fit
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.notebook.progress import show_progress
     from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -205,9 +207,11 @@ __all__ = [
     "regimes",
     "rest_of",
     "run",
+    "save_html",
     "search",
     "section",
     "settle",
+    "show_progress",
     "spectrum",
     "stop",
     "strobe",

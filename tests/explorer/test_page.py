@@ -177,3 +177,46 @@ def test_nothing_is_cut_off_at_200_percent(page) -> None:
         assert box is not None
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= 640
+
+
+def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
+    opened(page, "stop.toml")
+    key = page.evaluate("gapwalk.page.results.length")
+    page.click("#compute")
+    until(page, f"gapwalk.page.results[{key}]?.state === 'done'")
+    until(page, "gapwalk.curves.subject().at(-1)?.special.some((s) => s.kind === 'grazing')")
+    assert page.is_disabled("#locus")
+    page.evaluate(
+        """(() => {
+            const curve = gapwalk.curves.subject().at(-1), special = curve.special.findIndex((s) => s.kind === "grazing");
+            gapwalk.diagram.chosen({ curve, index: curve.node.indexOf(-1 - special) });
+        })()"""
+    )
+    until(page, "!document.getElementById('locus').disabled")
+    page.select_option("#locus-parameter", "harmonic1.amplitude")
+    assert page.input_value("#locus-low") == "0.1"
+    page.click("#locus")
+    until(page, f"gapwalk.page.results[{key + 1}]?.state === 'done' && gapwalk.curves.hasLoci")
+    assert page.input_value("#y") == "harmonic1.amplitude"
+    x, y = page.evaluate("(() => { const c = gapwalk.curves.subject()[0]; return [[...c.x], [...c.y]]; })()")
+    # the motion that just touches its stop, in closed form: amplitude 1 of the free oscillator
+    exact = np.hypot(1.0 - np.square(x), 0.05 * np.array(x))
+    np.testing.assert_allclose(y, exact, rtol=1e-6)
+    page.evaluate("gapwalk.diagram.chosen({ curve: gapwalk.curves.subject()[0], index: 0 })")
+    until(page, "gapwalk.motion.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
+    page.click("#results li:first-child button:text-is('Show')")  # back to the diagram
+    until(page, "!gapwalk.curves.hasLoci && gapwalk.curves.all.size >= 1")
+
+
+def test_a_search_is_begun_and_stopped(page) -> None:
+    opened(page, "clutch.toml")
+    count = page.evaluate("gapwalk.page.results.length")
+    page.fill("#search-count", "40")
+    page.click("#search")
+    until(page, f"gapwalk.page.results[{count}]?.state === 'running'")
+    assert "others" in page.inner_text("#results li:last-child")
+    page.reload()
+    until(page, f"window.gapwalk?.page.results[{count}]?.state === 'running'")
+    page.click("#results button:text-is('Stop')")
+    until(page, f"gapwalk.page.results[{count}].state === 'stopped'")
+    until(page, "document.querySelectorAll('#results li:last-child button[data-action$=resume]').length === 1")

@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
-from scipy.optimize import brentq
-
 from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
-from gapwalk.bifurcation.grazing import describe_switch, find_grazing
+from gapwalk.bifurcation.grazing import Graze, depth_near, describe_switch, find_grazing
+from gapwalk.bifurcation.second import ROUNDING, SecondOpinion, location_error
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
@@ -29,17 +29,18 @@ _DOUBT = 1.0  # share of the bend over an interval by which a test function may 
 # between equal ends; unequal ones count with their geometric mean, as a dip to zero has to leave the larger one too
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
 _CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
+_BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EXACT = 1e-14  # arclength to which zeros are located
 
 
 @dataclass(frozen=True)
 class _Zero:
-    """A zero of one test function: where, and how wide its bracket was in the parameter."""
+    """A zero of one test function: where, and how wide its bracket was in arclength."""
 
     kind: Kind
     point: BranchPoint
-    uncertainty: float
+    spread: float
 
 
 class DetectorState(NamedTuple):
@@ -105,8 +106,31 @@ class Detector:
                 kind = item.kind
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
-            special.append(SpecialPoint(kind, item.point, before_it, after_it, item.uncertainty, contact))
+            error = self._location_error(kind, item, stretch)
+            special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact))
         return special
+
+    def _location_error(self, kind: Kind, item: _Zero | Graze, stretch: Stretch) -> float:
+        """Estimated error of the parameter at a special point: its bracket, and what a second opinion says."""
+        scale = float(self.corrector.scales[-1])
+        bracket = abs(float(item.point.tangent[-1])) * scale * item.spread
+        if kind is Kind.BRANCH_POINT:  # no other equation could hold it either
+            return bracket + ROUNDING * (abs(item.point.value) + scale)
+
+        def function(point: BranchPoint) -> float:
+            return value(kind, point) if isinstance(item, _Zero) else depth_near(point.orbit, item.switch, item.theta)
+
+        try:
+            beside = _beside_point(stretch, item.point)
+            rate = (function(beside) - function(item.point)) / (beside.arclength - item.point.arclength)
+            second = self._second.at(item.point)
+        except NumericalError:
+            return math.inf
+        return bracket + location_error(kind, item.point, second, (function(item.point), function(second)), rate)
+
+    @cached_property
+    def _second(self) -> SecondOpinion:
+        return SecondOpinion(self.corrector)
 
     def _scan(self, kind: Kind, stretch: Stretch) -> list[_Zero]:
         """All zeros of one test function on a stretch."""
@@ -139,11 +163,13 @@ class Detector:
         return left + self._search(kind, stretch, middle, b, _rate(kind, a, middle, known), known)
 
     def _locate(self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, known: list[float]) -> _Zero:
+        from scipy.optimize import brentq  # imported late: it takes long
+
         if kind is Kind.BRANCH_POINT:
             crossing = _crossing(stretch, a, b)
             if crossing is not None:
                 point = stretch.at(crossing.arclength)
-                return _Zero(kind, point, abs(float(point.tangent[-1])) * crossing.spread)
+                return _Zero(kind, point, crossing.spread)
 
         def function(arclength: float) -> float:
             return _deflated(kind, stretch.at(arclength), known)
@@ -152,8 +178,17 @@ class Detector:
             function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False
         )
         point = stretch.at(float(root))
-        neighbours = [abs(other.value - point.value) for other in stretch.points if other is not point]
-        return _Zero(kind, point, min(neighbours, default=0.0) if report.converged else float("inf"))
+        return _Zero(kind, point, _EXACT * 10 if report.converged else math.inf)
+
+
+def _beside_point(stretch: Stretch, point: BranchPoint) -> BranchPoint:
+    """A point close to another, but not crowding about it."""
+    away = {abs(each.arclength - point.arclength): each for each in stretch.points}
+    nearest = min((distance for distance in away if distance > _CROWDED), default=math.inf)
+    if nearest <= _BESIDE:
+        return away[nearest]
+    low, high = (each.arclength - point.arclength for each in (stretch.points[0], stretch.points[-1]))
+    return stretch.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
 
 
 def _crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing | None:

@@ -12,6 +12,7 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
 
@@ -19,6 +20,7 @@ Report = Callable[[BranchPoint, list[SpecialPoint]], None]
 """Called with each new point and the special points before it."""
 
 
+@shows_progress(lambda count, point, special_points: f"{count} points, at {point.value:.6g}")
 def follow(
     start: Orbit | SpecialPoint,
     parameter: str,
@@ -83,7 +85,7 @@ def join(trails: list[Trail], walked: list[list[Step]]) -> Branch:
     """One branch from its one or two trails and the steps that they yielded, in one direction of travel."""
     equation = trails[0].departure.equation
     ends = [trail.end or End(EndReason.STOPPED, trail.walk.point.value) for trail in trails]
-    first = trails[0].first
+    first = trails[-1].first  # its tangent leads the way in which the branch is told
     points: list[BranchPoint] = [first]
     special: list[SpecialPoint] = []
     if len(trails) == 2:
@@ -99,7 +101,7 @@ def join(trails: list[Trail], walked: list[list[Step]]) -> Branch:
 
 
 def _reversed(point: BranchPoint) -> BranchPoint:
-    return replace(point, tangent=-point.tangent, arclength=-point.arclength)
+    return replace(point, tangent=-point.tangent, determinant=-point.determinant, arclength=-point.arclength, memo={})
 
 
 def _turned(special: SpecialPoint) -> SpecialPoint:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
@@ -22,11 +21,12 @@ _DOUBT = 0.5  # share of its bend by which an extremum may have moved between tw
 
 
 class Graze(NamedTuple):
-    """A grazing point: the point of the branch, which switch grazes, and the bracket's width in the parameter."""
+    """A grazing point: the point of the branch, which switch grazes, when, and its bracket's width in arclength."""
 
     point: BranchPoint
     switch: int
-    uncertainty: float
+    theta: float
+    spread: float
 
 
 def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
@@ -40,8 +40,7 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
     number = sum(map(abs, changes))
     length = last.arclength - first.arclength
     if number and length < _SMALLEST:
-        spread = abs(last.value - first.value)
-        return [Graze(last, int(switch), spread) for switch in np.flatnonzero(changes)]
+        return [Graze(last, switch, _touch(last.orbit, switch), length) for switch in np.flatnonzero(changes).tolist()]
     if number < 2 and not _is_doubtful(before, first, last, changes):
         if not number:
             return []
@@ -131,6 +130,8 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
 
     None if the extremum that reaches it cannot be tracked: it may be born on the way.
     """
+    from scipy.optimize import brentq  # imported late: it takes long
+
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
 
@@ -147,7 +148,7 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
     if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
         return None
     point = stretch.at(root)
-    return Graze(point, switch, abs(float(point.tangent[-1])) * 1e-12)
+    return Graze(point, switch, tracked[root][0], 1e-12)
 
 
 def _shortest_visit(orbit: Orbit, switch: int) -> float:
@@ -157,6 +158,17 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
     following = np.append(thetas[1:], thetas[0] + full)
     shortest = int(np.argmin(following - thetas))
     return float(0.5 * (thetas[shortest] + following[shortest]) % full)
+
+
+def depth_near(orbit: Orbit, switch: int, theta: float) -> float:
+    """How far the deflection's extremum nearest to an angle is past the breakpoint of a switch."""
+    return _extremum(orbit, switch, theta)[1]
+
+
+def _touch(orbit: Orbit, switch: int) -> float:
+    """The angle of the extremum that is nearest to the breakpoint of a switch."""
+    turns = orbit.turning_depths[switch]
+    return turns.thetas[int(np.argmin(np.abs(turns.values)))]
 
 
 def _extremum(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:

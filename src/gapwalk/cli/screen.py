@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.table import Table
 
 from gapwalk.cli.chart import print_map
-from gapwalk.cli.findings import print_finding
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -27,6 +26,8 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
     for check in result.checks:
         screen.print(printable(check.words), soft_wrap=True)
     if result.finding is not None:
+        from gapwalk.cli.findings import print_finding  # only now: it needs the code of all kinds
+
         print_finding(screen, result.finding)
         return
     if result.walked.balanced:

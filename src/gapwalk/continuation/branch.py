@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 
@@ -34,7 +35,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True)
-class SpecialPoint:
+class SpecialPoint(Shown):
     """A point where motions appear, vanish, turn into others, or touch a stop.
 
     Attributes
@@ -46,7 +47,9 @@ class SpecialPoint:
     before, after
         Unstable multipliers on either side, in the direction of the walk.
     uncertainty
-        Bound on the error of its parameter value, from the bracket in which it was located.
+        Estimated error of its parameter value: four times the difference from the same point posed otherwise (by
+        shooting with another number of segments, by harmonic balance with more harmonics, so that it tells what
+        truncation does), and the bracket in which it was located. Infinite where it is not known.
     contact
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     nature
@@ -97,7 +100,7 @@ class SpecialPoint:
 
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Shown):
     """A family of orbits along one parameter.
 
     Attributes

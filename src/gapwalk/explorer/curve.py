@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,14 @@ MEASURE = "measure:"
 """Stands before the name of a measure that is also that of a parameter: ``mean.q1`` is a mean load by itself."""
 
 _PART = 40  # orbits of which a measure is computed at once: a click waits no longer than for these
+
+
+class Node(NamedTuple):
+    """A place on a line: the number of a point, or -1 - the number of a special point; what follows it (`LABELS`)."""
+
+    number: int
+    orbit: Orbit
+    label: int
 
 
 def quantity(orbit: Orbit, name: str) -> float:
@@ -61,7 +69,7 @@ class Quantities:
         """What takes integrations, part by part; nothing if all is known already."""
         orbits = [each.orbit for each in (*self.line.points[self.first :], *self.line.special_points)]
         for name in dict.fromkeys(self.names):
-            missing = [orbit for orbit in orbits if not _is_at_hand(orbit, name)]
+            missing = [orbit for orbit in orbits if not is_at_hand(orbit, name)]
             for start in range(0, len(missing), _PART):
                 yield lambda part=missing[start : start + _PART], name=name: self._compute(part, name)
 
@@ -69,7 +77,7 @@ class Quantities:
         self._computed.update({(id(orbit), name): quantity(orbit, name) for orbit in orbits})
 
 
-def _is_at_hand(orbit: Orbit, name: str) -> bool:
+def is_at_hand(orbit: Orbit, name: str) -> bool:
     """Whether a quantity is known without an integration."""
     if name in orbit.system.parameters:
         return True
@@ -92,47 +100,59 @@ def curve_of(wanted: Quantities) -> dict[str, Any]:
         ``label`` (uint8: the place in `LABELS` of what follows), each in base64, little-endian; ``count``, the points
         of the line; and ``special``, all its special points.
     """
-    line, first = wanted.line, wanted.first
-    points, special = line.points, line.special_points
-    begin = points[first].arclength if first and first < len(points) else -np.inf
-    nodes = [(point.arclength, i, point.orbit, _label(point, line)) for i, point in enumerate(points) if i >= first]
-    if first < len(points):
-        nodes += [
-            (each.point.arclength, -1 - i, each.orbit, _label(each, line))
-            for i, each in enumerate(special)
-            if each.point.arclength >= begin
-        ]
-    nodes.sort(key=lambda node: node[0])
-    places = [wanted.of(orbit) for _, _, orbit, _ in nodes]
+    line = wanted.line
+    nodes = nodes_of(line.points, line.special_points, wanted.first, line.kind)
+    places = [wanted.of(node.orbit) for node in nodes]
     return {
-        "count": len(points),
+        "count": len(line.points),
         "x": _packed([x for x, _ in places], "<f8"),
         "y": _packed([y for _, y in places], "<f8"),
-        "node": _packed([node for _, node, _, _ in nodes], "<i4"),
-        "label": _packed([LABELS.index(label) for *_, label in nodes], "u1"),
-        "special": [_at(wanted.of(each.orbit)) | _about(each) for each in special],
+        "node": _packed([node.number for node in nodes], "<i4"),
+        "label": _packed([node.label for node in nodes], "u1"),
+        "special": [
+            {**special_words(each), **dict(zip("xy", wanted.of(each.orbit), strict=True))}
+            for each in line.special_points
+        ],
     }
 
 
-def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, line: Line) -> str:
+def nodes_of(
+    points: Sequence[BranchPoint | LocusPoint],
+    special_points: Sequence[SpecialPoint | Codim2Point],
+    first: int = 0,
+    kind: Kind | None = None,
+) -> list[Node]:
+    """The points and special points of a line in the order of the walk, from the point numbered `first` on.
+
+    The kind is what happens on a locus; None for a branch.
+    """
+    begin = points[first].arclength if first and first < len(points) else -np.inf
+    nodes = [
+        (point.arclength, Node(i, point.orbit, _label(point, kind))) for i, point in enumerate(points) if i >= first
+    ]
+    if first < len(points):
+        nodes += [
+            (each.point.arclength, Node(-1 - i, each.orbit, _label(each, kind)))
+            for i, each in enumerate(special_points)
+            if each.point.arclength >= begin
+        ]
+    return [node for _, node in sorted(nodes, key=lambda placed: placed[0])]
+
+
+def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Kind | None) -> int:
     """What the line looks like from a point on: how stable its motions are; what happens on a locus."""
     if isinstance(each, BranchPoint):
-        return each.instability.label
+        return LABELS.index(each.instability.label)
     if isinstance(each, SpecialPoint):
-        return each.after.label
-    assert line.kind is not None  # these lie on loci
-    return line.kind.value
+        return LABELS.index(each.after.label)
+    assert kind is not None  # these lie on loci
+    return LABELS.index(kind.value)
 
 
-def _at(place: tuple[float, float]) -> dict[str, Any]:
-    return dict(zip("xy", place, strict=True))
-
-
-def _about(each: SpecialPoint | Codim2Point) -> dict[str, Any]:
-    return _codim2(each) if isinstance(each, Codim2Point) else _special(each)
-
-
-def _special(special: SpecialPoint) -> dict[str, Any]:
+def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
+    """What a page says of a special point."""
+    if isinstance(special, Codim2Point):
+        return _codim2(special)
     style, multiplier = SYMBOLS[special.kind], special.multiplier
     return {
         "kind": special.kind.value,

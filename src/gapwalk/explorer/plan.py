@@ -190,6 +190,7 @@ def _others_options(action: Search, system: System, shown: Shown) -> DiagramStud
             walk=own.walk,
             max_period=limits.max_period,
             max_branches=limits.max_branches,
+            workers=limits.workers,
             search_values=action.count,
             search=limits.search,
         )

@@ -109,3 +109,11 @@ class OrbitEquation(Equation, Protocol):
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """The unknowns of the motion from a state, from which Newton's method can start."""
         ...
+
+    def otherwise(self) -> OrbitEquation:
+        """The same orbits posed in another way, or more finely: how far solutions of both differ tells their error."""
+        ...
+
+    def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
+        """A change of the unknowns as one of the unknowns of `otherwise()`; where those are more, the rest is zero."""
+        ...

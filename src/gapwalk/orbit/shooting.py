@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -14,7 +14,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.orbit.equation import Evaluation
+from gapwalk.orbit.equation import Evaluation, OrbitEquation
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 
@@ -135,6 +135,15 @@ class ShootingEquation:
     def finer(self) -> None:
         """None: the flow is exact to rounding as it is."""
         return None
+
+    def otherwise(self) -> ShootingEquation:
+        """The same orbits in one segment more: other steps, and other rounding."""
+        return replace(self, options=replace(self.options, segments=self.options.segments + 1))
+
+    def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
+        """The change of the state at theta = 0 alone: it determines the others."""
+        size = 2 * self.system.size
+        return np.concatenate((direction[:size], np.zeros(len(other.scales(1.0)) - size)))
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """The states at the start of each segment on the motion from `state`."""

@@ -7,6 +7,7 @@ const TOLERANCE = 0.2; // pixels by which a thinned line may be off
 
 /** A branch as the server sends it. */
 function unpack(packed) {
+  if (packed.x instanceof Float64Array) return packed; // of a kept page
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   return {
     count: packed.count, name: packed.name, period: packed.period, special: packed.special,

@@ -6,7 +6,7 @@ import { Lines } from "./lines.js";
 const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
-  "branch-point": ["cross", "--chosen", 10], grazing: ["line-ns-open", "--stop", 9],
+  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9],
 };
 // points of codimension two, in the symbols of the pictures for print
 const CODIM2 = {

@@ -1,11 +1,13 @@
 // The page: which file, which axes, which point; everything else is asked of the server, which remembers it.
 
-import { download, get, post, save } from "./api.js";
+import { download, get, post } from "./api.js";
+import { choiceAt, fill } from "./choice.js";
 import { Curves } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
 import { showResults } from "./results.js";
+import { save } from "./save.js";
 import { Walker } from "./walker.js";
 
 const $ = (id) => document.getElementById(id);
@@ -28,7 +30,7 @@ async function begin() {
     $("empty").textContent = `There is no model file in ${folder}. Make one: gapwalk new model.toml, and reload this page.`;
     return;
   }
-  options($("file"), files.map((name) => [name, name]));
+  fill($("file"), files.map((name) => [name, name]));
   const wanted = decodeURIComponent(location.hash.slice(1));
   $("file").value = files.includes(wanted) ? wanted : first && files.includes(first) ? first : files[0];
   await open($("file").value);
@@ -45,12 +47,12 @@ async function open(file) {
   document.title = `${about.title} – gapwalk`;
   const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : name, words]);
   const measures = about.measures.map(({ name, words }) => [name, words.replace(/ \(.*\)$/, ""), words]);
-  options($("x"), [...names, ...measures]);
-  options($("y"), [...measures, ...names]);
-  options($("walk-parameter"), names);
-  options($("locus-parameter"), names);
-  options($("signal"), about.signals.map((name) => [name, name]));
-  options($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
+  fill($("x"), [...names, ...measures]);
+  fill($("y"), [...measures, ...names]);
+  fill($("walk-parameter"), names);
+  fill($("locus-parameter"), names);
+  fill($("signal"), about.signals.map((name) => [name, name]));
+  fill($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
   $("study-row").hidden = about.studies.length < 2;
   page.names = new Set(names.map(([name]) => name));
   [$("x").value, $("y").value, $("walk-parameter").value] = [about.x, about.y, about.x];
@@ -121,12 +123,9 @@ function choose(found) {
     page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
     diagram.choose(null, 0, place ?? null);
   } else {
-    const { curve, index } = found, node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
-    const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
-    const at = `${$("x").value === "frequency" ? "Ω" : $("x").value} = ${curve.x[index].toPrecision(8)}`;
-    page.chosen = { start, special, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
-    walker.stand(curve, index);
-    diagram.choose(curve, index);
+    page.chosen = choiceAt(found, $("x").value);
+    walker.stand(found.curve, found.index);
+    diagram.choose(found.curve, found.index);
   }
   $("chosen").textContent = page.chosen.title;
   if (page.chosen.special?.has_locus) $("locus-part").open = true;
@@ -249,11 +248,6 @@ function connect() {
 
 function showPlan() {
   $("plan").textContent = page.about.studies.find(({ name }) => name === $("study").value)?.plan ?? "";
-}
-
-function options(select, pairs) {
-  // the whole name is told where the box is too narrow for it
-  select.replaceChildren(...pairs.map(([value, text, title = text]) => Object.assign(new Option(text, value), { title })));
 }
 
 function tell(error) {

@@ -28,7 +28,7 @@ from gapwalk.orbit.balance.parts import Parts
 from gapwalk.orbit.balance.residual import balance, beyond, changed, share
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.balance.variational import monodromy
-from gapwalk.orbit.equation import Evaluation
+from gapwalk.orbit.equation import Evaluation, OrbitEquation
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 
@@ -222,6 +222,18 @@ class BalanceEquation:
         if self.options.harmonics is not None or more > _MOST:
             return None
         return replace(self, harmonics=more)
+
+    def otherwise(self) -> BalanceEquation:
+        """The same with half as many harmonics again: what is neglected then tells in the difference."""
+        return replace(self, harmonics=self.harmonics + max(2, self.harmonics // 2))
+
+    def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
+        """The same lines, and none beyond."""
+        contacts = len(self._parts.layout.contacts)
+        known = from_real_form(direction.reshape(contacts, -1))
+        lines = np.zeros((contacts, (len(other.scales(1.0)) // contacts + 1) // 2), dtype=complex)
+        lines[:, : known.shape[1]] = known
+        return real_form(lines).ravel()
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """The lines of the motion from a state over the orbit's period; of no motion at all for the state zero."""

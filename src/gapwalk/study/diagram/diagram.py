@@ -18,6 +18,7 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -89,6 +90,7 @@ class _Piece:
     method: Method | None
 
 
+@shows_progress(lambda count, diagram, limb: f"{len(diagram.limbs)} branches, last {limb.name}")
 def diagram(
     system: System,
     parameter: str,

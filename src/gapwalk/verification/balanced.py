@@ -1,0 +1,147 @@
+"""Balanced orbits verified: their lines by quadrature, and an exact motion beside them.
+
+The forces of the contacts are sampled here, between breakpoints by Gauss's rule, where the balance itself has their
+spectrum in closed form. What is neglected is no fault, so an exact motion may be off by as much as that explains.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
+
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.equations import Equations
+from gapwalk.verification.multipliers import is_on_border
+from gapwalk.verification.track import Track
+from gapwalk.verification.verification import Check, Ledger, Spot
+
+_PERIOD = 2.0 * math.pi
+_NODES, _WEIGHTS = leggauss(8)
+_PANELS = 1.0  # panels for each line, and one more beside each breakpoint
+_MOST = 60  # points of a branch beside which an exact motion is sought
+_LARGE = 20  # degrees of freedom from which no exact motion is sought: its flow would take too long
+_AMPLIFIED = 30.0  # times what is neglected by which a motion that returns at once may be off
+_FINEST = 1e-7  # what counts as neglected at least
+_NEAR = 0.05  # distance of a multiplier from where an orbit vanishes or loses stability, beside which nothing is told
+_BATCH = 2_000_000  # numbers of the waves of one batch of panels
+
+
+def verify_balanced(ledger: Ledger, name: str, track: Track) -> None:
+    """Check the balanced orbits of a branch."""
+    branch = track.branch
+    points = [(Spot(name, f"point {number}", point.value), point) for number, point in enumerate(branch.points)]
+    special = [
+        (Spot(name, f"special point {number} ({each.kind.value})", each.value), each.point)
+        for number, each in enumerate(branch.special_points)
+    ]
+    for spot, point in (*points, *special):
+        ledger.enter(Check.RECORD, spot, track.mismatch(point))
+        lines, astray = imbalance(_balanced(point.orbit))
+        ledger.enter(Check.LINES, spot, lines)
+        ledger.enter(Check.STAGES, spot, astray)
+    if branch.system.size >= _LARGE:
+        ledger.note(f"{name}: with {branch.system.size} degrees of freedom no exact motions were set beside it")
+        return
+    every = max(1, math.ceil(len(points) / _MOST))
+    for spot, point in points[::every]:
+        _beside_exact(ledger, spot, point)
+
+
+def imbalance(orbit: BalancedOrbit) -> tuple[float, float]:
+    """How far the lines of an orbit are from satisfying the equations of motion, and how far it is astray.
+
+    The first relative to the largest term of the equations, the second as `gapwalk.verification.carry.Round.astray`.
+    """
+    system, count = orbit.system, orbit.series.lines.shape[1] - 1
+    equations = Equations([system])
+    total = np.zeros((system.size, count + 1), dtype=complex)
+    largest, astray, length = 0.0, 0.0, float(np.abs(orbit.extremes[:, :2]).max())
+    for theta, weights in _panels(orbit, count):
+        waves = np.exp(1j * np.outer(theta / orbit.period, np.arange(count + 1)))
+        states, accelerations = _motion(orbit, waves)
+        depths = equations.depths(equations.deflections(states[:, : system.size]))
+        closed = (depths > 0.0).astype(float)
+        full = np.column_stack((states, np.zeros(len(theta))))
+        rates = equations.rates(theta, full, closed)[:, system.size : 2 * system.size] * system.frequency
+        total += (weights[:, None] * (accelerations - rates)).T @ waves.conj()
+        largest = max(largest, float(np.abs(accelerations).max()), float(np.abs(rates).max()))
+        astray = max(astray, _astray(orbit, theta, depths))
+    total *= np.where(np.arange(count + 1), 2.0, 1.0) / (_PERIOD * orbit.period)
+    return float(np.abs(total).max()) / max(largest, np.finfo(float).tiny), astray / max(length, np.finfo(float).tiny)
+
+
+def _panels(orbit: BalancedOrbit, count: int):
+    """Angles and weights of Gauss's rule on panels that end at the breakpoints, in batches."""
+    end = _PERIOD * orbit.period
+    knots = np.linspace(0.0, end, math.ceil(_PANELS * count) + 2)
+    knots = np.unique(np.concatenate((knots, [event.theta % end for event in orbit.events])))
+    size = max(1, _BATCH // (8 * (count + 1)))
+    for first in range(0, len(knots) - 1, size):
+        a, b = knots[first : first + size + 1][:-1], knots[first + 1 : first + size + 1]
+        half = 0.5 * (b - a)
+        yield ((0.5 * (a + b))[:, None] + half[:, None] * _NODES).ravel(), (half[:, None] * _WEIGHTS).ravel()
+
+
+def _motion(orbit: BalancedOrbit, waves: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Positions, velocities and accelerations of a series, from its waves at some angles."""
+    lines = orbit.series.lines
+    rate = 1j * np.arange(lines.shape[1]) * orbit.system.frequency / orbit.period
+    position, velocity, acceleration = ((waves @ (lines * rate**power).T).real for power in range(3))
+    return np.hstack((position, velocity)), acceleration
+
+
+def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64]) -> float:
+    """How far a deflection is on another side of a breakpoint than the events say, at some angles."""
+    worst = 0.0
+    for switch in range(depths.shape[1]):
+        events = [event for event in orbit.events if event.switch == switch]
+        depth = depths[:, switch]
+        if events:
+            order = np.argsort([event.theta for event in events])
+            thetas = np.array([events[index].theta for index in order])
+            enters = np.array([events[index].enters for index in order])
+            closed = enters[np.searchsorted(thetas, theta, side="right") - 1]
+            worst = max(worst, float(np.where(closed, -depth, depth).max()))
+        else:
+            worst = max(worst, min(float(depth.max()), float(-depth.min())))
+    return worst
+
+
+def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
+    """Look for an exact motion beside a balanced one, and compare their states and stability."""
+    orbit = _balanced(point.orbit)
+    near = float(np.abs(orbit.multipliers - 1.0).min())
+    if near < _NEAR:
+        return  # beside a fold or a branch point
+    try:
+        exact = find_orbit(orbit.system, orbit.period, orbit.state)
+    except NumericalError as error:
+        ledger.enter(Check.TRUTH, spot, math.inf, f"no exact motion is found from it: {error}")
+        return
+    size = np.repeat(np.abs(orbit.motion().v).max(), 2 * orbit.system.size)
+    size[: orbit.system.size] = np.abs(orbit.extremes[:, :2]).max()
+    off = float((np.abs(exact.state - orbit.state) / size).max())
+    allowed = _AMPLIFIED * max(orbit.truncation, _FINEST) / min(1.0, near)
+    ledger.enter(Check.TRUTH, spot, off / allowed, f"{off:.2g} of the motion apart, {orbit.truncation:.2g} is neglected")
+    if not _is_undecided(orbit, allowed):
+        found = exact.instability.total
+        detail = f"{found} unstable multipliers of the exact motion, where {orbit.instability.total} are stored"
+        ledger.enter(Check.STABILITY, spot, float(found != orbit.instability.total), detail)
+
+
+def _is_undecided(orbit: Orbit, error: float) -> bool:
+    """Whether what is neglected may change the number of unstable multipliers."""
+    distances = np.abs(np.abs(orbit.multipliers) - 1.0)
+    return is_on_border(orbit.multipliers) or bool(distances.min() < max(_NEAR, error))
+
+
+def _balanced(orbit: Orbit) -> BalancedOrbit:
+    assert isinstance(orbit, BalancedOrbit)
+    return orbit

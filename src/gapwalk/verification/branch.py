@@ -1,0 +1,167 @@
+"""A branch verified: its orbits, the gaps between them, its special points, and what they explain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.second import SecondOpinion
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.balanced import verify_balanced
+from gapwalk.verification.carry import Round, carry
+from gapwalk.verification.counts import unexplained
+from gapwalk.verification.gaps import gap
+from gapwalk.verification.multipliers import distance, is_on_border, reshoot, spread
+from gapwalk.verification.sides import look
+from gapwalk.verification.track import Track
+from gapwalk.verification.verification import Check, Ledger, Spot
+
+Advance = Callable[[str, int, int], object]
+"""Called with a word for what is verified, how many of its pieces are done, and how many there are."""
+
+_EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
+_VARIED = 3.0  # times the variation of multipliers near by that may be between those of a point and its neighbour
+_INTERPOLATED = 1e-9  # the same for that of a branch point, which is interpolated again
+
+
+def verify_branches(ledger: Ledger, branches: Sequence[tuple[str, Branch]], advance: Advance | None = None) -> None:
+    """Enter all that there is to check of some branches of one structure, by their names."""
+    tracks = [(name, Track(branch)) for name, branch in branches]
+    _verify_orbits(ledger, [(name, track) for name, track in tracks if not track.balanced], advance)
+    for done, (name, track) in enumerate(tracks):
+        if advance is not None:
+            advance("branches", done, len(tracks))
+        if track.balanced:
+            verify_balanced(ledger, name, track)
+        _verify_gaps(ledger, name, track)
+        _verify_specials(ledger, name, track)
+        ledger.points += len(track.branch.points)
+        ledger.special_points += len(track.branch.special_points)
+
+
+def _spots(name: str, branch: Branch) -> Iterator[tuple[Spot, BranchPoint]]:
+    """All points and special points with their places."""
+    for number, point in enumerate(branch.points):
+        yield Spot(name, f"point {number}", point.value), point
+    for number, special in enumerate(branch.special_points):
+        yield Spot(name, f"special point {number} ({special.kind.value})", special.value), special.point
+
+
+def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance: Advance | None) -> None:
+    """Check orbits by shooting: all branches side by side, for that is how they are carried."""
+    every = [(spot, point, track) for name, track in tracks for spot, point in _spots(name, track.branch)]
+    if not every:
+        return
+    orbits = [point.orbit for _, point, _ in every]
+
+    def report(done: int) -> None:
+        if advance is not None:
+            advance("orbits", done, len(every))
+
+    report(0)
+    for (spot, point, track), around in zip(every, carry(orbits, report), strict=True):
+        ledger.enter(Check.RECORD, spot, track.mismatch(point))
+        verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point))
+
+
+def verify_orbit(
+    ledger: Ledger, spot: Spot, orbit: Orbit, around: Round, segments: int, beside: Sequence[NDArray[np.float64]] = ()
+) -> None:
+    """Check one orbit by shooting.
+
+    Parameters
+    ----------
+    ledger, spot
+        Where to enter what.
+    orbit
+        The orbit.
+    around
+        What it does when it is carried once around.
+    segments
+        With how many it was shot.
+    beside
+        Changes of its state by as much as the point may be off to which its multipliers belong.
+    """
+    try:
+        reshot = reshoot(orbit, segments, around.contraction)
+    except NumericalError as error:
+        ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
+        return
+    rough = max(1.0, around.error / Check.CLOSURE.bound)
+    if rough > 1.0:
+        ledger.note(f"{spot}: the other integrator is no more exact than {around.error:.1g} of the motion")
+    ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
+    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / rough)
+    size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
+    extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
+    ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
+    ledger.enter(Check.VOLUME, spot, abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction)))
+    off = distance(reshot.multipliers, orbit.multipliers)
+    if off > Check.MULTIPLIERS.bound and beside:
+        off /= max(1.0, _VARIED * spread(orbit, segments, around.contraction, beside) / Check.MULTIPLIERS.bound)
+    ledger.enter(Check.MULTIPLIERS, spot, off)
+    verify_stability(ledger, spot, orbit, reshot.multipliers)
+
+
+def verify_stability(ledger: Ledger, spot: Spot, orbit: Orbit, multipliers) -> None:
+    """Check the number of unstable multipliers, unless one is on the unit circle."""
+    if is_on_border(multipliers) or is_on_border(orbit.multipliers):
+        return
+    found = int((np.abs(multipliers) > 1.0).sum())
+    detail = f"{found} unstable multipliers, where {orbit.instability.total} are stored"
+    ledger.enter(Check.STABILITY, spot, float(abs(found - orbit.instability.total)), detail)
+
+
+def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
+    """Check the gaps between neighbours, and what changes over them."""
+    for number, (a, b, special) in enumerate(_steps(track.branch)):
+        spot = Spot(name, f"points {number} to {number + 1}", a.value)
+        knots = [a, *(each.point for each in special), b]
+        ledger.enter(Check.GAPS, spot, max(gap(track, *pair) for pair in pairwise(knots)))
+        texts = list(unexplained(a, b, special))
+        ledger.enter(Check.COUNTS, spot, float(len(texts)), "; ".join(texts))
+
+
+def _steps(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
+    """Neighbouring points with the special points between them; each special point occurs once."""
+    left = list(branch.special_points)
+    pairs = list(pairwise(branch.points))
+    for number, (a, b) in enumerate(pairs):
+        last = number == len(pairs) - 1
+        count = next((i for i, each in enumerate(left) if each.point.arclength > b.arclength and not last), len(left))
+        yield a, b, left[:count]
+        del left[:count]
+
+
+def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
+    """Look at each special point from both sides."""
+    knots = sorted(track.knots, key=lambda point: point.arclength)
+    opinions = {}
+    for number, special in enumerate(track.branch.special_points):
+        spot = Spot(name, f"special point {number} ({special.kind.value})", special.value)
+        size = len(special.point.x)
+        if size not in opinions:
+            opinions[size] = SecondOpinion(track.corrector(size))
+        place = next(index for index, knot in enumerate(knots) if knot is special.point)
+        before = knots[place - 1] if place else None
+        after = knots[place + 1] if place + 1 < len(knots) else None
+        sides = look(opinions[size], special, before, after)
+        ledger.enter(Check.SIDES, spot, float(len(sides.faults)), "; ".join(sides.faults))
+        if sides.value is not None:
+            _enter_location(ledger, spot, special, sides.value)
+
+
+def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: float) -> None:
+    """Enter how far a special point is from where it was found again, in units of its error."""
+    off = abs(found - special.value)
+    width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
+    error = special.uncertainty + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
+    detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {special.uncertainty:.2g}"
+    ledger.enter(Check.LOCATION, spot, off / error, detail)

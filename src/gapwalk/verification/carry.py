@@ -1,0 +1,225 @@
+"""Orbits carried once around by another integrator: Dormand and Prince's method of order 8 between contact events.
+
+All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section II.10; the
+tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are believed
+only as far as the motion passes its breakpoints there, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.equations import Equations
+
+Array = NDArray[np.float64]
+
+_PERIOD = 2.0 * math.pi
+_METHOD: Any = DOP853
+_STAGES = 12
+_A, _B, _C = _METHOD.A[:_STAGES, :_STAGES], _METHOD.B, _METHOD.C[:_STAGES]
+_ERROR_5, _ERROR_3 = _METHOD.E5, _METHOD.E3
+_FINER = 5.0  # steps of the first try in those of the flow's Taylor series, whose order is about 20
+_TRIES = 4  # each with twice as many steps
+_EXACT = 5e-11  # error of the integration, relative to the motion, that is small enough
+_LANES = 2048  # orbits that are carried at once
+_NUMBERS = 4_000_000  # of the matrices of so many orbits
+
+
+@dataclass(frozen=True)
+class Round:
+    """What an orbit does when it is carried once around.
+
+    Attributes
+    ----------
+    closure
+        Largest component by which it fails to come back, relative to the largest position or velocity.
+    astray
+        How far a deflection is beyond a breakpoint while the orbit is stored as on its other side, relative to the
+        largest position.
+    contraction
+        Logarithm of the factor by which volumes of states change.
+    extremes : shape (n, 2)
+        Maximum and minimum of each coordinate.
+    error
+        Estimated error of this integration, relative to the motion.
+    """
+
+    closure: float
+    astray: float
+    contraction: float
+    extremes: Array
+    error: float
+
+
+def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:
+    """Carry orbits of one structure once around; `report` is called with the number of those that are done."""
+    rounds: list[Round] = []
+    size = orbits[0].system.size if orbits else 1
+    lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
+    for first in range(0, len(orbits), lanes):
+        rounds += _carry(orbits[first : first + lanes])
+        if report is not None:
+            report(len(rounds))
+    return rounds
+
+
+def _carry(orbits: Sequence[Orbit]) -> list[Round]:
+    rounds = _around(orbits, _FINER)
+    finer = _FINER
+    for _ in range(_TRIES - 1):
+        rough = [index for index, each in enumerate(rounds) if not each.error <= _EXACT]
+        if not rough:
+            break
+        finer *= 2.0
+        for index, better in zip(rough, _around([orbits[index] for index in rough], finer), strict=True):
+            rounds[index] = better
+    return rounds
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The steps of one orbit: where each begins, how long it is, and which stages act in it."""
+
+    theta: Array
+    length: Array
+    closed: Array
+
+
+def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
+    end = _PERIOD * orbit.period
+    step = end / max(8.0 * orbit.period, finer * orbit.steps)
+    closed = inside.copy()
+    for event in reversed(orbit.events):
+        closed[event.switch] = not event.enters  # before its first event a stage is what that changes
+    thetas, lengths, stages, start = [], [], [], 0.0
+    for theta, event in [*((event.theta, event) for event in orbit.events), (end, None)]:
+        if theta > start:
+            count = math.ceil((theta - start) / step)
+            length = (theta - start) / count
+            thetas += [start + k * length for k in range(count)]
+            lengths += [length] * count
+            stages += [closed.astype(float)] * count
+            start = theta
+        if event is not None:
+            closed[event.switch] = event.enters
+    return _Plan(np.array(thetas), np.array(lengths), np.array(stages))
+
+
+def _around(orbits: Sequence[Orbit], finer: float) -> list[Round]:
+    states = np.array([orbit.state for orbit in orbits])
+    n = orbits[0].system.size
+    everyone = Equations([orbit.system for orbit in orbits])
+    inside = everyone.depths(everyone.deflections(states[:, :n])) > 0.0
+    plans = [_plan(orbit, inside[index], finer) for index, orbit in enumerate(orbits)]
+    order = sorted(range(len(orbits)), key=lambda index: -len(plans[index].theta))
+    counts = np.array([len(plans[index].theta) for index in order])
+    theta, length = (np.zeros((counts[0], len(orbits))) for _ in range(2))
+    closed = np.zeros((counts[0], len(orbits), inside.shape[1]))
+    for lane, index in enumerate(order):
+        plan, count = plans[index], counts[lane]
+        theta[:count, lane], length[:count, lane], closed[:count, lane] = plan.theta, plan.length, plan.closed
+    equations = Equations([orbits[index].system for index in order])
+    fleet = _Fleet(equations, states[order])
+    for k in range(counts[0]):
+        active = int(np.searchsorted(-counts, -k))  # those with more than k steps come first
+        fleet.advance(slice(0, active), theta[k, :active], length[k, :active], closed[k, :active])
+    found: list[Round] = [fleet.round(lane) for lane in np.argsort(order).tolist()]
+    return found
+
+
+class _Fleet:
+    """Orbits on their way round, side by side."""
+
+    def __init__(self, equations: Equations, states: Array) -> None:
+        self.equations, n = equations, equations.size
+        self._start, self._state = states, np.column_stack((states, np.zeros(len(states))))
+        self._errors, self._astray = np.zeros(states.shape), np.zeros(len(states))
+        self._largest, self._smallest = states[:, :n].copy(), states[:, :n].copy()
+        self._fastest = np.abs(states[:, n:]).max(axis=1)
+
+    def advance(self, lanes: slice, theta: Array, length: Array, closed: Array) -> None:
+        """One step of each of the first lanes."""
+        n, state, h = self.equations.size, self._state[lanes], length[:, None]
+        rates = np.empty((_STAGES + 1, *state.shape))
+        with np.errstate(over="ignore", invalid="ignore"):  # a broken orbit may run away, and is seen at the end
+            rates[0] = self.equations.rates(theta, state, closed, lanes)
+            for s in range(1, _STAGES):
+                middle = state + h * np.tensordot(_A[s, :s], rates[:s], axes=(0, 0))
+                rates[s] = self.equations.rates(theta + _C[s] * length, middle, closed, lanes)
+            new = state + h * np.tensordot(_B, rates[:_STAGES], axes=(0, 0))
+            rates[-1] = self.equations.rates(theta + length, new, closed, lanes)
+            self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
+            self._watch(lanes, state, new, rates, h, closed)
+        self._state[lanes] = new
+
+    def _watch(self, lanes: slice, state: Array, new: Array, rates: Array, h: Array, closed: Array) -> None:
+        """Note extremes, and where a deflection is on another side of a breakpoint than it should be."""
+        n = self.equations.size
+        self._fastest[lanes] = np.maximum(self._fastest[lanes], np.abs(new[:, n : 2 * n]).max(axis=1))
+        first = [state[:, :n], h * rates[0][:, :n], h**2 * rates[0][:, n : 2 * n] / self._speed(lanes)]
+        last = [new[:, :n], h * rates[-1][:, :n], h**2 * rates[-1][:, n : 2 * n] / self._speed(lanes)]
+        turning = _turn(first, last)
+        for seen in (turning, new[:, :n]):
+            np.maximum(self._largest[lanes], seen, out=self._largest[lanes])
+            np.minimum(self._smallest[lanes], seen, out=self._smallest[lanes])
+        ends = [[self.equations.deflections(each, lanes) for each in side] for side in (first, last)]
+        if not closed.shape[1]:
+            return
+        for x in (ends[0][0], _turn(*ends), ends[1][0]):
+            depths = self.equations.depths(x, lanes)
+            wrong = np.where(closed > 0.0, -depths, depths).max(axis=1)
+            self._astray[lanes] = np.fmax(self._astray[lanes], wrong)
+
+    def _speed(self, lanes: slice) -> Array:
+        return self.equations.frequency[lanes, None]
+
+    def round(self, lane: int) -> Round:
+        """What one orbit has done."""
+        n = self.equations.size
+        length = max(float(np.abs([self._largest[lane], self._smallest[lane]]).max()), np.finfo(float).tiny)
+        speed = max(float(self._fastest[lane]), np.finfo(float).tiny)
+        units = np.repeat([length, speed], n)
+        gap = np.abs(self._state[lane, : 2 * n] - self._start[lane]) / units
+        error = float((self._errors[lane] / units).max())
+        extremes = np.column_stack((self._largest[lane], self._smallest[lane]))
+        closure = float(gap.max())
+        return Round(
+            closure if math.isfinite(closure) else math.inf,
+            float(self._astray[lane]) / length,
+            float(self._state[lane, -1]),
+            extremes,
+            error if math.isfinite(error) else math.inf,
+        )
+
+
+def _error(rates: Array) -> Array:
+    """The error of a step of length 1, as DOP853 estimates it, component by component."""
+    fifth, third = (np.tensordot(weights, rates, axes=(0, 0)) for weights in (_ERROR_5, _ERROR_3))
+    size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
+    return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
+
+
+def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
+    """The value at which something turns within a step, or its first value if it does not.
+
+    From value, slope and second derivative at both ends of a step of length 1: by the polynomial of fifth degree.
+    """
+    (x0, r0, a0), (x1, r1, a1) = first, last
+    turns = r0 * r1 < 0.0
+    share = np.divide(r0, r0 - r1, out=np.zeros_like(r0), where=turns)
+    d, s = x1 - x0, share
+    c3 = 10.0 * d - 6.0 * r0 - 4.0 * r1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * d + 8.0 * r0 + 7.0 * r1 + 1.5 * a0 - a1
+    c5 = 6.0 * d - 3.0 * (r0 + r1) - 0.5 * (a0 - a1)
+    slope = r0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))
+    bend = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
+    s = np.where(turns, np.clip(s - np.divide(slope, bend, out=np.zeros_like(s), where=bend != 0.0), 0.0, 1.0), 0.0)
+    return x0 + s * (r0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))

@@ -1,0 +1,63 @@
+"""Whether what changes from one point of a branch to the next is explained by the special points between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from gapwalk.bifurcation.functions import value
+from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.verification.multipliers import is_on_border
+
+_VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
+_SINGULAR = 1e-6  # a test function so near to zero has no sign
+_TESTED = {Kind.FOLD: "the branch turns round", Kind.BRANCH_POINT: "another branch crosses", Kind.FLIP: "a flip is passed"}
+
+
+def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """What has changed from one point to the next and is not explained by the special points between, in sentences."""
+    yield from _stability(a, b, special)
+    for kind, words in _TESTED.items():
+        signs = [_sign(kind, point) for point in (a, b)]
+        found = sum(each.kind is kind or (kind is Kind.FOLD and each.is_vertex) for each in special)
+        if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
+            yield f"{words}, with {found} points of the kind {kind.value} between" if found % 2 == 0 else (
+                f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign"
+            )
+    yield from _contacts(a, b, special)
+
+
+def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """Where the numbers of unstable multipliers do not follow from one another."""
+    count = None if is_on_border(a.orbit.multipliers) else a.instability.total
+    for each in special:
+        if count is not None and each.before.total != count:
+            yield f"{count} unstable multipliers come to the {each.kind.value}, which counts {each.before.total} before it"
+        count = each.after.total
+    if count is not None and not is_on_border(b.orbit.multipliers) and b.instability.total != count:
+        between = ", ".join(each.kind.value for each in special) or "nothing"
+        yield f"{count} unstable multipliers become {b.instability.total}, with {between} between"
+
+
+def _sign(kind: Kind, point: BranchPoint) -> int:
+    size = value(kind, point)
+    if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is Kind.BRANCH_POINT and _is_singular(point)):
+        return 0
+    return 1 if size > 0.0 else -1
+
+
+def _is_singular(point: BranchPoint) -> bool:
+    """Whether a point is itself a branch point, as the first of a branch that begins at another may be."""
+    near = abs(point.orbit.multipliers - 1.0).min()
+    return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
+
+
+def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
+    """Which stages close more or less often than the grazing points between account for."""
+    for switch, (now, then) in enumerate(zip(a.orbit.closings, b.orbit.closings, strict=True)):
+        name = describe_switch(a.orbit, switch)
+        grazes = sum(each.kind is Kind.GRAZING and each.contact == name for each in special)
+        change = abs(then - now)
+        if change > grazes or (grazes - change) % 2:
+            yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"

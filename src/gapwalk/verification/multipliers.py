@@ -1,0 +1,77 @@
+"""Multipliers and stability computed again, with another number of segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.orbit.floquet import multipliers
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+
+_CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
+_MOST = 24  # segments
+_POWERS = 6
+_BORDER = 1e-6  # distance from the unit circle within which a multiplier may be counted on either side
+
+
+@dataclass(frozen=True)
+class Reshot:
+    """An orbit shot again, in more segments.
+
+    Attributes
+    ----------
+    multipliers : shape (2n,)
+        Largest modulus first.
+    contraction
+        Logarithm of the factor by which volumes of states change, from the determinants of the segments.
+    growth
+        Largest factor by which a small change of the state grows over the period; at least 1.
+    """
+
+    multipliers: NDArray[np.complex128]
+    contraction: float
+    growth: float
+
+
+def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
+    """Shoot an orbit again, in more than `segments`; `contraction` is the logarithm of its change of volumes."""
+    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
+    equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
+    arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
+    logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
+    total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
+    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
+    around = np.eye(len(units))
+    for arc in arcs:
+        around = arc.transition @ around
+    growth = float(np.linalg.norm(around * units / units[:, None], 2))
+    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
+
+
+def spread(orbit: Orbit, segments: int, contraction: float, asides: Sequence[NDArray[np.float64]]) -> float:
+    """How much the multipliers vary over some small changes of the state: the largest `distance`."""
+    there = reshoot(orbit, segments, contraction).multipliers
+    beside = [reshoot(replace(orbit, state=orbit.state + aside), segments, contraction) for aside in asides]
+    return max(distance(there, each.multipliers) for each in beside)
+
+
+def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
+    """How far two sets of multipliers are apart: the largest difference of their power sums, in units of the largest.
+
+    Multipliers that are about to meet are as sensitive as square roots; their power sums, the traces of the powers of
+    the monodromy matrix, are not.
+    """
+    size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
+    powers = range(1, min(len(a), _POWERS) + 1)
+    return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
+
+
+def is_on_border(values: NDArray[np.complex128]) -> bool:
+    """Whether a multiplier is so near the unit circle that it may count as stable or unstable."""
+    return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
+

@@ -1,0 +1,124 @@
+"""A special point seen from both sides: what changes there, and where, found by an equation posed otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.optimize import brentq
+
+from gapwalk.bifurcation.functions import value
+from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.second import SecondOpinion
+from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.corrector import length_of
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.motion.flow import PERIOD
+from gapwalk.verification.multipliers import is_on_border
+
+_REACH = 1e-3  # arclength from which a special point is looked at, where its neighbours are not nearer
+_WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held
+_NODES = (-1.0, -0.75, -0.45, 0.45, 0.75, 1.0)  # where orbits beside a branch point are looked for, in reaches
+_REAL = 1e-6  # imaginary part of a root that is real but for rounding
+_SHARE = 0.4  # of the way to a neighbour
+
+
+@dataclass(frozen=True)
+class Sides:
+    """What a special point looks like from both sides.
+
+    Attributes
+    ----------
+    faults
+        What is not as it is said to be, in sentences.
+    value
+        The parameter where its test function is zero; None where that cannot be told.
+    """
+
+    faults: tuple[str, ...]
+    value: float | None
+
+
+def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | None, after: BranchPoint | None) -> Sides:
+    """Look at a special point from both sides; `before` and `after` are the points or special points next to it."""
+    reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
+    neighbours = [each for each in (before, after) if each is not None]
+    distances = [length_of(each.x - special.point.x) for each in neighbours if len(each.x) == len(special.point.x)]
+    reach = min([reach, *(_SHARE * distance for distance in distances)])
+    try:
+        a, b = second.at(special.point, -reach), second.at(special.point, reach)
+    except NumericalError as error:
+        return Sides((str(error),), None)
+    faults = list(_counts(special, a, b))
+    if special.kind is Kind.GRAZING:
+        return _graze(second, special, a, b, reach, faults)
+    signs = [value(special.kind, each) for each in (a, b)]
+    if signs[0] * signs[1] > 0.0:
+        return Sides((*faults, f"the test function of a {special.kind.value} keeps its sign"), None)
+    if special.kind is Kind.BRANCH_POINT:
+        return Sides(tuple(faults), _interpolated(second, special, reach))
+    return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)))
+
+
+def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint):
+    """Where the numbers of unstable multipliers on both sides are not those that are stored."""
+    for side, point, stored in (("before", a, special.before), ("after", b, special.after)):
+        if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total:
+            yield f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
+
+
+def _zero(second: SecondOpinion, special: SpecialPoint, reach: float, function) -> float | None:
+    """The parameter where a function of the point is zero."""
+    points: dict[float, BranchPoint] = {}
+
+    def at(shift: float) -> float:
+        points[shift] = second.at(special.point, shift)
+        return function(points[shift])
+
+    try:
+        root = float(brentq(at, -reach, reach, xtol=1e-14, rtol=1e-13))
+        return second.at(special.point, root).value
+    except (NumericalError, ValueError):
+        return None
+
+
+def _interpolated(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:
+    """The parameter where the determinant is zero, by the polynomial through its values on both sides.
+
+    Where branches cross no orbit can be held, but the branch and its determinant are smooth.
+    """
+    shifts = reach * np.array(_NODES)
+    try:
+        points = [second.at(special.point, float(shift)) for shift in shifts]
+    except NumericalError:
+        return None
+    values, places = np.array([value(special.kind, each) for each in points]), np.array(_NODES)
+    roots = Polynomial.fit(places, values, len(places) - 1, domain=[-1.0, 1.0]).roots()
+    real = roots[np.abs(roots.imag) < _REAL].real
+    if not len(real):
+        return None
+    parameter = Polynomial.fit(places, [each.value for each in points], len(places) - 1, domain=[-1.0, 1.0])
+    return float(parameter(real[np.argmin(np.abs(real))]))
+
+
+def _graze(
+    second: SecondOpinion, special: SpecialPoint, a: BranchPoint, b: BranchPoint, reach: float, faults: list[str]
+) -> Sides:
+    """A grazing point: the contact pattern differs on both sides, and the depth of an extremum is zero between."""
+    names = [describe_switch(special.orbit, switch) for switch in range(len(special.orbit.closings))]
+    if special.contact not in names:
+        return Sides((*faults, f"there is no contact {special.contact!r}"), None)
+    switch = names.index(special.contact)
+    if a.orbit.closings[switch] == b.orbit.closings[switch]:
+        return Sides((*faults, f"{special.contact} closes as often on both sides"), None)
+    turns = special.orbit.turning_depths[switch]
+    theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
+    full = PERIOD * special.orbit.period
+
+    def depth(point: BranchPoint) -> float:
+        found = point.orbit.turning_depths[switch]
+        return found.values[found.nearest(theta, full)]
+
+    return Sides(tuple(faults), _zero(second, special, reach, depth))

@@ -1,0 +1,108 @@
+"""A branch as it was walked: its equation and its scales, found again from its points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch import Branch
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.walk import powers_of_two
+from gapwalk.orbit.balance import Balance, BalancedOrbit
+from gapwalk.orbit.equation import OrbitEquation
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+
+_ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
+_WAYS, _SEED = 3, 1995  # random directions of such a step
+
+
+class Track:
+    """Corrects onto a branch; by harmonic balance with as many harmonics as a point has.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    """
+
+    def __init__(self, branch: Branch) -> None:
+        self.branch = branch
+        self.knots: Sequence[BranchPoint] = [*branch.points, *(special.point for special in branch.special_points)]
+        self.balanced = isinstance(branch.points[0].orbit, BalancedOrbit)
+        self.corrector = cache(self._corrector)
+
+    @property
+    def segments(self) -> int:
+        """Segments with which it was shot."""
+        return max(1, (len(self.branch.points[0].x) - 1) // (2 * self.branch.system.size))
+
+    def corrector_at(self, point: BranchPoint) -> Corrector:
+        """Corrects with the unknowns of a point."""
+        return self.corrector(len(point.x))
+
+    def equation_at(self, point: BranchPoint) -> OrbitEquation:
+        """The equation of the unknowns of a point."""
+        return cast("OrbitEquation", self.corrector_at(point).equation)
+
+    def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
+        """Changes of a state by as much as the point may be off at which its multipliers were evaluated."""
+        size = 2 * self.branch.system.size
+        ways = np.random.default_rng(_SEED).normal(size=(_WAYS, size))
+        ways = np.vstack((ways / np.linalg.norm(ways, axis=1)[:, None], point.tangent[:size]))
+        return [sign * _ASIDE * way * self.corrector_at(point).scales[:size] for way in ways for sign in (-1.0, 1.0)]
+
+    def mismatch(self, point: BranchPoint) -> float:
+        """How far what is stored of a point disagrees with itself, relative to its size.
+
+        The unknowns with the state or the lines, the parameter with the system.
+        """
+        corrector = self.corrector_at(point)
+        orbit, scales = point.orbit, corrector.scales
+        known = corrector.equation.unknowns(orbit) if self.balanced else orbit.state
+        x = point.x[: len(known)] * scales[: len(known)]
+        apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
+        value = orbit.system[self.branch.parameter]
+        width = abs(value) + float(scales[-1])
+        return max(apart, abs(point.value - value) / width, abs(point.x[-1] * scales[-1] - value) / width)
+
+    def _corrector(self, count: int) -> Corrector:
+        """The corrector of points with so many scaled variables."""
+        branch = self.branch
+        fellows = [point for point in self.knots if len(point.x) == count]
+        if self.balanced:
+            harmonics = max(_harmonics(point.orbit) for point in fellows)
+            equation = Balance(harmonics).pose(branch.system, branch.parameter, branch.period)
+            known = np.array([equation.unknowns(point.orbit) for point in fellows])
+            scale = np.full(count - 1, _ratio(known, np.array([point.x[:-1] for point in fellows])))
+        else:
+            equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(self.segments))
+            size = 2 * branch.system.size
+            states, x = (np.array([part(p) for p in fellows]) for part in (_state, lambda p: p.x[:size]))
+            half = size // 2
+            positions, velocities = (_ratio(states[:, part], x[:, part]) for part in (slice(0, half), slice(half, size)))
+            scale = np.tile(np.repeat([positions, velocities], half), self.segments)
+        values, labels = (np.array([[part(p)] for p in fellows]) for part in (lambda p: p.value, lambda p: p.x[-1]))
+        return Corrector(equation, powers_of_two(np.append(scale, _ratio(values, labels))))
+
+
+def _ratio(physical: NDArray[np.float64], scaled: NDArray[np.float64]) -> float:
+    """The scale of most of the points: one that is wrong must not spoil those that are right."""
+    sizes = np.abs(scaled).max(axis=1)
+    ratios = np.abs(physical).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
+    ratios = ratios[ratios > 0.0]
+    return float(np.median(ratios)) if len(ratios) else 1.0
+
+
+def _state(point: BranchPoint) -> NDArray[np.float64]:
+    return point.orbit.state
+
+
+def _harmonics(orbit: Orbit) -> int:
+    assert isinstance(orbit, BalancedOrbit)
+    return orbit.harmonics
