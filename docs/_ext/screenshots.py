@@ -103,7 +103,7 @@ def respond(page: Page) -> None:
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Home")
     for _ in range(3):
-        page.keyboard.press("Shift+ArrowRight")
+        page.keyboard.press("Shift+ArrowLeft")
     rest(page)
 
 
