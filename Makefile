@@ -60,8 +60,9 @@ docs: $(STAMP)  ## build the documentation into out/docs, and check its spelling
 	$(PY) docs/_ext/links.py out/docs
 	@echo "open out/docs/index.html"
 
-screenshots: $(STAMP) browser  ## make the pictures of the explorer in the documentation again
+screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again
 	$(PY) -m docs._ext.screenshots
+	$(PY) -m tests.explorer.picture docs/pictures/kept.png
 
 bench: $(STAMP)  ## measure the speed
 	$(PY) -m benchmarks

@@ -222,7 +222,7 @@ __all__ = [
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
-_MODULES = ("errors", "paper")
+_MODULES = ("errors", "paper", "plot")
 
 
 def __getattr__(name: str) -> Any:

@@ -188,7 +188,8 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     assert page.is_disabled("#locus")
     page.evaluate(
         """(() => {
-            const curve = gapwalk.curves.subject().at(-1), special = curve.special.findIndex((s) => s.kind === "grazing");
+            const curve = gapwalk.curves.subject().at(-1);
+            const special = curve.special.findIndex((s) => s.kind === "grazing");
             gapwalk.diagram.chosen({ curve, index: curve.node.indexOf(-1 - special) });
         })()"""
     )

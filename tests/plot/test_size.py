@@ -46,15 +46,13 @@ def test_a_size_is_a_width_and_letters(branch, size, width, letters) -> None:
 def test_text_in_svg_and_pdf_is_text(branch, tmp_path) -> None:
     plot.save_picture(branch, svg=tmp_path / "a.svg", pdf=tmp_path / "a.pdf", size="column")
     svg = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert "unstable, beyond +1</text>" in svg
+    assert re.search(r"<text[^>]*>excitation frequency Ω</text>", svg)
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     assert width is not None
     assert float(width[1]) / 72.0 * _INCH == pytest.approx(85.0, abs=0.01)
     pdf = (tmp_path / "a.pdf").read_bytes()
     assert b"/FontFile2" in pdf  # letters of a font, not outlines
     assert b"/Type3" not in pdf
-    plot.save_picture(branch, pdf=tmp_path / "b.pdf", size="column")
-    assert (tmp_path / "b.pdf").read_bytes() == pdf
 
 
 def test_plot_takes_a_size(branch) -> None:
@@ -78,6 +76,6 @@ def test_long_labels_are_broken_on_small_sheets_only() -> None:
 
 
 def test_an_unknown_size_is_refused() -> None:
-    with pytest.raises(ModelError, match="there are screen, column, page, slide"), sized("poster"):  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ModelError, match="there are screen, column, page, slide: write"), sized("poster"):  # pyright: ignore[reportArgumentType]
         pass
     assert set(SIZES) == {"screen", "column", "page", "slide"}

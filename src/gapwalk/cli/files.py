@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gapwalk.cli.outcome import DONE, print_json, printable
 from gapwalk.errors import ModelError
@@ -128,7 +128,8 @@ def export_result(
         else:
             from gapwalk.plot.picture import save_picture
 
-            save_picture(result, **{form: written[0]}, measure=measure, size=size)
+            paths: dict[str, Any] = {form: written[0]}
+            save_picture(result, **paths, measure=measure, size=size)
     print(f"written: {', '.join(map(str, written))}")
     return DONE
 

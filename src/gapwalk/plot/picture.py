@@ -67,7 +67,7 @@ def save_picture(
 
 
 def picture_bytes(figure: Figure, form: str) -> bytes:
-    """A picture as the content of a file: ``png``, ``svg`` or ``pdf``; the same picture gives the same bytes."""
+    """A picture as the content of a file: ``png``, ``svg`` (the same picture gives the same bytes) or ``pdf``."""
     content = io.BytesIO()
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
     with mpl.rc_context(rc()):

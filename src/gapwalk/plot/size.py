@@ -67,14 +67,16 @@ def sized(size: SizeName | None) -> Iterator[None]:
     ModelError
         For any other size.
     """
-    if size is None:
+    if size is not None and size not in SIZES:
+        raise ModelError(f'there is no size {size!r}; there are {", ".join(SIZES)}: write size="column"')
+    with drawn_at(_now.get() if size is None else SIZES[size]):
         yield
-        return
-    if size not in SIZES:
-        raise ModelError(
-            f'there is no size {size!r}; write one of {", ".join(get_args(SizeName))}, as in size="column"'
-        )
-    token = _now.set(SIZES[size])
+
+
+@contextmanager
+def drawn_at(size: Size) -> Iterator[None]:
+    """The same for any size."""
+    token = _now.set(size)
     try:
         yield
     finally:

@@ -52,7 +52,7 @@ RC: Any = {
 _LENGTHS = ("size", "width", "pad")  # ends of the names of what is measured in points
 
 
-def rc() -> dict[str, Any]:
+def rc() -> Any:
     """The style at the present size (see `gapwalk.plot.size`), for `matplotlib.rc_context`."""
     bare = {**_POINTS, **RC}
     return {

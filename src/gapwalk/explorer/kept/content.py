@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import Branch
-from gapwalk.explorer.curve import Node, is_at_hand, nodes_of, quantity, special_words
+from gapwalk.explorer.curve import Node, nodes_of, quantity, special_words
 from gapwalk.explorer.kept.blob import Blob
 from gapwalk.explorer.kept.lines import Lines
 from gapwalk.explorer.panels import panels_of
@@ -19,7 +18,7 @@ from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _SAMPLES = 512  # of a motion, at most
 _COORDINATES = 6  # whose measures can be chosen
-_MEASURES = ("half", "max", "min")  # which are stored
+_MEASURES = ("half", "max", "min")
 _LEFT_OUT = ("parameters", "seconds")  # of the panels: only a page with a server asks for them
 
 
@@ -77,15 +76,9 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
 
 
 def quantities(lines: Lines, system: System, measure: str) -> list[str]:
-    """Names of what can be chosen for the axes: what differs, and measures that need no integration."""
+    """Names of what can be chosen for the axes: what differs, and measures of one survey of each motion."""
     names = [f"{kind}.{each}" for each in system.coordinates[:_COORDINATES] for kind in _MEASURES]
-    branches = [branch for _, branch in lines.named]
-    names = [name for name in names if all(_is_known(branch, name) for branch in branches)]
     return list(dict.fromkeys((*lines.parameters, measure, *names)))
-
-
-def _is_known(branch: Branch, name: str) -> bool:
-    return all(is_at_hand(each.orbit, name) for each in (*branch.points, *branch.special_points))
 
 
 def _chosen(nodes: Sequence[Node], stride: int) -> set[int]:
