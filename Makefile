@@ -29,6 +29,9 @@ test: check browser  ## lint, types and tests
 # Two halves of about equal length, side by side.
 JOBS = tests/cli tests/explorer tests/measurement tests/plot tests/study
 
+# The tests start some hundred programs, each of which would compile its modules where this is set.
+test-jobs test-engine: export PYTHONDONTWRITEBYTECODE =
+
 test-jobs: $(STAMP)
 	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider $(JOBS)
 
@@ -64,8 +67,8 @@ screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kep
 	$(PY) -m docs._ext.screenshots
 	$(PY) -m tests.explorer.picture docs/pictures/kept.png
 
-bench: $(STAMP)  ## measure the speed
-	$(PY) -m benchmarks
+bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
+	$(PY) -m benchmarks --record
 
 campaign: $(STAMP)  ## the slow tests (minutes)
 	MPLBACKEND=Agg $(PY) -m pytest -m slow
