@@ -9,7 +9,7 @@ PYTHON ?=
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs explore browser test test-jobs test-engine check lint types bench campaign lock clean
+.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -59,6 +59,10 @@ docs: $(STAMP)  ## build the documentation into out/docs, and check its spelling
 	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs
 	@echo "open out/docs/index.html"
+
+screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again
+	$(PY) -m docs._ext.screenshots
+	$(PY) -m tests.explorer.picture docs/pictures/kept.png
 
 bench: $(STAMP)  ## measure the speed
 	$(PY) -m benchmarks

@@ -1,26 +1,24 @@
 """The explorer in a browser: how long a motion takes to appear, and how smoothly many points pan and zoom.
 
-    python -m benchmarks.explorer [PICTURE.png]
+    python -m benchmarks.explorer
 
 Needs Chromium. Milliseconds of a wall clock, so on a machine that nobody else uses. Without a GPU, as here, frames take
-longer than at a desk. With the name of a picture, the page is saved as it looks with a motion on it.
+longer than at a desk.
 """
 
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
+
+from tests.explorer.browser import READY, browser, served, until
 
 MODEL = Path(__file__).parents[1] / "examples" / "clutch.toml"
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 STEPS = 20  # along the branch, a motion each
 
 # 200 branches of 2,000 points each, in pieces of all kinds of stability
@@ -56,23 +54,19 @@ FRAMES = """() => {
 }"""
 
 
-def main(arguments: Sequence[str]) -> None:
+def main() -> None:
     """Measure, and print a line for each thing."""
-    with served() as address, sync_playwright() as driver:
-        chrome = driver.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+    with copied() as model, served(model) as address, browser() as chrome:
         page = chrome.new_page(viewport={"width": 1280, "height": 720})
         page.goto(address)
-        until(page, "Boolean(window.gapwalk?.page.about)")
+        until(page, READY)
         page.click("#compute")
         until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
         say("a motion appears after a key", walk(page))
-        if arguments:
-            save_picture(page, arguments[0])
         say("200 branches of 2,000 points are drawn", page.evaluate(MANY))
         page.evaluate(FRAMES)
         say("frames of a drag", drag(page))
         say("frames while zooming", zoom(page))
-        chrome.close()
 
 
 def walk(page: Page) -> list[float]:
@@ -86,14 +80,6 @@ def walk(page: Page) -> list[float]:
         times.append(float(page.evaluate("document.body.dataset.shownAfter")))
         page.wait_for_timeout(150)  # spectrum and section come after
     return times[2:]
-
-
-def save_picture(page: Page, path: str) -> None:
-    """The page with the motion at the upper end of the resonance, where the contact opens."""
-    for key in ["Home", *["s"] * 6]:
-        page.keyboard.press(key)
-    page.wait_for_timeout(2000)
-    page.screenshot(path=path)
 
 
 def drag(page: Page) -> list[float]:
@@ -136,26 +122,12 @@ def say(what: str, times: Sequence[float]) -> None:
     )
 
 
-def until(page: Page, condition: str) -> None:
-    """Wait until a condition holds on the page."""
-    end = time.monotonic() + 60.0
-    while not page.evaluate(condition):
-        if time.monotonic() > end:
-            raise TimeoutError(condition)
-        page.wait_for_timeout(5)
-
-
 @contextmanager
-def served() -> Iterator[str]:
-    """The address of an explorer of a copy of the clutch."""
+def copied() -> Iterator[Path]:
+    """A copy of the clutch in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "gapwalk", "explore", shutil.copy(MODEL, folder), "--no-browser"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-            assert server.stdout is not None
-            server.stdout.readline()
-            yield server.stdout.readline().strip()
-            server.terminate()
+        yield Path(shutil.copy(MODEL, folder))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -1,9 +1,11 @@
 """How the documentation is built: ``make docs``. Nothing is fetched, then or when a page is read."""
 
+import os
 import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+os.environ["GAPWALK_PROGRESS"] = "off"  # lines that vanish would leave empty outputs
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 project = "gapwalk"

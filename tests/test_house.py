@@ -15,6 +15,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 # From the lowest to the highest. A module may import from its own package and from any before it.
 ORDER = (
     "errors",
+    "notebook",
     "model",
     "motion",
     "orbit",
@@ -49,6 +50,7 @@ PERMITTED = {
     ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("motion/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
+    ("notebook/shown.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
     ("study/family/record.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
     ("study/map/chart.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
     ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
+    from gapwalk.explorer.kept import save_html
     from gapwalk.measurement.alignment import Alignment, align
     from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
     from gapwalk.measurement.fit import Fit, FitOptions, fit
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.notebook.progress import show_progress
     from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.orbit import Orbit
@@ -69,6 +71,7 @@ if TYPE_CHECKING:
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.study.diagram.others import find_others
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
@@ -178,6 +181,7 @@ __all__ = [
     "errors",
     "family",
     "find_orbit",
+    "find_others",
     "fit",
     "follow",
     "follow_locus",
@@ -207,9 +211,11 @@ __all__ = [
     "regimes",
     "rest_of",
     "run",
+    "save_html",
     "search",
     "section",
     "settle",
+    "show_progress",
     "spectrum",
     "stop",
     "strobe",
@@ -221,7 +227,7 @@ __all__ = [
 ]
 
 # Each name is imported when it is first asked for: `gapwalk --help` must not wait for a compiler to load.
-_MODULES = ("errors", "paper")
+_MODULES = ("errors", "paper", "plot")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,24 +1,32 @@
-"""Chromium for the tests of the page: the one of the system, driven by Playwright; nothing is downloaded."""
+"""The explorer in Chromium, driven by Playwright: for the tests of the page, its benchmark, and its pictures.
+
+The browser is that of the system; nothing is downloaded.
+"""
 
 import os
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
-_PATIENCE = 30.0  # seconds
+
+READY = "Boolean(window.gapwalk?.page.about)"
+"""A file is open on the page."""
 
 
 def chromium() -> str:
-    """The path of the browser; without one the test is skipped, but fails in CI."""
+    """The path of the browser; without one a test is skipped, but fails in CI."""
     found = next((path for name in _NAMES if (path := shutil.which(name))), None)
     if found is None:
-        reason = "no Chromium here: install it (apt-get install chromium) and run these tests again"
+        reason = "no Chromium here: install it (apt-get install chromium) and run this again"
         if os.environ.get("CI"):
             pytest.fail(reason)
         pytest.skip(reason)
@@ -37,11 +45,43 @@ def browser() -> Iterator[Browser]:
             found.close()
 
 
-def until(page: Page, condition: str) -> None:
+@contextmanager
+def served(file: Path) -> Iterator[str]:
+    """The address of the explorer of a file, as the command prints it; it ends by Ctrl-C."""
+    command = [sys.executable, "-m", "gapwalk", "explore", str(file), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        try:
+            assert str(file.parent.resolve()) in server.stdout.readline()
+            yield server.stdout.readline().strip()
+        finally:
+            server.send_signal(2)
+        assert server.wait(20) in (0, 130)
+
+
+def until(page: Page, condition: str, patience: float = 30.0) -> None:
     """Wait until a condition holds on the page; its security policy lets no text be evaluated there by itself."""
-    end = time.monotonic() + _PATIENCE
+    end = time.monotonic() + patience  # seconds
     while time.monotonic() < end:
         if page.evaluate(condition):
             return
-        page.wait_for_timeout(30)
+        page.wait_for_timeout(10)
     raise AssertionError(f"{condition} has not come true; the page says: {page.inner_text('#error')}")
+
+
+def opened(page: Page, file: str) -> None:
+    """Choose a file, and wait until it is open."""
+    page.select_option("#file", file)
+    until(page, f"gapwalk.page.about?.file === '{file}'")
+
+
+def choose_special(page: Page, kind: str, count: int = 1) -> None:
+    """Walk by keyboard along a branch to the next special point of a kind, or to one further on."""
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    for _ in range(30):
+        page.keyboard.press("s")
+        count -= page.evaluate("gapwalk.page.chosen.special?.kind") == kind
+        if not count:
+            return
+    raise AssertionError(f"no such {kind} on the branch")

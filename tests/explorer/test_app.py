@@ -10,7 +10,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.explorer.board import Board
-from gapwalk.explorer.curve import is_at_hand
+from gapwalk.explorer.curve import Quantities
 from gapwalk.explorer.desk import board_progress
 from gapwalk.explorer.flows import Flows, SupersededError
 from tests.explorer.conftest import CLUTCH, STOP, about, wait
@@ -226,12 +226,12 @@ def test_a_model_file_of_a_point_gives_that_point(client, do, desk, model) -> No
     np.testing.assert_allclose(first.state, origin.state, atol=1e-9)
 
 
-def test_measures_that_are_stored_do_not_wait_for_a_flow(client, do, desk, model) -> None:
+def test_measures_that_are_stored_do_not_wait_for_a_flow_and_others_come_in_parts(client, do, desk, model) -> None:
     result = do(model, do="compute")
-    (branch,) = desk.board(model).entry(result["key"]).result.branches
-    assert is_at_hand(branch.points, branch.special_points, "rms.x")
-    assert is_at_hand(branch.points, branch.special_points, "stop.clearance")
-    assert not is_at_hand(branch.points, branch.special_points, "h1.x")
+    (line,) = desk.board(model).entry(result["key"]).lines()
+    assert list(Quantities(line, ("stop.clearance", "rms.x")).parts()) == []
+    many = line._replace(points=list(line.points) * 20)
+    assert len(list(Quantities(many, ("stop.clearance", "h1.x")).parts())) > 5
     query = {"file": model, "result": result["key"], "x": "frequency", "y": "h1.x"}
     y = unpacked(client.get("/api/curve", params=query).json(), "y")
     assert y[0] == pytest.approx(amplitude(0.7), rel=1e-9)

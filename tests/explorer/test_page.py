@@ -1,8 +1,6 @@
 """The page in a browser, served by the command: what a user does in the first five minutes."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import pytest
 from playwright.sync_api import Page
 
 import gapwalk as gw
-from tests.explorer.browser import browser, chromium, until
+from tests.explorer.browser import READY, browser, choose_special, chromium, opened, served, until
 from tests.explorer.conftest import CLUTCH, STOP
 
 LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
@@ -32,13 +30,8 @@ def workspace(tmp_path_factory) -> Path:
 def address(workspace) -> Iterator[str]:
     """Of the server, as the command prints it."""
     chromium()
-    command = [sys.executable, "-m", "gapwalk", "explore", str(workspace / "clutch.toml"), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        assert str(workspace) in server.stdout.readline()
-        yield server.stdout.readline().strip()
-        server.send_signal(2)
-        assert server.wait(20) in (0, 130)
+    with served(workspace / "clutch.toml") as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +44,9 @@ def page(address) -> Iterator[Page]:
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
         page.goto(address)
-        until(page, "Boolean(window.gapwalk?.page.about)")
+        until(page, READY)
         yield page
     assert wrong == []
-
-
-def opened(page: Page, file: str) -> None:
-    """Choose a file."""
-    page.select_option("#file", file)
-    until(page, f"gapwalk.page.about?.file === '{file}'")
 
 
 def computed(page: Page) -> str:
@@ -84,17 +71,6 @@ def place_of(page: Page, name: str, point: int) -> list[float]:
         }""",
         [name, point],
     )
-
-
-def choose_special(page: Page, kind: str) -> None:
-    """Walk by keyboard to the next special point of a kind."""
-    page.focus("#diagram")
-    page.keyboard.press("Home")
-    for _ in range(30):
-        page.keyboard.press("s")
-        if page.evaluate("gapwalk.page.chosen.special?.kind") == kind:
-            return
-    raise AssertionError(f"no {kind} on the branch")
 
 
 def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, workspace) -> None:
@@ -201,3 +177,47 @@ def test_nothing_is_cut_off_at_200_percent(page) -> None:
         assert box is not None
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= 640
+
+
+def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
+    opened(page, "stop.toml")
+    key = page.evaluate("gapwalk.page.results.length")
+    page.click("#compute")
+    until(page, f"gapwalk.page.results[{key}]?.state === 'done'")
+    until(page, "gapwalk.curves.subject().at(-1)?.special.some((s) => s.kind === 'grazing')")
+    assert page.is_disabled("#locus")
+    page.evaluate(
+        """(() => {
+            const curve = gapwalk.curves.subject().at(-1);
+            const special = curve.special.findIndex((s) => s.kind === "grazing");
+            gapwalk.diagram.chosen({ curve, index: curve.node.indexOf(-1 - special) });
+        })()"""
+    )
+    until(page, "!document.getElementById('locus').disabled")
+    page.select_option("#locus-parameter", "harmonic1.amplitude")
+    assert page.input_value("#locus-low") == "0.1"
+    page.click("#locus")
+    until(page, f"gapwalk.page.results[{key + 1}]?.state === 'done' && gapwalk.curves.hasLoci")
+    assert page.input_value("#y") == "harmonic1.amplitude"
+    x, y = page.evaluate("(() => { const c = gapwalk.curves.subject()[0]; return [[...c.x], [...c.y]]; })()")
+    # the motion that just touches its stop, in closed form: amplitude 1 of the free oscillator
+    exact = np.hypot(1.0 - np.square(x), 0.05 * np.array(x))
+    np.testing.assert_allclose(y, exact, rtol=1e-6)
+    page.evaluate("gapwalk.diagram.chosen({ curve: gapwalk.curves.subject()[0], index: 0 })")
+    until(page, "gapwalk.motion.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
+    page.click("#results li:first-child button:text-is('Show')")  # back to the diagram
+    until(page, "!gapwalk.curves.hasLoci && gapwalk.curves.all.size >= 1")
+
+
+def test_a_search_is_begun_and_stopped(page) -> None:
+    opened(page, "clutch.toml")
+    count = page.evaluate("gapwalk.page.results.length")
+    page.fill("#search-count", "40")
+    page.click("#search")
+    until(page, f"gapwalk.page.results[{count}]?.state === 'running'")
+    assert "others" in page.inner_text("#results li:last-child")
+    page.reload()
+    until(page, f"window.gapwalk?.page.results[{count}]?.state === 'running'")
+    page.click("#results button:text-is('Stop')")
+    until(page, f"gapwalk.page.results[{count}].state === 'stopped'")
+    until(page, "document.querySelectorAll('#results li:last-child button[data-action$=resume]').length === 1")

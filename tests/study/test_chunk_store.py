@@ -93,11 +93,11 @@ def test_strange_and_damaged_files(path, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("statement", "message"),
     [
-        ("UPDATE chunk SET data = x'00'", "the checksum of result 7 is wrong"),
-        ("UPDATE chunk SET data = 'text'", "the checksum of result 7 is wrong"),
+        ("UPDATE chunk SET data = x'00'", "the checksum of part 7 is wrong"),
+        ("UPDATE chunk SET data = 'text'", "the checksum of part 7 is wrong"),
         ("UPDATE job SET value = '{' WHERE key = 'kind'", "is damaged"),
         ("DELETE FROM job WHERE key = 'versions'", "is damaged"),
-        ("CREATE TRIGGER t AFTER INSERT ON chunk BEGIN DELETE FROM chunk; END", "its tables are not those of a job"),
+        ("CREATE TRIGGER t AFTER INSERT ON chunk BEGIN DELETE FROM chunk; END", "its tables are not those of gapwalk"),
     ],
 )
 def test_damage_is_told(path, statement, message) -> None:

@@ -255,7 +255,7 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
         ("UPDATE locus SET unknowns = 7", "numbers are stored where"),
         ("DELETE FROM branch WHERE id = 2", "branches of a section are missing"),
         ("UPDATE locus SET ends = '[]'", "values to unpack"),
-        ("DROP TABLE codim2_point", "its tables are not those of a result"),
+        ("DROP TABLE codim2_point", "its tables are not those of gapwalk"),
     ],
 )
 def test_a_damaged_file_is_named(path, change, message) -> None:

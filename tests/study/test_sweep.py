@@ -183,8 +183,8 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
     del about["versions"]
     for number, data, message in [
         (1, chunks[0], "stands in the place of another"),
-        (0, chunks[0][:-40], "the parts of a stretch are missing"),
-        (0, b"", "the parts of a stretch are missing"),
+        (0, chunks[0][:-40], "these bytes are no arrays"),
+        (0, b"", "these bytes are no arrays"),
         (5, pack(replace(unpack(chunks[0]), lane=5)), "stretch 0 of lane 5 is none of this sweep"),
         (0, pack(replace(unpack(chunks[0]), regimes=("",))), "another size"),
     ]:

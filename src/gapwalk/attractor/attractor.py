@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.lyapunov import Lyapunov
 from gapwalk.attractor.rotation import Rotation
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -24,7 +25,7 @@ class AttractorKind(StrEnum):
 
 
 @dataclass(frozen=True)
-class Attractor:
+class Attractor(Shown):
     """A motion on which others settle.
 
     Attributes

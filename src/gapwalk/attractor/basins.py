@@ -14,6 +14,7 @@ from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.box import Box, Window
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 
 _ORDER = tuple(AttractorKind)
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
@@ -69,7 +70,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Basins:
+class Basins(Shown):
     """Basins of attraction in a plane of initial states at theta = 0.
 
     Attributes

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gapwalk.attractor.trap import Trap
 
@@ -40,6 +39,8 @@ class Haunt:
 
     def is_home_of(self, track: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which motions stay near the attractor, shape (count,); `track` holds their strobes, (strobes, count, 2n)."""
+        from scipy.spatial import cKDTree  # imported late: it takes long
+
         known = self.strobes / self.scale
         tree = cKDTree(known)
         apart = float(np.quantile(tree.query(known, k=2)[0][:, 1], 0.99)) if len(known) > 1 else 0.0

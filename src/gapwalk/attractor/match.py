@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.settled import Settled
@@ -58,6 +57,8 @@ def match(
 
 def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
     """How far most of some states, shape (count, 2n), are from an attractor; 1 is the limit of belonging to it."""
+    from scipy.spatial import KDTree  # imported late: it takes long
+
     known = attractor.strobes
     if states.ndim != 2 or states.shape[1] != known.shape[1]:
         raise ModelError(f"the states have the shape {states.shape}; it must be (count, {known.shape[1]})")

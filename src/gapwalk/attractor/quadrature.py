@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
@@ -64,6 +63,8 @@ def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Moti
     function
         Its values, shape (samples,), from a motion.
     """
+    from scipy.optimize import minimize_scalar  # imported late: it takes long
+
     if not len(nodes):
         return 0.0
     motion = along.motion

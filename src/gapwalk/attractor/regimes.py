@@ -13,6 +13,7 @@ from gapwalk.attractor.box import centres
 from gapwalk.attractor.regime import regime_word
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 
 _SHORT = 8  # periods that are told one by one in few words
 
@@ -34,7 +35,7 @@ class RegimeCheck:
 
 
 @dataclass(frozen=True)
-class Regimes:
+class Regimes(Shown):
     """The regimes in the plane of two parameters, cell by cell; arrays begin with the lowest row.
 
     Attributes

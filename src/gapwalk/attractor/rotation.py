@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial.distance import pdist, squareform
 
 from gapwalk.attractor.average import birkhoff_weights
 
@@ -121,6 +119,9 @@ def _way_round(states: NDArray[np.float64], turns: NDArray[np.floating]) -> floa
 
 def _least_length(states: NDArray[np.float64]) -> float:
     """Length of the shortest tree that joins all strobes."""
+    from scipy.sparse.csgraph import minimum_spanning_tree  # imported late: it takes long
+    from scipy.spatial.distance import pdist, squareform
+
     distances = pdist(states)
     distances = np.maximum(distances, 1e-9 * distances.max())  # to a graph a distance of 0 is no edge at all
     return float(minimum_spanning_tree(squareform(distances)).sum())

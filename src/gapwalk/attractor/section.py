@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from gapwalk.attractor.plane import Height, Plane
 from gapwalk.attractor.strobe import Strobe, at_phase, check_count
@@ -185,6 +184,8 @@ class _Step:
 
 
 def _root(function: Callable[[float], float], start: float, stop: float) -> float:
+    from scipy.optimize import brentq  # imported late: it takes long
+
     value = brentq(function, start, stop, xtol=_EXACT, rtol=4 * np.finfo(float).eps)
     assert isinstance(value, float)
     return value

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from gapwalk.model.system import System
 from gapwalk.motion.motion import Motion, integrate
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 
 
 @dataclass(frozen=True)
-class Settled:
+class Settled(Shown):
     """A motion after its transient.
 
     Attributes

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import ModelError
+from gapwalk.notebook.shown import Shown
 
 _NEAR = 0.05  # distance, in sizes of the whole picture, beyond which two special points are not the same
 _FAR = 1e3
@@ -39,7 +39,7 @@ class Match:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Shown):
     """What two branches have in common, and what not.
 
     Lengths are relative: to the range of the parameter, and to the range of each measure.
@@ -226,6 +226,8 @@ def match_places(
 
     Places have shape (places, dimensions), in units in which the whole picture has a size of about 1.
     """
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
     apart = np.linalg.norm(first[:, None] - second[None], axis=2)
     alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)
     apart = np.where(alike & (apart <= _NEAR), apart, _FAR)

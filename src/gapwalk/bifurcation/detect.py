@@ -15,8 +15,6 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
-from scipy.optimize import brentq
-
 from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import Graze, depth_near, describe_switch, find_grazing
@@ -165,6 +163,8 @@ class Detector:
         return left + self._search(kind, stretch, middle, b, _rate(kind, a, middle, known), known)
 
     def _locate(self, kind: Kind, stretch: Stretch, a: BranchPoint, b: BranchPoint, known: list[float]) -> _Zero:
+        from scipy.optimize import brentq  # imported late: it takes long
+
         if kind is Kind.BRANCH_POINT:
             crossing = _crossing(stretch, a, b)
             if crossing is not None:

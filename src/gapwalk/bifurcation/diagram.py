@@ -12,6 +12,7 @@ from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
 
@@ -83,7 +84,7 @@ class Cascade:
 
 
 @dataclass(frozen=True)
-class Diagram:
+class Diagram(Shown):
     """All branches that were found over a range of one parameter.
 
     Attributes

@@ -12,6 +12,7 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
 
@@ -19,6 +20,7 @@ Report = Callable[[BranchPoint, list[SpecialPoint]], None]
 """Called with each new point and the special points before it."""
 
 
+@shows_progress(lambda count, point, special_points: f"{count} points, at {point.value:.6g}")
 def follow(
     start: Orbit | SpecialPoint,
     parameter: str,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
@@ -131,6 +130,8 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
 
     None if the extremum that reaches it cannot be tracked: it may be born on the way.
     """
+    from scipy.optimize import brentq  # imported late: it takes long
+
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
 

@@ -13,6 +13,7 @@ from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
+from gapwalk.motion.unit import size_of
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
@@ -98,7 +99,7 @@ class Curve:
                 orbit = self._space.orbit_at(guess, value)
                 if orbit is None:
                     continue
-                if not any(_distance(orbit.state, other.state) <= SAME for other in found):
+                if not any(_distance(orbit, other) <= SAME for other in found):
                     found.append(orbit)
         return found
 
@@ -125,7 +126,7 @@ class Curve:
         """
         size = len(place)
         off = np.abs(self._x[:, :size] * self._scales[:size] - place).max(axis=1)
-        return bool(np.any((off <= tolerance * _size(place)) & (np.abs(self._values - value) <= tolerance)))
+        return bool(np.any((off <= tolerance * self._size(place)) & (np.abs(self._values - value) <= tolerance)))
 
     def _passes(
         self, orbit: Orbit, place: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
@@ -146,9 +147,12 @@ class Curve:
             if found is None:
                 continue
             off = (found - goal) * self._scales
-            if abs(found[-1] - value) <= tolerance and np.abs(off[:size]).max() <= tolerance * _size(place):
+            if abs(found[-1] - value) <= tolerance and np.abs(off[:size]).max() <= tolerance * self._size(place):
                 return True
         return False
+
+    def _size(self, place: NDArray[np.float64]) -> float:
+        return size_of(place, self.branch.system)
 
     def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Points of a segment's cubic at some shares of its length, and the slopes there (not of unit length)."""
@@ -197,12 +201,8 @@ def _knots(branch: Branch) -> list[BranchPoint]:
     return knots
 
 
-def _size(state: NDArray[np.float64]) -> float:
-    return 1.0 + float(np.abs(state).max())
-
-
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    return float(np.abs(a - b).max()) / _size(b)
+def _distance(a: Orbit, b: Orbit) -> float:
+    return float(np.abs(a.state - b.state).max()) / size_of(b.state, b.system)
 
 
 def _space_of(branch: Branch, points: Sequence[BranchPoint]) -> Space:

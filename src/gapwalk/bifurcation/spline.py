@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 _DENSE = 12  # samples of a curve between two of its points, from which the nearest place is looked for
 _ITERATIONS = 8
@@ -27,6 +25,9 @@ class SplineCurve:
     """
 
     def __init__(self, points: NDArray[np.float64]) -> None:
+        from scipy.interpolate import CubicSpline  # imported late: it takes long
+        from scipy.spatial import cKDTree
+
         lengths = _lengths(points)
         # points that nearly coincide would bend the spline by their rounding
         cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]

@@ -18,6 +18,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.motion.unit import size_of
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
@@ -195,7 +196,7 @@ class Trail(Iterator[Step]):
         end = self.walk.end
         if end is None or end.reason is not EndReason.STEP:
             return
-        size = 1.0 + float(np.abs(last.orbit.extremes[:, :2]).max())
+        size = size_of(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
             contact = describe_switch(last.orbit, depths.index(min(depths)))

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from gapwalk.cli.outcome import DONE, print_json, printable
 from gapwalk.errors import ModelError
+
+if TYPE_CHECKING:
+    from gapwalk.plot.size import SizeName
+
+_PICTURES = ("png", "svg", "pdf")
 
 
 def new_file(file: Path) -> int:
@@ -85,15 +91,19 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
     return DONE
 
 
-def export_result(path: Path, form: str | None, output: Path | None, measure: str | None) -> int:
-    """Write the tables or the picture of a result."""
+def export_result(
+    path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
+) -> int:
+    """Write the tables or the picture of a result, or a page with its motions."""
     from gapwalk.cli.run import table_paths
     from gapwalk.study.export import export_csv
     from gapwalk.study.store.stored import load
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
-    if form not in ("csv", "png", "svg"):
-        raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png or svg")
+    if form not in ("csv", "html", *_PICTURES):
+        raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png, svg, pdf or html")
+    if size is not None and form not in _PICTURES:
+        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or leave it out")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
     result = load(path)
@@ -110,11 +120,16 @@ def export_result(path: Path, form: str | None, output: Path | None, measure: st
         export_csv(result, tables)
         written = list(tables.values())
     else:
-        from gapwalk.plot.picture import save_picture
+        written = [output or path.with_suffix(f".{form}")]
+        if form == "html":
+            from gapwalk.explorer.kept import save_html
 
-        picture = output or path.with_suffix(f".{form}")
-        save_picture(result, *((picture, None) if form == "png" else (None, picture)), measure=measure)
-        written = [picture]
+            save_html(result, written[0], measure=measure)
+        else:
+            from gapwalk.plot.picture import save_picture
+
+            paths: dict[str, Any] = {form: written[0]}
+            save_picture(result, **paths, measure=measure, size=size)
     print(f"written: {', '.join(map(str, written))}")
     return DONE
 

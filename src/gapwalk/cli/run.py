@@ -24,7 +24,6 @@ from gapwalk.study.file import Study, read_studies
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
 from gapwalk.study.store.claim import check_claim
-from gapwalk.study.units import without_units
 from gapwalk.study.work.workers import on_cluster
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
@@ -64,7 +63,10 @@ def _run_all(
     plain: bool,
 ) -> int:
     studies = chosen(read_studies(file, parse_changes(changes)), names, file)
-    studies = [without_units(study) for study in studies] if plain else studies
+    if plain:
+        from gapwalk.study.units import without_units  # only now: it knows the options of all kinds
+
+        studies = [without_units(study) for study in studies]
     outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
     for study, path in zip(studies, outputs, strict=True):
         check_claim(path, study, resume=resume, force=force)  # before anything is computed

@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.table import Table
 
 from gapwalk.cli.chart import print_map
-from gapwalk.cli.findings import print_finding
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -31,6 +30,8 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
     if result.verification is not None:
         screen.print(printable(result.verification.words), soft_wrap=True)
     if result.finding is not None:
+        from gapwalk.cli.findings import print_finding  # only now: it needs the code of all kinds
+
         print_finding(screen, result.finding)
         return
     if result.walked.balanced:

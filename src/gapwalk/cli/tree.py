@@ -45,7 +45,10 @@ def _summary(diagram: Diagram) -> str:
     counts = ", ".join(f"{count} of period {period}" for period, count in sorted(periods.items()))
     points = sum(len(branch.points) for branch in diagram.branches)
     special = sum(len(branch.special_points) for branch in diagram.branches)
-    range_ = f"{parameter_symbol(diagram.parameter, diagram.branches[0].system.units)} from {low:.10g} to {high:.10g}"
+    units = diagram.branches[0].system.units if diagram.branches else None
+    range_ = f"{parameter_symbol(diagram.parameter, units)} from {low:.10g} to {high:.10g}"
+    if not diagram.limbs:
+        return f"{range_}: no branches"
     return f"{range_}: {len(diagram.limbs)} branches, {counts}; {points} points, {special} special points"
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 
@@ -34,7 +35,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True)
-class SpecialPoint:
+class SpecialPoint(Shown):
     """A point where motions appear, vanish, turn into others, or touch a stop.
 
     Attributes
@@ -99,7 +100,7 @@ class SpecialPoint:
 
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Shown):
     """A family of orbits along one parameter.
 
     Attributes

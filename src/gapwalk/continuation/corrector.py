@@ -83,6 +83,7 @@ class Corrector:
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales = scales[:-1]
+        self._smallest = min(1.0, _largest(self._unknown_scales))  # unknowns below that count as nothing
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
 
     def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0) -> Correction | None:
@@ -104,7 +105,7 @@ class Corrector:
                 evaluation = self.equation.evaluate(unknowns, float(x[-1] * self.scales[-1]))
             except NumericalError:
                 return None
-            size, scale = _largest(evaluation.residual), max(1.0, _largest(unknowns))
+            size, scale = _largest(evaluation.residual), max(self._smallest, _largest(unknowns))
             solved = size <= self.equation.tolerance * scale
             if not solved and not size <= _LOST * before:
                 return None

@@ -62,6 +62,42 @@ class Switch(_Part):
     high: Number
 
 
+class Search(_Part):
+    """Search for motions that hang together with no known branch, between two values of a parameter.
+
+    Parameters
+    ----------
+    start
+        The motion whose system is searched; None for that of the file that was opened.
+    parameter, low, high
+        The parameter, and its range.
+    count
+        At how many values of it to search.
+    known
+        Results whose branches are known.
+    """
+
+    do: Literal["search"]
+    start: Place | None = None
+    parameter: Name
+    low: Number
+    high: Number
+    count: Annotated[int, Field(ge=1, le=3000)] = 60
+    known: Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=500)] = []
+
+
+class FollowLocus(_Part):
+    """Follow a special point in two parameters: that of its branch, between two values, and a second one."""
+
+    do: Literal["locus"]
+    start: Place
+    low: Number
+    high: Number
+    second: Name
+    second_low: Number
+    second_high: Number
+
+
 class Settle(_Part):
     """Let the motion settle that begins at the state of an orbit, or at rest, with other values if there are any."""
 
@@ -70,7 +106,7 @@ class Settle(_Part):
     values: Values = {}
 
 
-Action = Compute | Walk | Switch | Settle
+Action = Compute | Walk | Switch | Search | FollowLocus | Settle
 _ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator="do")])
 
 

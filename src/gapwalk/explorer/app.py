@@ -18,7 +18,7 @@ from starlette.staticfiles import StaticFiles
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.action import Place
-from gapwalk.explorer.curve import LABELS, curve_of, is_at_hand, quantity
+from gapwalk.explorer.curve import LABELS, MEASURE, Quantities, curve_of, quantity
 from gapwalk.explorer.desk import Desk
 from gapwalk.explorer.flows import SupersededError
 from gapwalk.explorer.guard import Guard, TooLargeError
@@ -121,14 +121,11 @@ class _Api:
             place = await self.desk.flows.do(lambda: [quantity(orbit, x), quantity(orbit, y)])
             return JSONResponse({"settled": place})
         if branch >= len(lines):
-            raise ModelError(f"{entry.title} has no branch {branch}")
+            return JSONResponse({"gone": True})  # of two directions of a walk, one branch has come
         line = lines[branch]
-
-        def call() -> dict[str, Any]:
-            return curve_of(line.points, line.special_points, x, y, first)
-
-        at_hand = all(is_at_hand(line.points, line.special_points, name) for name in (x, y))
-        found = await (asyncio.to_thread(call) if at_hand else self.desk.flows.do(call))
+        wanted = Quantities(line, (x, y), first)
+        await self.desk.flows.do_behind(wanted.parts())
+        found = await asyncio.to_thread(curve_of, wanted)
         return JSONResponse({**found, "name": line.name, "period": line.period, "labels": LABELS})
 
     async def motion(self, request: Request) -> Response:
@@ -201,7 +198,7 @@ class _Api:
         board, place, _ = self._asked(request)
         parameter, to = _text(request, "parameter"), _number(request, "to")
         orbit, study = orbit_at(place, board), board.base()
-        measure = _text(request, "y")
+        measure = _text(request, "y").removeprefix(MEASURE)
         measure = (
             measure
             if "." in measure and measure not in orbit.system.parameters

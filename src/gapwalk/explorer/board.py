@@ -8,10 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.action import Action, Place, plain_action, read_action
 from gapwalk.explorer.entry import Entry, Line, State
+from gapwalk.explorer.news import Progress
 from gapwalk.explorer.plan import plan, word_of
 from gapwalk.explorer.task import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
@@ -86,6 +87,12 @@ class Board:
         with self.guard:
             return self.entry(place.result).special(place)
 
+    def branches(self, key: str) -> tuple[Branch, ...]:
+        """The branches of a result; none while it is computed. A ModelError if there is no such result."""
+        with self.guard:
+            result = self.entry(key).result
+            return () if result is None else result.branches
+
     def prepare(self, action: Action) -> tuple[Entry, Task]:
         """A new entry for an action, and the task that fills it; its result file has a name of its own.
 
@@ -130,7 +137,8 @@ class Board:
     def _refuse_unfinished(self, action: Action) -> None:
         """Points of a branch that is still being walked may have other numbers in the end."""
         start = getattr(action, "start", None)
-        if start is not None and not self.entry(start.result).state.is_over:
+        needed = [*([] if start is None else [start.result]), *getattr(action, "known", [])]
+        if not all(self.entry(key).state.is_over for key in needed):
             raise ModelError("this result is still being computed; wait for its end, or stop it, and ask again")
 
     def _open(self) -> tuple[Study, ...]:
@@ -156,28 +164,37 @@ class Board:
                     entry.state = State.STOPPED
 
     def resumed(self, entry: Entry) -> Task:
-        """The task that goes on with a result that was stopped.
+        """The task that goes on with a result that was stopped; one that had found nothing begins again.
 
         Raises
         ------
         ModelError
             If there is nothing to go on with.
         """
-        if entry.result is None or entry.result.complete:
+        if entry.action is None or not entry.can_go_on:
             raise ModelError(f"{entry.title} has come to its end; there is nothing to go on with")
+        self._refuse_unfinished(entry.action)
+        _, task = plan(entry.action, self)
         with self.guard:
-            study = entry.result.study
+            # the file may have been changed since; what was begun is what is gone on with
+            study = task.study if entry.result is None else entry.result.study
             entry.result, entry.state, entry.message = None, State.QUEUED, ""
-            entry.live = type(entry.live)()
+            entry.live = Progress()
             entry.version += 1
-        return Task(study, Path(entry.path), resume=True)
+        return replace(task, study=study, output=Path(entry.path), resume=True)
 
 
 def _ends(entry: Entry) -> str:
-    """How the one branch of a result ends."""
+    """How the one branch or locus of a result ends, or what a search has covered."""
     result = entry.result
     if result is None:
         return ""
+    if result.diagram is not None and result.diagram.search is not None:
+        count = len(result.branches)
+        found = f"{count} new {'branch' if count == 1 else 'branches'}." if count else "Nothing new was found."
+        return " ".join([found, *result.diagram.notes[:2]])
+    if result.map is not None and len(result.map.loci) == 1:
+        return "; ".join(dict.fromkeys(str(end) for end in result.map.loci[0].ends))
     if len(result.branches) == 1:
         return str(result.branches[0].ends[-1])
     settled = entry.settled()

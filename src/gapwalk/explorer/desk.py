@@ -9,6 +9,7 @@ from typing import Any
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import read_action
 from gapwalk.explorer.board import Board
+from gapwalk.explorer.curve import MEASURE
 from gapwalk.explorer.entry import Entry
 from gapwalk.explorer.events import Events
 from gapwalk.explorer.flows import Flows
@@ -110,6 +111,10 @@ class Desk:
         shown = full_measure(options.measure, system.coordinates) if walked and options.measure else measures[0]
         if shown not in measures:
             measures.insert(0, shown)
+
+        def named(measure: str) -> str:
+            return f"{MEASURE}{measure}" if measure in system.parameters else measure
+
         return {
             "file": name,
             "title": study.title or name,
@@ -117,9 +122,9 @@ class Desk:
             "signals": signal_names(system)[:400],
             "contacts": [contact.name for contact in system.structure.contacts],
             "parameters": parameters,
-            "measures": [{"name": each, "words": measure_words(each)} for each in measures],
+            "measures": [{"name": named(each), "words": measure_words(each)} for each in measures],
             "x": options.parameter if walked else "frequency",
-            "y": shown,
+            "y": named(shown),
             "range": [options.begin, options.end] if walked else [],
             "studies": [{"name": each.name, "plan": each.options.plan} for each in board.studies],
             "results": board_progress(board),
@@ -156,10 +161,18 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "version": entry.version,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
-        "can_go_on": entry.result is not None and not entry.result.complete,
+        "can_go_on": entry.can_go_on,
         "done": [entry.live.done, entry.live.total],
         "branches": [
-            {"name": line.name, "period": line.period, "points": len(line.points), "range": line.within}
+            {
+                "name": line.name,
+                "period": line.period,
+                "points": len(line.points),
+                "range": line.within,
+                "parameter": line.parameter,
+                "kind": line.kind,
+                "second": line.second,
+            }
             for line in entry.lines()
         ],
     }

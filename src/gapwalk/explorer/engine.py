@@ -11,8 +11,10 @@ from multiprocessing import get_context
 from typing import Any
 
 from gapwalk.errors import GapwalkError, WorkError
-from gapwalk.explorer.task import Progress, Task, do
-from gapwalk.study.work.processes import live_on_a_leash, undisturbed
+from gapwalk.explorer.leash import Leash, live_on_leash
+from gapwalk.explorer.news import Progress
+from gapwalk.explorer.task import Task, do
+from gapwalk.study.work.processes import undisturbed
 
 _PATIENCE = 5.0  # seconds that a job has to end by itself once it is stopped
 
@@ -67,16 +69,15 @@ class Engine:
 
     def pause(self) -> None:
         """Hold the process, until `go_on`."""
-        self._signal(signal.SIGSTOP)
+        self._leash.hold()
 
     def go_on(self) -> None:
         """Let a process that is held go on."""
-        self._signal(signal.SIGCONT)
+        self._leash.go_on()
 
     def close(self) -> None:
         """End the process."""
         self._leash.close()
-        self._signal(signal.SIGCONT)
         self._process.join(_PATIENCE)
         if self._process.is_alive():
             self._process.kill()
@@ -84,7 +85,8 @@ class Engine:
         self._line.close()
 
     def _start(self) -> None:
-        held, self._leash = self._context.Pipe(duplex=False)
+        held, leash = self._context.Pipe(duplex=False)
+        self._leash = Leash(leash)
         self._line, far = self._context.Pipe()
         self._count = 0
         self._process = self._context.Process(target=_work, args=(far, held), name="gapwalk-engine")
@@ -105,7 +107,7 @@ class Engine:
 
 def _work(line: Any, held: Any) -> None:
     """What the process does."""
-    live_on_a_leash(held)
+    live_on_leash(held)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.locus import Codim2Point, Locus, LocusPoint
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Place
-from gapwalk.explorer.task import Progress
+from gapwalk.explorer.news import Progress
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.options import BranchOptions
 from gapwalk.study.result import Result
 
 _NOWHERE = (0.0, 0.0)  # the range of a branch that is not finished: nothing leaves it yet
@@ -37,14 +40,34 @@ class State(StrEnum):
 
 
 class Line(NamedTuple):
-    """A branch as it is shown: its name, its parameter and the range of that, its period, and its points so far."""
+    """A branch, or a locus, as it is shown.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    parameter
+        The parameter that is walked; of a locus, the first one.
+    within
+        The range of that.
+    period
+        m, forcing periods of its orbits.
+    points, special_points
+        Its points so far, and its special points; of a locus, the points of codimension two.
+    kind
+        What happens on a locus; None for a branch.
+    second
+        The second parameter of a locus; otherwise empty.
+    """
 
     name: str
     parameter: str
     within: tuple[float, float]
     period: int
-    points: list[BranchPoint] | tuple[BranchPoint, ...]
-    special_points: list[SpecialPoint] | tuple[SpecialPoint, ...]
+    points: Sequence[BranchPoint | LocusPoint]
+    special_points: Sequence[SpecialPoint | Codim2Point]
+    kind: Kind | None = None
+    second: str = ""
 
 
 @dataclass
@@ -81,23 +104,30 @@ class Entry:
     live: Progress = field(default_factory=Progress)
     version: int = 0
 
+    @property
+    def can_go_on(self) -> bool:
+        """Whether it was stopped before its end, so that it can go on, or begin again."""
+        begun = self.action is not None and self.state is State.STOPPED
+        return begun and (self.result is None or not self.result.complete)
+
     def hear(self, news: Progress) -> None:
         """Take in what is new."""
-        self.live.points += news.points
-        self.live.special_points += news.special_points
-        self.live.limbs += news.limbs
-        self.live.done, self.live.total = news.done, news.total
+        self.live.add(news)
         self.version += 1
 
     def lines(self) -> list[Line]:
-        """Its branches as they are shown."""
-        if self.result is not None:
-            if not self.result.branches:
-                return []
-            within = _range(self.result)
-            return [_line(*each, within) for each in zip(self.result.names, self.result.branches, strict=True)]
-        found = [_line(limb.name, limb.branch, _NOWHERE) for limb in self.live.limbs]
-        return [*found, *_growing(self.live)] if self.live.points else found
+        """Its branches, then its loci, as they are shown."""
+        if self.result is None:
+            found = [_line(limb.name, limb.branch, _NOWHERE) for limb in self.live.limbs]
+            loci = [_locus(name, locus, _NOWHERE) for name, locus in self.live.loci]
+            return [*found, *loci, *_growing(self.live)]
+        if not isinstance(self.result.options, BranchOptions):
+            return []
+        within, chart = _range(self.result), self.result.map
+        found = [_line(*each, within) for each in zip(self.result.names, self.result.branches, strict=True)]
+        if chart is not None:
+            found += [_locus(name, locus, within) for name, locus in zip(chart.names, chart.loci, strict=True)]
+        return found
 
     def settled(self) -> Settled | None:
         """Where a motion has settled, if that is what was asked."""
@@ -129,8 +159,12 @@ class Entry:
         lines = self.lines()
         if place.branch < len(lines) and place.special is not None:
             line = lines[place.branch]
+            if line.kind is not None:
+                raise ModelError("choose a special point of a branch; this is a point of a locus")
             if place.special < len(line.special_points):
-                return line, line.special_points[place.special]
+                special = line.special_points[place.special]
+                assert isinstance(special, SpecialPoint)  # it is no locus
+                return line, special
         raise ModelError(f"{self.title} has no such special point any more; reload the page")
 
 
@@ -143,6 +177,19 @@ def _line(name: str, branch: Branch, within: tuple[float, float]) -> Line:
     return Line(name, branch.parameter, within, branch.period, branch.points, branch.special_points)
 
 
+def _locus(name: str, locus: Locus, within: tuple[float, float]) -> Line:
+    points = locus.points, locus.codim2_points
+    return Line(name, locus.first, within, locus.period, *points, kind=locus.kind, second=locus.second)
+
+
 def _growing(live: Progress) -> Iterator[Line]:
-    period = live.points[0].orbit.period
-    yield Line(f"P{period}-1", "", _NOWHERE, period, list(live.points), list(live.special_points))
+    """What is being walked: one line for each of its directions, which begin at the same place."""
+    lengths = [point.arclength for point, _ in live.steps]
+    turns = [i for i in range(1, len(lengths)) if lengths[i] < lengths[i - 1]]
+    for start, stop in pairwise([0, *turns, len(lengths)]):
+        steps = live.steps[start:stop]
+        if steps:
+            points, special = [point for point, _ in steps], [each for _, found in steps for each in found]
+            period = points[0].orbit.period
+            name = f"P{period}-1" if live.kind is None else f"{live.kind.value}-1"
+            yield Line(name, "", _NOWHERE, period, points, special, live.kind, live.second)

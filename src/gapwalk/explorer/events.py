@@ -7,7 +7,7 @@ import json
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
-from gapwalk.explorer.task import SECONDS
+from gapwalk.explorer.news import SECONDS
 
 _PAGES = 16  # that listen at once
 _ALIVE = 15.0  # seconds after which a word is sent in any case, so that a page that has gone is noticed

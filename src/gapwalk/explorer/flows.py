@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TypeVar
@@ -39,6 +39,7 @@ class Flows:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="gapwalk-flows")
         self._last: dict[str, int] = {}
         self._guard = threading.Lock()
+        self._behind = asyncio.Lock()
 
     def warm(self, system: System) -> None:
         """Load and compile what the first click on an orbit of a system would have to wait for."""
@@ -47,6 +48,12 @@ class Flows:
     async def do(self, call: Callable[[], T]) -> T:
         """What a call returns."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, call)
+
+    async def do_behind(self, parts: Iterable[Callable[[], object]]) -> None:
+        """Do what can wait, part by part; a click that comes in between waits for one part at most."""
+        async with self._behind:
+            for part in parts:
+                await self.do(part)
 
     async def do_last(self, tab: str, parts: list[Callable[[], T]]) -> list[T]:
         """What some calls return, one after the other, unless the same tab asks for something newer in between.

@@ -10,7 +10,8 @@ from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.board import Board
 from gapwalk.explorer.engine import Engine
 from gapwalk.explorer.entry import Entry, State
-from gapwalk.explorer.task import Progress, Task
+from gapwalk.explorer.news import Progress
+from gapwalk.explorer.task import Task
 
 _MOST = 50  # jobs that wait
 

@@ -18,13 +18,13 @@ from gapwalk.orbit.orbit import Orbit
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _LOG = 200  # entries of the contact log
-_SAMPLES = 4096  # of a motion, at most
+_SAMPLES = 4096  # of a motion, at most; at least 32 a period
 _PERIODS = 24  # of a motion that does not repeat
 _ORDERS = 20.0  # of the spectrum
 _STROBES = 400  # of a motion without period
 
 
-def panels_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
+def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
     """Everything that the page shows of a motion but its spectrum and its section (see `details_of`).
 
     Parameters
@@ -33,9 +33,11 @@ def panels_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
         An orbit, or where a motion has settled.
     signal
         The coordinate whose history and phase portrait are shown.
+    most
+        Samples of the motion, at most (but 32 a period).
     """
     system = motion.system
-    sampled = _sampled(motion)
+    sampled = _sampled(motion, most)
     names = list(system.coordinates[:_COORDINATES])
     if signal in system.coordinates and signal not in names:
         names.append(signal)
@@ -78,10 +80,10 @@ def check_signal(system: System, name: str) -> str:
     return name if name in signal_names(system) else system.coordinates[0]
 
 
-def _sampled(motion: Orbit | Settled) -> Motion:
+def _sampled(motion: Orbit | Settled, most: int) -> Motion:
     if isinstance(motion, Settled):
-        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit)
-    return motion.motion(max(32, min(motion.samples, _SAMPLES // motion.period)))
+        return motion.motion(_PERIODS, samples=128) if motion.orbit is None else _sampled(motion.orbit, most)
+    return motion.motion(max(32, min(motion.samples, most // motion.period)))
 
 
 def _text(motion: Orbit | Settled) -> str:

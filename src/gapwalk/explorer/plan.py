@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.walk import check_range
 from gapwalk.errors import ModelError
-from gapwalk.explorer.action import Action, Compute, Place, Settle, Switch, Walk
+from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
 from gapwalk.explorer.entry import Line
+from gapwalk.explorer.errands import LocusErrand, SearchErrand, SwitchErrand
 from gapwalk.explorer.task import Task
 from gapwalk.model.system import System
 from gapwalk.orbit.balance import BalancedOrbit
@@ -20,7 +22,14 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.file import Study
-from gapwalk.study.options import BranchOptions, DiagramStudyOptions, ResponseOptions
+from gapwalk.study.map import KINDS
+from gapwalk.study.options import (
+    BranchOptions,
+    DiagramStudyOptions,
+    MapStudyOptions,
+    ResponseOptions,
+    SecondParameter,
+)
 from gapwalk.study.settle.study_options import SettleStudyOptions
 
 
@@ -33,6 +42,10 @@ class Shown(Protocol):
 
     def special(self, place: Place) -> tuple[Line, SpecialPoint]:
         """The special point at a place, and its branch."""
+        ...
+
+    def branches(self, key: str) -> tuple[Branch, ...]:
+        """The branches of a result."""
         ...
 
     def study(self, name: str, values: Mapping[str, float]) -> Study:
@@ -61,8 +74,38 @@ def plan(action: Action, shown: Shown) -> tuple[str, Task]:
             return _walk(action, shown)
         case Switch():
             return _switch(action, shown)
+        case Search():
+            return _search(action, shown)
+        case FollowLocus():
+            return _locus(action, shown)
         case Settle():
             return _settle(action, shown)
+
+
+def known_branches(action: Search, shown: Shown) -> list[tuple[str, int]]:
+    """The branches that a search need not find: those of its results along its parameter, of the same system.
+
+    Each by the key of its result and its number there.
+    """
+    system = search_system(action, shown)
+    return [
+        (key, number)
+        for key in action.known
+        for number, branch in enumerate(shown.branches(key))
+        if branch.parameter == action.parameter and _is_same_system(branch, system)
+    ]
+
+
+def search_system(action: Search, shown: Shown) -> System:
+    """The system that is searched."""
+    return shown.base().system if action.start is None else shown.motion(action.start).system
+
+
+def _is_same_system(branch: Branch, system: System) -> bool:
+    """Whether a branch belongs to a system, whatever its value of the parameter."""
+    own = branch.points[0].orbit.system
+    same = system.at({branch.parameter: own[branch.parameter]})
+    return own.structure == same.structure and bool((own.values == same.values).all())
 
 
 def word_of(action: Action) -> str:
@@ -119,7 +162,76 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
         method=method_of(orbit, shown),
     )
     title = f"from the {special.kind.value} of {line.name} at {parameter_symbol(parameter)} = {special.value:.6g}"
-    return title, Task(_study_of(orbit.system, options, title, shown), Path(), special)
+    return title, Task(_study_of(orbit.system, options, title, shown), Path(), SwitchErrand(special))
+
+
+def _search(action: Search, shown: Shown) -> tuple[str, Task]:
+    system, parameter = search_system(action, shown), action.parameter
+    for bound in (action.low, action.high):
+        system.at({parameter: bound})
+    if not action.low < action.high:
+        raise ModelError(f"the range of {parameter} is from {action.low:g} to {action.high:g}; it must go up")
+    known = tuple(shown.branches(key)[number] for key, number in known_branches(action, shown))
+    options = _others_options(action, system, shown)
+    title = f"others, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
+    return title, Task(_study_of(system, options, title, shown), Path(), SearchErrand(known))
+
+
+def _others_options(action: Search, system: System, shown: Shown) -> DiagramStudyOptions:
+    """As the file's own diagram searches, if it has one."""
+    own, measure = shown.base().options, _measure(shown, system)
+    where = (action.parameter, action.low, action.high)
+    if isinstance(own, DiagramStudyOptions):
+        limits = replace(own.limits, search_values=action.count)
+        return DiagramStudyOptions(
+            *where,
+            measure,
+            method=own.method,
+            walk=own.walk,
+            max_period=limits.max_period,
+            max_branches=limits.max_branches,
+            workers=limits.workers,
+            search_values=action.count,
+            search=limits.search,
+        )
+    method = own.method if isinstance(own, BranchOptions) else Shooting()
+    return DiagramStudyOptions(*where, measure, method=method, search_values=action.count)
+
+
+def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
+    line, special = shown.special(action.start)
+    first, second, system = line.parameter, action.second, special.orbit.system
+    if special.kind not in KINDS:
+        raise ModelError(f"a {special.kind.value} has no locus; choose a fold, a flip, Neimark-Sacker or grazing point")
+    if first == second:
+        raise ModelError(f"choose a second parameter other than {first}: the plane of a locus has two")
+    second_low, second_high = sorted((action.second_low, action.second_high))
+    for name, low, high in ((first, action.low, action.high), (second, second_low, second_high)):
+        for bound in (low, high):
+            system.at({name: bound})
+        if not low <= system[name] <= high or low == high:
+            raise ModelError(f"the range of {name} is from {low:g} to {high:g}; it must hold {system[name]:.8g}")
+    options = MapStudyOptions(
+        first,
+        action.low,
+        action.high,
+        _measure(shown, system),
+        special.orbit.period,
+        tuple(special.orbit.state.tolist()),
+        method=locus_method(special.orbit, shown),
+        second=SecondParameter(second, second_low, second_high),
+        sections=(system[second],),
+        kinds=(special.kind,),
+    )
+    plane = f"{parameter_symbol(first)} and {parameter_symbol(second)}"
+    title = f"locus of the {special.kind.value} of {line.name} at {special.value:.6g}, in {plane}"
+    return title, Task(_study_of(system, options, title, shown), Path(), LocusErrand(special))
+
+
+def locus_method(orbit: Orbit, shown: Shown) -> Shooting | Balance:
+    """How a locus is followed from an orbit: as the orbit was found, but for shooting in one segment."""
+    method = method_of(orbit, shown)
+    return replace(method, segments=1) if isinstance(method, Shooting) else method
 
 
 def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.action import Compute, Place, Settle, Switch, Walk
+from gapwalk.explorer.action import Compute, FollowLocus, Place, Search, Settle, Switch, Walk
 from gapwalk.explorer.board import Board
 from gapwalk.explorer.entry import Entry, State
-from gapwalk.explorer.plan import method_of, orbit_at
+from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit_at, plan
 from gapwalk.explorer.workspace import RESULT
 from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.diagram.diagram import DiagramOptions
+from gapwalk.study.options import DiagramStudyOptions
 
 _MOST = 100  # results that one goes back to
 
@@ -60,6 +64,10 @@ class _Script:
             name = self._walk(entry, action)
         elif isinstance(action, Switch):
             name = self._switch(entry, action)
+        elif isinstance(action, Search):
+            name = self._search(entry, action)
+        elif isinstance(action, FollowLocus):
+            name = self._locus(entry, action)
         else:
             name = self._compute(entry, action)
         self.names[entry.key] = name
@@ -70,23 +78,30 @@ class _Script:
         file = Path(self.board.name).name
         self._comment(entry)
         if action is None:
-            self.lines += [f"{name} = gw.load({file!r}).branches", ""]
+            self.lines += self._lines_of(entry, name, f"gw.load({file!r})")
         elif self.board.file.suffix == RESULT:
             changed = f"replace(study, system=study.system.at({dict(action.values)!r}))" if action.values else "study"
             if action.values:
                 self.imports.add("from dataclasses import replace")
-            self.lines += [f"study = gw.load({file!r}).study", f"{name} = gw.run({changed}).branches", ""]
+            self.lines += [f"study = gw.load({file!r}).study", *self._lines_of(entry, name, f"gw.run({changed})")]
         else:
             arguments = [repr(file)]
             if action.values or action.study:
                 arguments.append(repr(dict(action.values)))
             if action.study:
                 arguments.append(repr(action.study))
-            self.lines += [f"study = gw.read_study({', '.join(arguments)})", f"{name} = gw.run(study).branches", ""]
+            read = f"study = gw.read_study({', '.join(arguments)})"
+            self.lines += [read, *self._lines_of(entry, name, "gw.run(study)")]
         return name
 
+    def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
+        """The branches of a result; of a map its loci after them, as the page shows them."""
+        if entry.result is None or entry.result.map is None:
+            return [f"{name} = {result}.branches", ""]
+        return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]
+
     def _walk(self, entry: Entry, action: Walk) -> str:
-        orbit, name = self._place(action.start), _name("branches", entry)
+        orbit, name = self._motion(action.start), _name("branches", entry)
         self._comment(entry)
         # as a walk begins: Newton's method from the state, which is on the orbit already
         options = self._method(action.start)
@@ -113,12 +128,45 @@ class _Script:
         assert parent.key in self.names
         return name
 
+    def _search(self, entry: Entry, action: Search) -> str:
+        system = self._base_system() if action.start is None else f"{self._motion(action.start)}.system"
+        known = [f"{self.repeat(self.board.entry(key))}[{n}]" for key, n in known_branches(action, self.board)]
+        name = _name("branches", entry)
+        self._comment(entry)
+        options = plan(action, self.board)[1].study.options
+        assert isinstance(options, DiagramStudyOptions)
+        changed = {
+            field.name: value
+            for field in fields(DiagramOptions)
+            if (value := getattr(options.limits, field.name)) != field.default
+        }
+        limits = ", ".join(f"{word}={_gw(value)}" for word, value in changed.items())
+        self.lines += [
+            f"known = [{', '.join(known)}]",
+            f"limits = gw.DiagramOptions({limits})",
+            f"others = gw.find_others({system}, {action.parameter!r}, {(action.low, action.high)!r}, known=known, "
+            f"options=limits, walk={_gw(options.walk)}, method={_gw(options.method)})",
+            f"{name} = others.branches",
+            "",
+        ]
+        return name
+
+    def _locus(self, entry: Entry, action: FollowLocus) -> str:
+        line, special = self.board.special(action.start)
+        place, name = self._place(action.start), _name("loci", entry)
+        self._comment(entry)
+        low, high = sorted((action.second_low, action.second_high))
+        plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
+        options = _option(locus_method(special.orbit, self.board))
+        self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
+        return name
+
     def _settle(self, entry: Entry, action: Settle) -> str:
         name = _name("settled", entry)
         if action.start is None:
             system, start = self._base_system(), "'rest'"
         else:
-            motion = self._place(action.start)
+            motion = self._motion(action.start)
             system, start = f"{motion}.system", f"{motion}.state"
         at = f", at={dict(action.values)!r}" if action.values else ""
         self._comment(entry)
@@ -130,34 +178,42 @@ class _Script:
         read = f"gw.load({file!r})" if self.board.file.suffix == RESULT else f"gw.read_studies({file!r})[0]"
         return f"{read}.system"
 
+    def _motion(self, place: Place) -> str:
+        """The orbit at a place, whether that is special or not, or where a motion has settled."""
+        return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
+
     def _place(self, place: Place) -> str:
         """The orbit, or the special point, at a place."""
         entry = self.board.entry(place.result)
         name = self.repeat(entry)
         if entry.settled() is not None:
             return f"{name}.orbit"
-        kind, number = ("special_points", place.special) if place.special is not None else ("points", place.point)
-        if number is None:
+        line = f"{name}[{place.branch}]"
+        if place.special is not None:
+            on_locus = entry.lines()[place.branch].kind is not None
+            return f"{line}.{'codim2_points' if on_locus else 'special_points'}[{place.special}]"
+        if place.point is None:
             raise ModelError(f"a place in {entry.title} names no point of a branch")
-        text = f"{name}[{place.branch}].{kind}[{number}]"
-        return text if place.special is not None and kind == "special_points" else f"{text}.orbit"
+        return f"{line}.points[{place.point}].orbit"
 
     def _method(self, place: Place) -> str:
         """How orbits are posed, if not as by default."""
-        if place.special is not None:
-            line, special = self.board.special(place)
-            del line
-            method = method_of(special.orbit, self.board)
-        else:
-            method = method_of(orbit_at(place, self.board), self.board)
-        if method == type(method)() and not isinstance(method, Balance):
-            return ""
-        return f", method=gw.{method!r}"
+        return _option(method_of(orbit_at(place, self.board), self.board))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")
         if entry.state is State.STOPPED:
             self.lines.append("# (it was stopped; the script goes on to the end)")
+
+
+def _option(method: Shooting | Balance) -> str:
+    """How orbits are posed, as one argument more; nothing for the default."""
+    return "" if method == Shooting() else f", method={_gw(method)}"
+
+
+def _gw(value: object) -> str:
+    """A value as Python text, with the names of gapwalk."""
+    return f"gw.{value!r}" if is_dataclass(value) else repr(value)
 
 
 def _name(word: str, entry: Entry) -> str:

@@ -16,6 +16,7 @@ from gapwalk.measurement.estimate import Estimate, Verdict, judge
 from gapwalk.measurement.misfit import Misfit
 from gapwalk.measurement.record import Record
 from gapwalk.motion.signal import Signal, signal_of
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 
 _NEVER_NEGATIVE = ("clearance", "impact_damping", "viscous_damping")
@@ -23,7 +24,7 @@ _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit:
+class Fit(Shown):
     """Parameters fitted to a record.
 
     Attributes

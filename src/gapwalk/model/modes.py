@@ -15,6 +15,7 @@ from gapwalk.model.spring import springs_of
 from gapwalk.model.statics import tangent
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.notebook.shown import Shown
 
 _Vibrations = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]
 
@@ -29,7 +30,7 @@ class Clearances(StrEnum):
 
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Shown):
     """Undamped natural vibrations, slowest first.
 
     Parameters

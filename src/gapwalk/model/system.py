@@ -15,6 +15,7 @@ from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
 from gapwalk.model.units import Units
+from gapwalk.notebook.shown import Shown
 
 
 class _Parameters(Mapping[str, float]):
@@ -38,7 +39,7 @@ class _Parameters(Mapping[str, float]):
         return repr(dict(self))
 
 
-class System:
+class System(Shown):
     r"""A mechanical system with contacts under periodic excitation.
 
     .. math:: M q'' + C q' + K q + \sum_k d_k f_k(e_k \cdot q, e_k \cdot q')

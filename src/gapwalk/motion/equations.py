@@ -32,7 +32,8 @@ class Equations:
         For each sensitivity that is wanted, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the coefficients. The last of all, `1/W`, is in every equation, so the integrator has room for them all.
+    then the weights of the event functions, then the coefficients. The last of all, `1/W`, is in every equation, so
+    the integrator has room for them all.
     """
 
     layout: CoefficientLayout
@@ -64,9 +65,14 @@ class Equations:
         return self.first_component(len(self.varying))
 
     @property
+    def first_weight(self) -> int:
+        """Run-time parameter of the first weight of an event function."""
+        return self.first_switch + len(self.switches)
+
+    @property
     def first_coefficient(self) -> int:
         """Run-time parameter of the first coefficient."""
-        return self.first_switch + len(self.switches)
+        return self.first_weight + len(self.switches)
 
     @cached_property
     def switches(self) -> tuple[tuple[int, int], ...]:
@@ -96,9 +102,14 @@ class Equations:
         return self._coefficient(0)
 
     def gap(self, contact: int, stage: int) -> hy.expression:
-        """Deflection of a contact past a breakpoint; the stage's event function."""
+        """Deflection of a contact past a breakpoint, weighed: the stage's event function.
+
+        The integrator counts event functions among what its tolerance is relative to, so one of a breakpoint that is
+        far away must weigh no more than the motion.
+        """
         slots = self.layout.contacts[contact]
-        return self._depth(self._deflection(slots), slots.stages[stage])
+        weight = hy.par[self.first_weight + self.switches.index((contact, stage))]
+        return weight * self._depth(self._deflection(slots), slots.stages[stage])
 
     @cached_property
     def state(self) -> list:

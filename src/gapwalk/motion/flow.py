@@ -21,6 +21,7 @@ from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.motion.equations import Equations
 from gapwalk.motion.switching import COOLDOWN, ContactEvent, Switchboard
+from gapwalk.motion.unit import LengthUnit
 
 PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
@@ -115,7 +116,7 @@ class Flow:
         if survey:
             right_hand_sides += equations.integrals()
         self._columns = self.size * transition + self.directions
-        self._board = Switchboard(equations)
+        self._board, self._lengths, self._unit = Switchboard(equations), LengthUnit(equations.layout), 1.0
         events = [
             hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
             for index, switch in enumerate(equations.switches)
@@ -185,7 +186,7 @@ class Flow:
         rows, contacts = self._sample(coefficients, state, thetas, None)
         if rows is None:
             return self._sample_piecewise(coefficients, state, thetas)
-        return rows[:, : self.size].copy(), contacts
+        return rows[:, : self.size] * self._unit, contacts
 
     def vary(
         self,
@@ -204,7 +205,7 @@ class Flow:
         size, count = self.size, len(rows)
         transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
         along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
-        return Variations(rows[:, :size].copy(), transitions, along, contacts)
+        return Variations(rows[:, :size] * self._unit, transitions, along * self._unit, contacts)
 
     def _sample(self, coefficients, state, thetas, direction):
         """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
@@ -222,13 +223,15 @@ class Flow:
         For a flow compiled for a survey. Errors as in `integrate`.
         """
         self.integrate(coefficients, state, 0.0, stop)
-        return self._state[self.size :].reshape(2, -1).copy(), self._turns
+        units = np.array([[self._unit], [self._unit**2]])
+        return self._state[self.size :].reshape(2, -1) * units, self._turns
 
     def _note(self, event: int):
         """The function that the integrator calls where a coordinate or a deflection turns."""
 
         def note(integrator, theta: float, _direction: int) -> None:
-            self._turns.append(Turn(event, theta, integrator.update_d_output(theta)[: self.size // 2].tolist()))
+            positions = integrator.update_d_output(theta)[: self.size // 2] * self._unit
+            self._turns.append(Turn(event, theta, positions.tolist()))
 
         return note
 
@@ -262,6 +265,10 @@ class Flow:
         self._integrator.time = start
         if self.equations.switches:
             self._integrator.reset_cooldowns()
+        unit = self._unit = self._lengths.of_motion(coefficients, state)
+        if unit != 1.0:
+            coefficients, state = self._lengths.carried(coefficients, unit), state / unit
+            direction = None if direction is None else self._lengths.carried(direction, unit)
         self._state[: self.size] = state
         self._state[self.size :] = self._identity
         self._coefficients[:] = coefficients[self.equations.active]
@@ -269,7 +276,7 @@ class Flow:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        self._board.start(coefficients, start, int(_EVENTS * periods))
+        self._board.start(coefficients, start, int(_EVENTS * periods), unit)
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         outcome, _, _, steps, *_ = self._integrator.propagate_until(
@@ -280,7 +287,7 @@ class Flow:
         return steps
 
     def _refuse(self, outcome, start: float) -> None:
-        theta, state = self._integrator.time, self._state[: self.size]
+        theta, state = self._integrator.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._board.event_limit <= 0:
             raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
@@ -292,15 +299,15 @@ class Flow:
         raise FlowError(f"more than {_STEPS} integration steps a forcing period, {where}: it is too stiff or runs away")
 
     def _arc(self, steps: int) -> Arc:
-        size, state = self.size, self._state
+        size, state, unit = self.size, self._state, self._unit
         transition = sensitivity = None
         if self.has_transition:
             transition = state[size : size * (1 + size)].reshape(size, size).T.copy()
         if self.directions == 1:
-            sensitivity = state[-size:].copy()
+            sensitivity = state[-size:] * unit
         elif self.directions:
-            sensitivity = state[-size * self.directions :].reshape(self.directions, size).T.copy()
-        return Arc(state[:size].copy(), transition, sensitivity, self._board.log, steps)
+            sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
+        return Arc(state[:size] * unit, transition, sensitivity, self._board.log, steps)
 
 
 def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:

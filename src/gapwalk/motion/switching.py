@@ -55,7 +55,7 @@ class Switchboard:
         self._signs = self.signs.tolist()
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
         self._known = b""
-        self._first = equations.first_switch
+        self._first, self._weights = equations.first_switch, equations.first_weight
         self._viscous = [self._is_viscous_edge(k, j) for k, j in equations.switches]
         self.log: list[ContactEvent] = []
         self.missed = 0
@@ -66,9 +66,9 @@ class Switchboard:
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
 
-    def start(self, coefficients: NDArray, theta: float, event_limit: int) -> None:
-        """Set every switch for the state in the integrator, and begin a new log."""
-        self.log, self.missed, self.event_limit = [], 0, event_limit
+    def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
+        """Set every switch for the state in the integrator, and begin a new log, whose lengths are told in `unit`s."""
+        self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
         if not self.count:
             return
         self._coefficients, self._theta = coefficients, theta
@@ -104,6 +104,8 @@ class Switchboard:
         self._vectors = coefficients[self._deflections]
         self._offsets = (self.signs * coefficients[self._breaks]).tolist()
         self._scales = [1.0 + abs(offset) for offset in self._offsets]
+        weights = [min(1.0, 1.0 / abs(offset)) if offset else 1.0 for offset in self._offsets]
+        self._parameters[self._weights : self._weights + self.count] = weights
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
         self._twins = [self._possible_twins(switch) for switch in range(self.count)]
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
@@ -151,7 +153,7 @@ class Switchboard:
             return False
         self._parameters[self._first + switch] = inside
         self._inside[switch], self._changed[switch] = inside, theta
-        self.log.append(ContactEvent(theta, switch, inside, velocity))
+        self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
         if self._viscous[switch]:
             self._jump(switch, 1.0 if inside else -1.0)
         return True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.motion.unit import size_of
 from gapwalk.orbit.orbit import Orbit
 
 SAME = 1e-6
@@ -19,7 +20,7 @@ def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
 def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
     """The smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
     states = stroboscopic(orbit)
-    near = _distances(states, orbit.state) <= tolerance
+    near = _distances(states, orbit) <= tolerance
     return next((k for k in range(1, orbit.period) if orbit.period % k == 0 and near[k]), orbit.period)
 
 
@@ -27,9 +28,8 @@ def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
     """Whether two orbits of the same system are the same motion, begun at different forcing periods perhaps."""
     if a.period != b.period:
         return False
-    return bool(np.any(_distances(stroboscopic(a), b.state) <= tolerance))
+    return bool(np.any(_distances(stroboscopic(a), b) <= tolerance))
 
 
-def _distances(states: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
-    scale = 1.0 + float(np.abs(state).max())
-    return np.abs(states - state).max(axis=1) / scale
+def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:
+    return np.abs(states - orbit.state).max(axis=1) / size_of(orbit.state, orbit.system)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError
+from gapwalk.motion.unit import smallness
 from gapwalk.orbit.equation import Equation, Evaluation
 
 _RUNAWAY = 1e12  # size beyond which unknowns are no motion: an undamped resonance sends them there
@@ -57,7 +58,7 @@ def solve(
 
 def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
     """Whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
-    scale = max(1.0, float(np.abs(unknowns).max()))
+    scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
         return False
     return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale

@@ -14,6 +14,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
+from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure
 from gapwalk.orbit.survey import Survey, Turns, survey
@@ -22,7 +23,7 @@ _SIGNS = {1: "+", -1: "-"}
 
 
 @dataclass(frozen=True)
-class Orbit:
+class Orbit(Shown):
     """A motion that repeats after `period` forcing periods.
 
     Attributes

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
     from gapwalk.plot.section import plot_section
     from gapwalk.plot.settled import plot_settled
+    from gapwalk.plot.size import sized
     from gapwalk.plot.spectrum import plot_spectrum
     from gapwalk.plot.sweep import plot_sweep
     from gapwalk.plot.waterfall import plot_waterfall
@@ -47,6 +48,7 @@ __all__ = [
     "plot_sweep",
     "plot_waterfall",
     "save_picture",
+    "sized",
 ]
 
 # Imported when first asked for: what draws nothing must not wait for matplotlib, nor a branch for scipy.signal.
@@ -73,6 +75,7 @@ _HOMES = {
     "plot_sweep": "sweep",
     "plot_waterfall": "waterfall",
     "save_picture": "picture",
+    "sized": "size",
 }
 
 

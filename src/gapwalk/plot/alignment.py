@@ -13,7 +13,8 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
-from gapwalk.plot.style import BLACK, GREY, RC
+from gapwalk.plot.size import points, takes_size
+from gapwalk.plot.style import BLACK, GREY, rc
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -21,6 +22,7 @@ _SMOOTH = 600  # points of the computed history a period of the orbit
 _FEW = 120  # samples a period of the orbit up to which they are drawn as dots
 
 
+@takes_size
 def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure | SubFigure | None = None):
     """Draw a record over the computed motion.
 
@@ -33,7 +35,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if figure is None:
             figure = open_window(SIZE)
         _draw(figure, found, title)
@@ -42,7 +44,7 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
 
 def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet(SIZE)
         _draw(figure, found, title)
     return figure
@@ -50,9 +52,9 @@ def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
 
 def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
     """Several records over several motions, one below the other, as a figure without pyplot."""
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
-        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, wrap=True)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=points(10.5), wrap=True)
         parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
         for part, each, name in zip(parts, found, names, strict=True):
             _draw(part, each, name)
@@ -69,7 +71,7 @@ def _draw(figure: Figure | SubFigure, found: Alignment, title: str | None) -> No
     draw_lines(axes["lines"], orders, first, second, found.signal.name)
     _draw_rest(axes["rest"], found)
     agreed = _words(found)
-    figure.suptitle(agreed if title is None else f"{title}\n{agreed}", x=0.01, ha="left", fontsize=10.5)
+    figure.suptitle(agreed if title is None else f"{title}\n{agreed}", x=0.01, ha="left", fontsize=points(10.5))
 
 
 def _draw_history(ax, found: Alignment) -> None:

@@ -19,7 +19,8 @@ from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
-from gapwalk.plot.style import BLACK, GREY, RC
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import BLACK, GREY, rc
 from gapwalk.plot.words import coordinate_words
 
 SIZE = (6.6, 6.2)
@@ -33,6 +34,7 @@ _STROBES = ("in the plane", "all", "none")
 _IN_PLANE = 1e-6  # distance, relative to the size of the plane, at which a strobe lies in it
 
 
+@takes_size
 def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the plane") -> Axes:
     """Draw the basins of attraction in their plane.
 
@@ -78,9 +80,10 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     return ax
 
 
+@takes_size
 def draw_basins(found: Basins, title: str = "", *, strobes: str = "in the plane", on: NewFigure = new_sheet) -> Figure:
     """The picture of basins, by default without pyplot."""
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = on(SIZE)
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)

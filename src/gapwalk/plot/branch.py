@@ -19,7 +19,8 @@ from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
 from gapwalk.plot.sheet import open_window
-from gapwalk.plot.style import LINES, RC, SIZE, SYMBOLS, line_options, symbol_options
+from gapwalk.plot.size import broken, takes_size
+from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
@@ -27,6 +28,7 @@ _PAD = 0.06  # margin above and below, as a share of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
 
 
+@takes_size
 def plot_branch(branch: Branch, measure: str = "half", *, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw a branch over its parameter.
 
@@ -50,6 +52,7 @@ def plot_branch(branch: Branch, measure: str = "half", *, ax: Axes | None = None
     return plot_branches([branch], measure, ax=ax, **options)
 
 
+@takes_size
 def plot_branches(
     branches: Sequence[Branch],
     measure: str = "half",
@@ -75,7 +78,7 @@ def plot_branches(
     within
         Range of the parameter that is shown; by default all of it.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         ax = open_window(SIZE).add_subplot() if ax is None else ax
         finish = begin_branches(branches, measure, ax, labels=labels, legend=legend, closeup=closeup, within=within)
         ax.figure.canvas.figure.draw_without_rendering()
@@ -102,7 +105,7 @@ def begin_branches(
     drawing = _Drawing(branches, measure)
     drawing.draw_lines(ax)
     ax.set_xlabel(parameter_words(first.parameter, first.system.units))
-    ax.set_ylabel(measure_words(measure, first.system.units))
+    ax.set_ylabel(broken(measure_words(measure, first.system.units)))
     ax.margins(x=0.02, y=0.06)
     ax.autoscale_view()
     if within:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from gapwalk.plot.size import points
 from gapwalk.plot.style import GREY
 
 _NEAR = 20.0  # distance of two symbols that crowd, in points
@@ -71,7 +72,7 @@ def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes |
         place = _free_place(line, width, height)
         if place is not None:
             closeup = ax.inset_axes((*place, width, height), xlim=region[:2], ylim=region[2:])
-            closeup.tick_params(labelsize=7, length=2.5)
+            closeup.tick_params(labelsize=points(7), length=2.5)
             closeup.set_autoscale_on(False)
             _connect(ax, region, closeup)
             return closeup

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, RC, SIZE, SYMBOLS, VERMILLION
+from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, SIZE, SYMBOLS, VERMILLION, rc
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.comparison import ResultComparison
 from gapwalk.study.export import write_whole
@@ -55,7 +55,7 @@ def save_comparison(
     form = os.fspath(path).rpartition(".")[2]
     figure = plot_comparison(found, measure, tolerance=tolerance, names=names)
     content = io.BytesIO()
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure.savefig(content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else None)
     write_whole(path, content.getvalue())
 
@@ -83,7 +83,7 @@ def plot_comparison(
     results = found.results
     is_map, units = results[0].map is not None, results[0].system.units
     full = full_measure(measure or results[0].walked.measure, results[0].system.coordinates)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet((SIZE[0], 6.4))
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.4))
         above.set_title(results[0].title.replace("$", r"\$"), wrap=True)

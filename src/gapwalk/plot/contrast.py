@@ -10,11 +10,13 @@ from matplotlib.figure import Figure, SubFigure
 from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
-from gapwalk.plot.style import RC
+from gapwalk.plot.size import points, takes_size
+from gapwalk.plot.style import rc
 
 _WIDTH, _HEIGHT, _ABOVE = 9.5, 2.9, 0.5  # of a row, and of title and legend, in inches
 
 
+@takes_size
 def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure | SubFigure | None = None):
     """Draw two motions side by side.
 
@@ -27,7 +29,7 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if figure is None:
             figure = open_window(_size(found))
         _draw(figure, found, title)
@@ -36,7 +38,7 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
 
 def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet(_size(found))
         _draw(figure, found, title)
     return figure
@@ -52,11 +54,11 @@ def _draw(figure: Figure | SubFigure, found: Contrast, title: str | None) -> Non
         draw_histories(left, pair.theta, pair.histories, found.names, pair.signal)
         if pair.agreement is not None:
             text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
-            left.set_title(text, fontsize=8.5)
+            left.set_title(text, fontsize=points(8.5))
         _draw_spectra(right, pair)
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
-    figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=10.5, wrap=True)
+    figure.suptitle(_title(found) if title is None else title, x=0.01, ha="left", fontsize=points(10.5), wrap=True)
 
 
 def _draw_spectra(ax: Axes, pair: SignalPair) -> None:

@@ -14,13 +14,15 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.legend import draw_period_legend
 from gapwalk.plot.sheet import open_window
+from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import RC, SHADE, diagram_size
+from gapwalk.plot.style import SHADE, diagram_size, rc
 from gapwalk.plot.words import full_measure, parameter_words, state_words
 
 AnyFigure = Figure | SubFigure
 
 
+@takes_size
 def plot_diagram(
     diagram: Diagram,
     measure: str = "half",
@@ -85,7 +87,7 @@ def draw_diagram(
     first = [limb.branch for limb in diagram.limbs if limb.period == shortest]
     strobes = Strobes(diagram, signal if signal in coordinates else coordinates[0])
     crowd = strobes.crowd() if closeup is None else closeup or None
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         count = 3 if crowd else 2
         figure = make(count)
         panels = figure.subplots(count, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
@@ -94,7 +96,7 @@ def draw_diagram(
             panel.set_xlabel(parameter_words(diagram.parameter, system.units))
         for panel in panels[1:]:
             strobes.draw(panel)
-            panel.set_ylabel(state_words(strobes.coordinate, system.units))
+            panel.set_ylabel(broken(state_words(strobes.coordinate, system.units)))
         _set_limits(panels, strobes, crowd)
         if legend:
             draw_period_legend(panels[1], strobes.periods, bool(strobes.births))

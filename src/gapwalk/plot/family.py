@@ -20,7 +20,8 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.map_style import CODIM2, SECTION, codim2_options, locus_options
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet, open_window
-from gapwalk.plot.style import BLACK, GREY, LINES, RC, SIZE, SYMBOLS, symbol_options
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import BLACK, GREY, LINES, SIZE, SYMBOLS, rc, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.record import Family
@@ -46,6 +47,7 @@ _OUTSIDE: dict[str, Any] = _TURN | {"marker": "s", "markersize": 4.0, "markeredg
 _GUESS: dict[str, Any] = {"color": GREY, "linestyle": (0, (1.0, 2.2)), "linewidth": 1.0}
 
 
+@takes_size
 def plot_family(
     family: Family, measure: str = "half", *, figure: AnyFigure | None = None, legend: bool = True, title: str = ""
 ) -> AnyFigure:
@@ -80,7 +82,7 @@ def plot_family(
     if not family.branches:
         raise ModelError("the family has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, family.system.coordinates)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = figure or open_window(_TALL)
         panels = figure.subplots(2, 1, sharex=True, height_ratios=[1.25, 1.0])
         colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)

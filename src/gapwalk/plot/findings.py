@@ -15,7 +15,7 @@ from gapwalk.plot.regimes import draw_regimes
 from gapwalk.plot.settled import SIZE as SETTLED_SIZE
 from gapwalk.plot.settled import plot_settled
 from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import RC
+from gapwalk.plot.style import rc
 from gapwalk.plot.sweep import draw_sweep
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.family.finding import FamilyFinding
@@ -35,7 +35,7 @@ def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:
 
 
 def _draw_settled(finding: SettleFinding, options: StudyOptions, title: str) -> Figure:
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet(SETTLED_SIZE)
     asked = finding.options
     plot_settled(

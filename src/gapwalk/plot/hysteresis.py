@@ -9,11 +9,13 @@ from matplotlib.axes import Axes
 
 from gapwalk.motion.hysteresis import Hysteresis
 from gapwalk.plot.sheet import open_window
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, RC, VERMILLION
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, rc
 
 _STYLES = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
 
 
+@takes_size
 def plot_hysteresis(
     loops: Hysteresis | Sequence[Hysteresis], names: Sequence[str] = (), *, ax: Axes | None = None
 ) -> Axes:
@@ -29,7 +31,7 @@ def plot_hysteresis(
         Where to draw; by default a new figure of pyplot.
     """
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if ax is None:
             ax = open_window((6.0, 4.4)).add_subplot()
         for place, loop in enumerate(loops):

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from gapwalk.plot.size import points
 from gapwalk.plot.style import GREY
 
 _SIZE = 7.5  # points
@@ -46,7 +47,7 @@ def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symb
     shifts = np.column_stack((np.cos(_DIRECTIONS), np.sin(_DIRECTIONS)))
     for label in labels:
         anchor = ax.transData.transform((label.x, label.y))
-        half = np.array([0.33 * _SIZE * len(label.text) + 0.5, 0.5 * _SIZE]) * unit
+        half = np.array([0.33 * points(_SIZE) * len(label.text) + 0.5, 0.5 * points(_SIZE)]) * unit
         distances = np.repeat(_DISTANCES, len(shifts))
         directions = np.tile(shifts, (len(_DISTANCES), 1))
         centers = anchor + directions * (distances[:, None] * unit + half * np.abs(directions) - 0.3 * half)
@@ -71,7 +72,7 @@ def _write(ax: Axes, label: Label, shift: NDArray[np.float64], leader: bool) -> 
         textcoords="offset points",
         ha="center",
         va="center",
-        fontsize=_SIZE,
+        fontsize=points(_SIZE),
         zorder=6,
         arrowprops=line if leader else None,
     )

@@ -7,11 +7,23 @@ from typing import Any
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
 from gapwalk.continuation.branch import Branch
-from gapwalk.plot.style import GREY, LINES, SYMBOLS, birth_options, line_options, period_options, symbol_options
+from gapwalk.plot.size import points
+from gapwalk.plot.style import (
+    GREY,
+    LINES,
+    SYMBOLS,
+    birth_options,
+    line_options,
+    period_options,
+    rc,
+    symbol_options,
+)
+
+_BESIDE = 9.0  # letters as wide as the line and the space beside each text
 
 
 def draw_legend(ax: Axes, branches: Sequence[Branch], *, above: bool = False) -> None:
@@ -24,7 +36,7 @@ def draw_legend(ax: Axes, branches: Sequence[Branch], *, above: bool = False) ->
     if above:
         _draw_above(ax, handles)
     elif isinstance(figure, Figure) and len(figure.axes) == 1 and figure.get_constrained_layout():
-        columns = len(handles) if len(handles) < 5 else (len(handles) + 1) // 2
+        columns = _columns(figure, handles)
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.8, handlelength=3.0)
     else:
         ax.legend(handles=handles, loc="best", handlelength=3.0)
@@ -46,7 +58,7 @@ def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool) -> None:
 
 
 def _draw_above(ax: Axes, handles: list[Line2D]) -> None:
-    columns = len(handles) if len(handles) < 5 else (len(handles) + 1) // 2
+    columns = _columns(ax.figure.figure, handles)
     ax.legend(
         handles=handles,
         loc="lower right",
@@ -58,12 +70,35 @@ def _draw_above(ax: Axes, handles: list[Line2D]) -> None:
     )
 
 
+def _columns(figure: Figure | SubFigure | None, handles: Sequence[Artist], rows: int = 0) -> int:
+    """How many columns an explanation has: in one row or two, or as many as the width of the sheet takes."""
+    count = len(handles)
+    wanted = -(-count // (rows or (1 if count < 5 else 2)))
+    if figure is None:
+        return wanted
+    letter = figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0] * 0.5 * rc()["legend.fontsize"]
+    widths = [letter * (len(str(handle.get_label())) + _BESIDE) for handle in handles]
+    room = figure.bbox.width
+    return next((n for n in range(wanted, 1, -1) if _width(widths, n) < room), 1)
+
+
+def _width(widths: Sequence[float], columns: int) -> float:
+    """Of entries in this many columns, filled one after the other."""
+    rows = -(-len(widths) // columns)
+    return sum(max(widths[i : i + rows]) for i in range(0, len(widths), rows))
+
+
 def draw_fill_legend(ax: Axes, handles: Sequence[Artist], note: str, columns: int) -> None:
     """Explain the fills of a map of cells, under a small note: below the picture, or inside where others are near."""
     figure = ax.figure
-    size: dict[str, Any] = {"columnspacing": 1.5, "handlelength": 1.3, "handleheight": 1.1, "title_fontsize": 7.0}
+    size: dict[str, Any] = {
+        "columnspacing": 1.5,
+        "handlelength": 1.3,
+        "handleheight": 1.1,
+        "title_fontsize": points(7.0),
+    }
     if isinstance(figure, Figure) and figure.get_constrained_layout():
-        count = min(len(handles), columns)
+        count = min(columns, _columns(figure, handles, rows=1))
         legend = figure.legend(handles=handles, loc="outside lower center", ncols=count, title=note, **size)
     else:
         legend = ax.legend(handles=handles, loc="best", title=note, frameon=True, **size)

@@ -28,7 +28,8 @@ from gapwalk.plot.map_style import (
     locus_options,
 )
 from gapwalk.plot.sheet import new_sheet, open_window
-from gapwalk.plot.style import RC, SIZE
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import SIZE, rc
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
 
@@ -37,6 +38,7 @@ _ONE = 6.0  # distance, in points, within which two symbols of one kind are one
 _COLUMNS = 4  # of the legend, at most
 
 
+@takes_size
 def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend: bool = True) -> Axes:
     """Draw all loci of a map in the plane of its two parameters.
 
@@ -58,7 +60,7 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
     Axes
         The axes that were drawn in.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         ax = open_window(_TALL).add_subplot() if ax is None else ax
         ax.set(xlim=chart.within[0], ylim=chart.within[1])
         units = chart.sections[0].branches[0].system.units if chart.branches else None
@@ -84,7 +86,7 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
 
 def draw_map(chart: Map, title: str = "") -> Figure:
     """The picture of a map as a matplotlib figure, without pyplot."""
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet(_TALL)
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)

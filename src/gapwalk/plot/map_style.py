@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from gapwalk.bifurcation.locus import Codim2
 from gapwalk.continuation.branch import Kind
+from gapwalk.plot.size import points
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION
 
 LOCUS_TEXTS = {
@@ -72,7 +73,7 @@ def locus_options(kind: Kind, rank: int) -> dict[str, Any]:
     return {
         "color": color,
         "linestyle": line,
-        "linewidth": width * _THINNER[min(rank, len(_THINNER) - 1)],
+        "linewidth": points(width * _THINNER[min(rank, len(_THINNER) - 1)]),
         "solid_capstyle": "butt",
     }
 
@@ -83,7 +84,7 @@ def codim2_options(kind: Codim2) -> dict[str, Any]:
     return {
         "linestyle": "none",
         "marker": style.marker,
-        "markersize": style.size,
+        "markersize": points(style.size),
         "markerfacecolor": style.fill,
         "markeredgecolor": GREY if style.fill == GREY else BLACK,
         "markeredgewidth": 0.8,

@@ -19,7 +19,7 @@ from gapwalk.model.system import System
 from gapwalk.model.train import geometry
 from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, RC, SIZE
+from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, SIZE, rc
 from gapwalk.study.export import write_whole
 
 _SHOWN = 6  # modes
@@ -51,7 +51,7 @@ def save_modes(system: System, modes: Modes, path: str | os.PathLike[str], title
     if form not in ("png", "svg"):
         raise ModelError(f"{os.fspath(path)} is no name for a picture; give it the ending .png or .svg")
     content = io.BytesIO()
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = draw_modes(system, modes, title)
         figure.savefig(content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else None)
     write_whole(path, content.getvalue())
@@ -60,9 +60,9 @@ def save_modes(system: System, modes: Modes, path: str | os.PathLike[str], title
 def draw_modes(system: System, modes: Modes, title: str = "") -> Figure:
     """The slowest modes as a matplotlib figure, one panel each."""
     shown = min(len(modes), _SHOWN)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = new_sheet((SIZE[0], 0.8 + 1.05 * shown))
-        figure.suptitle(title.replace("$", r"\$"), x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+        figure.suptitle(title.replace("$", r"\$"), x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
         panels = figure.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]
         names = _names(system, modes)
         for number, ax in enumerate(panels):

@@ -21,7 +21,7 @@ from gapwalk.plot.paper_motions import WHOLE
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import BLACK, BLUE, GREEN, RC, VERMILLION
+from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, rc
 from gapwalk.plot.words import measure_words, parameter_words, state_words
 from gapwalk.study.result import Result
 
@@ -59,7 +59,7 @@ def _lay_out(picture: Picture) -> None:
     """Make the layout once and for all: with its engine the picture would make it anew for each file."""
     engine = picture.get_layout_engine()
     if engine is not None:
-        with mpl.rc_context(RC):
+        with mpl.rc_context(rc()):
             engine.execute(picture)
         picture.set_layout_engine(None)
 
@@ -67,9 +67,9 @@ def _lay_out(picture: Picture) -> None:
 def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
     columns = figure.columns
     rows = -(-len(figure.panels) // columns)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         picture = new_sheet((_WIDTH[columns] * columns, _HEIGHT * rows))
-        picture.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+        picture.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
         axes = picture.subplots(rows, columns, squeeze=False)
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
             pad = None if panel.view in _LEGEND_INSIDE else _ABOVE

@@ -19,7 +19,8 @@ from gapwalk.plot.diagram import draw_diagram
 from gapwalk.plot.findings import draw_finding
 from gapwalk.plot.map import draw_map
 from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import DPI, RC, SIZE, diagram_size
+from gapwalk.plot.size import SizeName, sized
+from gapwalk.plot.style import DPI, SIZE, diagram_size, rc
 from gapwalk.study.export import write_whole
 from gapwalk.study.map import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
@@ -31,8 +32,10 @@ def save_picture(
     png: str | os.PathLike[str] | None = None,
     svg: str | os.PathLike[str] | None = None,
     *,
+    pdf: str | os.PathLike[str] | None = None,
     measure: str | None = None,
     title: str | None = None,
+    size: SizeName | None = None,
 ) -> None:
     """Draw what was found into files.
 
@@ -40,31 +43,34 @@ def save_picture(
     ----------
     found
         The result of a study, one branch, a diagram, a map, or a record beside a motion.
-    png, svg
-        The files to write; None for none.
+    png, svg, pdf
+        The files to write; None for none. In the latter two all lines are lines, and text is text.
     measure
         What is drawn, as in `plot_branch`; by default what the study names.
     title
         By default that of the study.
+    size
+        ``"column"``, ``"page"`` or ``"slide"``; see `sized`. By default that of a screen.
 
     Raises
     ------
     ModelError
-        If there is no such measure, or what is drawn is to show one and has none.
+        If there is no such measure or size, or what is drawn is to show a measure and has none.
     StoreError
         If a file cannot be written.
     """
-    figure = draw_picture(found, measure=measure, title=title)
-    for path, form in ((png, "png"), (svg, "svg")):
-        if path is not None:
-            write_whole(path, picture_bytes(figure, form))
+    with sized(size):
+        figure = draw_picture(found, measure=measure, title=title)
+        for path, form in ((png, "png"), (svg, "svg"), (pdf, "pdf")):
+            if path is not None:
+                write_whole(path, picture_bytes(figure, form))
 
 
 def picture_bytes(figure: Figure, form: str) -> bytes:
-    """A picture as the content of a file of this form, ``png`` or ``svg``; the same picture gives the same bytes."""
+    """A picture as the content of a file: ``png``, ``svg`` (the same picture gives the same bytes) or ``pdf``."""
     content = io.BytesIO()
-    metadata = {"Date": None} if form == "svg" else None
-    with mpl.rc_context(RC):
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
+    with mpl.rc_context(rc()):
         figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
     return content.getvalue()
 
@@ -88,7 +94,7 @@ def draw_picture(
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
     if isinstance(found, Map):
         return draw_map(found, title)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if isinstance(found, Diagram):
             figure = draw_diagram(found, measure, lambda panels: _figure(diagram_size(panels), title))
             assert isinstance(figure, Figure)
@@ -112,5 +118,5 @@ def _showing(options: StudyOptions, measure: str | None) -> StudyOptions:
 def _figure(size: tuple[float, float], title: str = "") -> Figure:
     figure = new_sheet(size)
     if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=RC["axes.titlesize"], wrap=True)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
     return figure

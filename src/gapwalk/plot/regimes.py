@@ -22,7 +22,8 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.regime_colors import NAMED, legend_words, period_of, regime_color
 from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
-from gapwalk.plot.style import BLACK, GREY, RC, SYMBOLS, diagram_size
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import BLACK, GREY, SYMBOLS, diagram_size, rc
 from gapwalk.plot.words import parameter_words
 
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
@@ -45,6 +46,7 @@ class _Entry(NamedTuple):
     cells: NDArray[np.bool_]
 
 
+@takes_size
 def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus] = ()) -> Axes:
     """Draw the kinds of motion in the plane of the two parameters.
 
@@ -110,6 +112,7 @@ def plot_contact_figures(found: Regimes, which: str = "peak force", contact: int
     return ax
 
 
+@takes_size
 def draw_regimes(
     found: Regimes,
     title: str = "",
@@ -133,7 +136,7 @@ def draw_regimes(
         Makes the figure; by default without pyplot.
     """
     shown = panels if found.peak_force.shape[2] else ()
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = on(diagram_size(1 + len(shown)))
         axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
         axes[0].set_title(title.replace("$", r"\$"), wrap=True)

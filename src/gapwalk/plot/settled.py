@@ -18,8 +18,9 @@ from gapwalk.motion.motion import integrate
 from gapwalk.plot.history import plot_history, plot_loop
 from gapwalk.plot.section import plot_section
 from gapwalk.plot.sheet import open_window
+from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.spectrum import plot_spectrum
-from gapwalk.plot.style import RC
+from gapwalk.plot.style import rc
 from gapwalk.plot.words import value_words
 
 SIZE = (9.0, 5.8)
@@ -28,6 +29,7 @@ _POINTS = 2000  # of the section of a motion without period
 _SMOOTH = 512  # samples a forcing period
 
 
+@takes_size
 def plot_settled(
     motion: Settled | Attractor,
     signal: str | None = None,
@@ -62,11 +64,13 @@ def plot_settled(
     ModelError
         If there is no such signal or contact.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if figure is None:
             figure = open_window(SIZE)
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
-        figure.suptitle(title if title is not None else _title(motion), x=0.01, ha="left", fontsize=10.5, wrap=True)
+        figure.suptitle(
+            title if title is not None else _title(motion), x=0.01, ha="left", fontsize=points(10.5), wrap=True
+        )
     return figure
 
 

@@ -7,10 +7,11 @@ from collections.abc import Callable
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from gapwalk.plot.style import DPI, RC
+from gapwalk.plot.size import sheet_size
+from gapwalk.plot.style import DPI, rc
 
 Size = tuple[float, float]
-"""Width and height in inches."""
+"""Width and height in inches, as on a screen; see `gapwalk.plot.size` for others."""
 
 NewFigure = Callable[[Size], Figure]
 """Either of the two below."""
@@ -18,13 +19,13 @@ NewFigure = Callable[[Size], Figure]
 
 def new_sheet(size: Size) -> Figure:
     """A figure without pyplot: nothing is left of it when it has been written."""
-    with mpl.rc_context(RC):
-        return Figure(figsize=size, dpi=DPI, layout="constrained")
+    with mpl.rc_context(rc()):
+        return Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
 
 
 def open_window(size: Size) -> Figure:
     """A figure of pyplot: it is shown in a window, or in a notebook below its cell."""
     import matplotlib.pyplot as plt  # only here: it chooses how to show windows, which costs time
 
-    with mpl.rc_context(RC):
-        return plt.figure(figsize=size, layout="constrained")
+    with mpl.rc_context(rc()):
+        return plt.figure(figsize=sheet_size(*size), layout="constrained")

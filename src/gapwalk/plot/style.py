@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.continuation.branch import Kind
+from gapwalk.plot.size import points
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"
 BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
@@ -43,6 +44,27 @@ RC: Any = {
     "legend.frameon": False,
     "savefig.dpi": DPI,
     "svg.hashsalt": "gapwalk",  # the same result gives the same file
+    "svg.fonttype": "none",  # text stays text: it can be searched, and set in another font
+    "pdf.fonttype": 42,
+}
+"""The style at the size of a screen; see `rc`."""
+
+_LENGTHS = ("size", "width", "pad")  # ends of the names of what is measured in points
+
+
+def rc() -> Any:
+    """The style at the present size (see `gapwalk.plot.size`), for `matplotlib.rc_context`."""
+    bare = {**_POINTS, **RC}
+    return {
+        name: points(value) if name.endswith(_LENGTHS) and isinstance(value, float) else value
+        for name, value in bare.items()
+    }
+
+
+_POINTS = {
+    f"{axis}tick.{which}.{what}": length
+    for axis in "xy"
+    for which, what, length in (("major", "size", 3.5), ("major", "pad", 3.5))
 }
 
 
@@ -118,7 +140,7 @@ def period_options(rank: int, stable: bool) -> dict[str, Any]:
     return {
         "color": PERIODS[min(rank, len(PERIODS) - 1)],
         "linestyle": "-" if stable else _DASHES,
-        "linewidth": width if stable else 0.45 * width,
+        "linewidth": points(width if stable else 0.45 * width),
         "solid_capstyle": "butt",
     }
 
@@ -128,10 +150,10 @@ def birth_options(rank: int) -> dict[str, Any]:
     return {
         "linestyle": "none",
         "marker": SYMBOLS[Kind.FLIP].marker,
-        "markersize": (4.0, 3.0, 2.0, 1.4)[min(rank, 3)],
+        "markersize": points((4.0, 3.0, 2.0, 1.4)[min(rank, 3)]),
         "markerfacecolor": "white",
         "markeredgecolor": PERIODS[min(rank, len(PERIODS) - 1)],
-        "markeredgewidth": (0.9, 0.7, 0.5, 0.4)[min(rank, 3)],
+        "markeredgewidth": points((0.9, 0.7, 0.5, 0.4)[min(rank, 3)]),
     }
 
 
@@ -141,11 +163,11 @@ def line_options(label: str) -> dict[str, Any]:
     return {
         "color": style.color,
         "linestyle": style.line,
-        "linewidth": style.width,
+        "linewidth": points(style.width),
         "marker": style.marker or None,
-        "markersize": 3.4,
+        "markersize": points(3.4),
         "markerfacecolor": "white",
-        "markeredgewidth": 0.8,
+        "markeredgewidth": points(0.8),
         "solid_capstyle": "butt",
     }
 
@@ -156,8 +178,8 @@ def symbol_options(kind: Kind) -> dict[str, Any]:
     return {
         "linestyle": "none",
         "marker": style.marker,
-        "markersize": style.size,
+        "markersize": points(style.size),
         "markerfacecolor": style.color,
         "markeredgecolor": style.color if kind is Kind.GRAZING else BLACK,
-        "markeredgewidth": 0.9 if kind is Kind.GRAZING else 0.6,
+        "markeredgewidth": points(0.9 if kind is Kind.GRAZING else 0.6),
     }

@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 from gapwalk.errors import ModelError
 from gapwalk.plot.regime_colors import legend_words, regime_color
 from gapwalk.plot.sheet import new_sheet, open_window
-from gapwalk.plot.style import BLACK, BLUE, RC, VERMILLION
+from gapwalk.plot.size import points, takes_size
+from gapwalk.plot.style import BLACK, BLUE, VERMILLION, rc
 from gapwalk.plot.words import parameter_words, state_words
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import Sweep
@@ -34,6 +35,7 @@ _SPARSE = 6e4  # points up to which each is drawn boldly; more of them are faint
 _NAME = 5.0  # width of a letter in a strip, in points
 
 
+@takes_size
 def plot_sweep(
     sweep: Sweep,
     coordinate: str | None = None,
@@ -74,7 +76,7 @@ def plot_sweep(
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
     names = [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)]
     units = sweep.system.units
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure = figure or open_window(SIZE)
         shown = _shown_lanes(sweep)
         above = len(shown) * _STRIP
@@ -150,7 +152,7 @@ def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
             linewidth=0.5,
         )
     texts = [_lane_words(sweep, lane, whole=len(shown) == len(sweep.lanes)) for lane in shown]
-    ax.set_yticks(range(len(shown)), texts, fontsize=8)
+    ax.set_yticks(range(len(shown)), texts, fontsize=points(8))
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.tick_params(axis="both", length=0)
     ax.tick_params(axis="x", labelbottom=False)
@@ -186,7 +188,7 @@ def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
                     text,
                     ha="center",
                     va="center_baseline",
-                    fontsize=6.5,
+                    fontsize=points(6.5),
                     color="white" if _is_dark(regime_color(band.regime)) else BLACK,
                 )
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.waterfall import Waterfall
 from gapwalk.plot.sheet import open_window
-from gapwalk.plot.style import GREY, RC, SIZE
+from gapwalk.plot.size import takes_size
+from gapwalk.plot.style import GREY, SIZE, rc
 from gapwalk.plot.words import parameter_words
 
 _DEPTH = 1e-3  # smallest amplitude that has a colour, relative to the largest
@@ -21,6 +22,7 @@ _TICKS = 8
 _COLOURS = "viridis_r"  # even in grey, and for any form of colour vision
 
 
+@takes_size
 def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _DEPTH) -> Axes:
     """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale.
 
@@ -35,7 +37,7 @@ def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _
     depth
         Smallest amplitude that has a colour, relative to the largest.
     """
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         if ax is None:
             ax = open_window(SIZE).add_subplot()
         places, turns = _way(found.values)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gapwalk.bifurcation.compare import (
     common_range,
@@ -96,6 +95,8 @@ def _paired(
     first: list[_Named], second: list[_Named], compare: Callable[[_Named, _Named], Pair | None]
 ) -> tuple[tuple[Pair, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
     """The pairs of curves that are the same ones, and the names of those that are left over."""
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
     costs = np.full((len(first), len(second)), _FAR)
     found: dict[tuple[int, int], Pair] = {}
     for i, a in enumerate(first):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.notebook.shown import Shown
 from gapwalk.study.result import Result
 
 
@@ -95,7 +96,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class ResultComparison:
+class ResultComparison(Shown):
     """What two results have in common, and what not.
 
     Lengths are shares: of the range of the parameter, and of the range of each measure, over all branches of both.

@@ -16,7 +16,7 @@ from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
-from gapwalk.study.kinds import KINDS, all_keys
+from gapwalk.study.kinds import KINDS, all_keys, part_of
 from gapwalk.study.measure.table import check_measurement
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.reduced.origin import ReducedFrom, reduce_for
@@ -158,13 +158,12 @@ def _validated(
 ) -> tuple[StudyPart | None, list[Problem]]:
     tables = study_tables(source)
     kind = tables[at].get("kind")
-    schema = KINDS.get(kind) if isinstance(kind, str) else None
-    if schema is None:
+    if not isinstance(kind, str) or kind not in KINDS:
         return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys())
-    return validate(schema, tables[at], source, at, lambda: surroundings)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys)
+    return validate(part_of(kind), tables[at], source, at, lambda: surroundings)
 
 
 def _kind_problem(table: Mapping[str, object]) -> str:
@@ -172,7 +171,7 @@ def _kind_problem(table: Mapping[str, object]) -> str:
     if "kind" not in table:
         return f"is missing; it must be one of {known}"
     kind = table["kind"]
-    hint = did_you_mean(kind, list(KINDS)) if isinstance(kind, str) else ""
+    hint = did_you_mean(kind, KINDS) if isinstance(kind, str) else ""
     return f"is {given(kind)}; it must be one of {known}" + (f"; {hint}" if hint.endswith("?") else "")
 
 
@@ -181,7 +180,7 @@ def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
     table = study_tables(source)[at]
     walked = walked_parameters(table)
     kind = table.get("kind")
-    if isinstance(kind, str) and kind in KINDS and "parameter" not in KINDS[kind].model_fields:
+    if isinstance(kind, str) and kind in KINDS and "parameter" not in part_of(kind).model_fields:
         yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
     if walked and not any(name in walked for name in PACES):
         message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"

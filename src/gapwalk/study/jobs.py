@@ -6,13 +6,8 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from gapwalk.study.basins.study import read_basins, work_basins
-from gapwalk.study.family.study import read_family, work_family
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
-from gapwalk.study.regimes.study import read_regimes, work_regimes
-from gapwalk.study.settle.study import read_settled, work_settle
-from gapwalk.study.sweep.study import read_sweep, work_sweep
 
 Report = Callable[..., object]
 """Called with each part when it is done and is in the file, and with the `gapwalk.study.work.pace.Pace` of the job."""
@@ -36,11 +31,43 @@ class Job:
     read: Callable[[Study, Mapping[int, bytes]], Finding]
 
 
-JOBS: dict[str, Job] = {
-    "family": Job(work_family, read_family),
-    "settle": Job(work_settle, read_settled),
-    "sweep": Job(work_sweep, read_sweep),
-    "basins": Job(work_basins, read_basins),
-    "regimes": Job(work_regimes, read_regimes),
-}
-"""The jobs by the kind of study."""
+def _family() -> Job:
+    from gapwalk.study.family.study import read_family, work_family
+
+    return Job(work_family, read_family)
+
+
+def _settle() -> Job:
+    from gapwalk.study.settle.study import read_settled, work_settle
+
+    return Job(work_settle, read_settled)
+
+
+def _sweep() -> Job:
+    from gapwalk.study.sweep.study import read_sweep, work_sweep
+
+    return Job(work_sweep, read_sweep)
+
+
+def _basins() -> Job:
+    from gapwalk.study.basins.study import read_basins, work_basins
+
+    return Job(work_basins, read_basins)
+
+
+def _regimes() -> Job:
+    from gapwalk.study.regimes.study import read_regimes, work_regimes
+
+    return Job(work_regimes, read_regimes)
+
+
+# Each is loaded only when it is asked for: a frequency response need not wait for the code of basins.
+_JOBS = {"family": _family, "settle": _settle, "sweep": _sweep, "basins": _basins, "regimes": _regimes}
+
+JOBS = tuple(_JOBS)
+"""The kinds of study that are jobs."""
+
+
+def job_of(kind: str) -> Job:
+    """The job of a kind of study, one of `JOBS`."""
+    return _JOBS[kind]()

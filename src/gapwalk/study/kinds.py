@@ -2,71 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from functools import cache
+from importlib import import_module
 
-from pydantic import ValidationInfo, field_validator
+from gapwalk.study.tables import StudyPart
 
-from gapwalk.model.fields import Count
-from gapwalk.model.system import System
-from gapwalk.study.basins.table import BasinsPart
-from gapwalk.study.diagram.search_table import SearchPart
-from gapwalk.study.family.table import FamilyPart
-from gapwalk.study.map.table import MapPart
-from gapwalk.study.options import DiagramStudyOptions, ResponseOptions
-from gapwalk.study.regimes.table import RegimesPart
-from gapwalk.study.settle.table import SettlePart
-from gapwalk.study.sweep.table import SweepPart
-from gapwalk.study.tables import BranchPart, StudyPart, Surroundings
-
-
-class ResponsePart(BranchPart):
-    """The study ``kind = "response"``: one branch over one parameter."""
-
-    kind: Literal["response"]
-
-    def options(self, system: System) -> ResponseOptions:
-        """The options of the study of this system."""
-        return ResponseOptions(**self.given(system))
-
-
-class DiagramPart(BranchPart):
-    """The study ``kind = "diagram"``: all branches that are attached to the first one, and those of a search."""
-
-    kind: Literal["diagram"]
-    max_period: Count | None = None
-    max_branches: Count | None = None
-    workers: Count | None = None
-    search: SearchPart | None = None
-
-    @field_validator("search")
-    @classmethod
-    def _lies_in_the_range(cls, search: SearchPart | None, info: ValidationInfo[Surroundings]) -> SearchPart | None:
-        if search is not None:
-            search.check(info.data, info.context.system)
-        return search
-
-    def options(self, system: System) -> DiagramStudyOptions:
-        """The options of the study of this system; limits that are not given have the defaults of the options."""
-        limits = {name: getattr(self, name) for name in ("max_period", "max_branches", "workers")}
-        found = {name: value for name, value in limits.items() if value is not None}
-        if self.search is not None:
-            found |= self.search.options()
-        return DiagramStudyOptions(**self.given(system), **found)
-
-
-KINDS: dict[str, type[StudyPart]] = {
-    "response": ResponsePart,
-    "diagram": DiagramPart,
-    "map": MapPart,
-    "family": FamilyPart,
-    "settle": SettlePart,
-    "sweep": SweepPart,
-    "basins": BasinsPart,
-    "regimes": RegimesPart,
+# Each is loaded only when a file has one: a frequency response need not wait for the code of basins.
+_HOMES = {
+    "response": "branch_table.ResponsePart",
+    "diagram": "branch_table.DiagramPart",
+    "map": "map.table.MapPart",
+    "family": "family.table.FamilyPart",
+    "settle": "settle.table.SettlePart",
+    "sweep": "sweep.table.SweepPart",
+    "basins": "basins.table.BasinsPart",
+    "regimes": "regimes.table.RegimesPart",
 }
-"""The schemas by the value of ``kind``."""
+
+KINDS = tuple(_HOMES)
+"""The values of ``kind``."""
 
 
+def part_of(kind: str) -> type[StudyPart]:
+    """The schema of a kind of study, one of `KINDS`."""
+    module, _, name = _HOMES[kind].rpartition(".")
+    return getattr(import_module(f"gapwalk.study.{module}"), name)
+
+
+@cache
 def all_keys() -> frozenset[str]:
     """The keys of all kinds of study."""
-    return frozenset(info.alias or name for part in KINDS.values() for name, info in part.model_fields.items())
+    return frozenset(info.alias or name for kind in KINDS for name, info in part_of(kind).model_fields.items())

@@ -85,8 +85,14 @@ def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail
 
 
 def _state(walk: StoredWalk) -> TrailState | None:
-    if walk.progress is None:
+    if walk.progress is None and len(walk.points) == 1:
         return None
+    if walk.progress is None:
+        raise StoreError(
+            f"the result holds the first {len(walk.points)} points of a walk by an older gapwalk, whose variables were "
+            "scaled otherwise, so it cannot be gone on with; walk it anew into another file (--output), or over this "
+            "one (--force)"
+        )
     if walk.progress.count != len(walk.points) - 1:
         raise StoreError(f"the result has {len(walk.points)} points, but the walk had {walk.progress.count + 1}")
     previous, point = walk.points[-2:]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
 from gapwalk.study.map.chart import Map
@@ -17,7 +18,7 @@ from gapwalk.verification import Verification
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Shown):
     """What a study has found.
 
     Attributes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
 from gapwalk.study.jobs import JOBS
@@ -16,6 +17,7 @@ from gapwalk.study.result import Result
 from gapwalk.study.run_job import run_job
 from gapwalk.study.store.stored import read
 from gapwalk.study.verify import with_verification
+from gapwalk.study.work.pace import Pace
 
 _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
@@ -25,6 +27,7 @@ _RUNNERS: dict[str, Callable[..., Result]] = {
 }
 
 
+@shows_progress(lambda count, *news: str(news[-1]) if isinstance(news[-1], Pace) else f"{count} parts")
 def run(
     study: Study,
     output: str | os.PathLike[str] | None = None,

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 
 from gapwalk.study.file import Study
-from gapwalk.study.jobs import JOBS
+from gapwalk.study.jobs import job_of
 from gapwalk.study.result import Result
 from gapwalk.study.store.claim import earlier_result
 from gapwalk.study.store.database import lock
@@ -25,7 +25,7 @@ def run_job(
     report: Callable[..., object] | None = None,
 ) -> Result:
     """Run a study of one of the kinds in `gapwalk.study.jobs`; parameters and errors as in `gapwalk.run`."""
-    job = JOBS[study.options.kind]
+    job = job_of(study.options.kind)
     if output is None:
         finding = job.work(study, None, report)
         return Result(study, (), finding.complete, versions(), finding=finding)

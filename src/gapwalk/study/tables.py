@@ -44,15 +44,15 @@ class Surroundings:
         Whether there is no other study in the file.
     taken
         Names of the studies before it.
-    keys
-        The keys of all kinds of study: none of them can name one.
+    all_keys
+        Gives the keys of all kinds of study: none of them can name one.
     """
 
     system: System | None
     frequency_given: bool
     alone: bool = True
     taken: tuple[str, ...] = ()
-    keys: frozenset[str] = frozenset()
+    all_keys: Callable[[], frozenset[str]] = frozenset
 
 
 class WalkPart(Part):
@@ -186,7 +186,7 @@ class StudyPart(Part):
             return None
         if not re.fullmatch(r"\w[\w-]*", name):
             raise ValueError(f"is {given(name)}; write letters, digits, - and _, as in light-load")
-        if name in info.context.keys:
+        if name in info.context.all_keys():
             raise ValueError(f"is {given(name)}, which is a key of studies; choose another name")
         if name.casefold() in (
             other.casefold() for other in info.context.taken

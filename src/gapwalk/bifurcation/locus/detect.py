@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from gapwalk.bifurcation.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
@@ -103,6 +102,8 @@ def _search(
     if not max(abs(at_a), abs(at_b)) >= _NOISE:
         return []  # undefined, or zero all along, as with multipliers that stay on the unit circle without damping
     if at_a * at_b < 0.0:
+        from scipy.optimize import brentq  # imported late: it takes long
+
         root = brentq(lambda s: function(stretch.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
         return [stretch.at(float(root))]
     bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)

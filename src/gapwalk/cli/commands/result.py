@@ -38,12 +38,15 @@ def export(
     result: Path,
     /,
     *,
-    format: Literal["csv", "png", "svg"] | None = None,
+    format: Literal["csv", "png", "svg", "pdf", "html"] | None = None,
     output: Path | None = None,
     measure: str | None = None,
+    size: Literal["screen", "column", "page", "slide"] | None = None,
     debug: Flag = False,
 ) -> int:
-    """Write the tables or the picture of a result file.
+    """Write the tables or the picture of a result file; or a page with its diagram and motions (html).
+
+    The page is one file: it opens in any browser, without a network. A click on a point shows its motion.
 
     Parameters
     ----------
@@ -56,6 +59,9 @@ def export(
         a second file beside it, and so do further tables.
     measure
         What the picture shows, as in max.q1; by default what the study says. Only branches have one.
+    size
+        Where a picture goes: a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
+        slide (250 mm), or a screen.
     debug
         Show the traceback of an error.
     """
@@ -63,7 +69,7 @@ def export(
     def job() -> int:
         from gapwalk.cli.files import export_result
 
-        return export_result(result, format, output, measure)
+        return export_result(result, format, output, measure, size)
 
     return guard(job, debug=debug)
 

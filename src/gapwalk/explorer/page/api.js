@@ -1,5 +1,7 @@
 // What the page asks of the server. Every error becomes a sentence.
 
+import { save } from "./save.js";
+
 export class Refused extends Error {}
 
 /** The answer to a question; `signal` cancels it. */
@@ -19,15 +21,6 @@ export async function download(path, query) {
   if (!response.ok) await answer(response);
   const name = /filename="?([^"]+)"?/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? "gapwalk";
   save(await response.blob(), name);
-}
-
-/** Have the browser save what the page has made. */
-export function save(blob, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
 async function reach(path, options) {

@@ -1,11 +1,13 @@
 // The branches that the page holds: typed arrays, merged as they grow, thinned to what the screen can show.
 
 import { get } from "./api.js";
+import { STABILITY } from "./kinds.js";
 
 const TOLERANCE = 0.2; // pixels by which a thinned line may be off
 
 /** A branch as the server sends it. */
 function unpack(packed) {
+  if (packed.x instanceof Float64Array) return packed; // of a kept page
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   return {
     count: packed.count, name: packed.name, period: packed.period, special: packed.special,
@@ -30,6 +32,17 @@ export class Curves {
     this.generation = 0;
   }
 
+  /** Whether loci are shown: then the picture is about them. */
+  get hasLoci() {
+    return this.subject().some(({ label }) => label[0] >= STABILITY.length);
+  }
+
+  /** The curves that the whole picture is to show: the loci, or where there are none, all. */
+  subject() {
+    const all = [...this.all.values()], loci = all.filter(({ label }) => label[0] >= STABILITY.length);
+    return loci.length ? loci : all;
+  }
+
   /** Forget everything: another file, or other axes. */
   clear() {
     this.all.clear();
@@ -38,8 +51,8 @@ export class Curves {
     this.generation += 1;
   }
 
-  /** Fetch what has changed in the results; whether anything did. */
-  async update(file, axes, results) {
+  /** Fetch what has changed in the results; whether anything did. Loci are wanted where both axes are parameters. */
+  async update(file, axes, plane, results) {
     const generation = this.generation, wanted = [];
     for (const result of results) {
       if (this.versions.get(result.key) === result.version) continue;
@@ -50,13 +63,15 @@ export class Curves {
           if (generation === this.generation && settled) this.settled.set(result.key, { place: settled, title: result.title });
         }));
       }
+      for (const key of [...this.all.keys()]) if (this.all.get(key).result === result.key && this.all.get(key).branch >= result.branches.length) this.all.delete(key);
       result.branches.forEach((branch, number) => {
+        if (branch.second && !plane) return; // a locus is shown in the plane of two parameters
         const key = `${result.key}/${number}`, old = this.all.get(key);
         const grows = old && result.state === "running" && branch.points > old.count;
         if (old && !grows && branch.points === old.count && result.state === "running") return;
         const from = grows ? old.count - 1 : 0;
         wanted.push(get("/api/curve", { ...query, branch: number, from }).then((packed) => {
-          if (generation !== this.generation) return;
+          if (generation !== this.generation || packed.gone) return;
           const found = unpack(packed);
           this.all.set(key, { ...(grows ? merge(old, found) : found), key, result: result.key, branch: number });
         }));

@@ -1,11 +1,17 @@
 // The diagram: Plotly draws it, and this says what is drawn and what a click means.
 
-import { KINDS, Lines } from "./lines.js";
+import { KINDS } from "./kinds.js";
+import { Lines } from "./lines.js";
 
-const DASHES = { stable: "solid", below: "dash", above: "dot", pair: "dashdot" };
+const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
 const SYMBOLS = {
   fold: ["circle", "--above", 8], flip: ["diamond", "--below", 9], "neimark-sacker": ["star", "--pair", 12],
-  "branch-point": ["cross", "--chosen", 10], grazing: ["line-ns-open", "--stop", 9],
+  "branch-point": ["cross", "--cross", 10], grazing: ["line-ns-open", "--stop", 9],
+};
+// points of codimension two, in the symbols of the pictures for print
+const CODIM2 = {
+  cusp: "triangle-up", "fold-flip": "diamond", "fold-neimark-sacker": "cross", "flip-neimark-sacker": "x", "generalised-flip": "triangle-down",
+  "1:1": "square", "1:2": "square-dot", "1:3": "pentagon", "1:4": "hexagon", "degenerate-grazing": "diamond-tall",
 };
 const REACH = 16; // pixels within which a click means a point
 
@@ -66,12 +72,19 @@ export class Diagram {
     this.drawTime = performance.now() - started;
   }
 
+  /** Thin the lines for another window; what Plotly draws stays as it is. */
+  refine() {
+    const { xaxis, yaxis } = this.place._fullLayout, view = { x: xaxis.range, y: yaxis.range };
+    this.lines.thin([...this.curves.all.values()], view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    this.paint();
+  }
+
   paint(moving = false) {
     this.lines.paint(this.place._fullLayout, color, moving);
   }
 
   marks(all) {
-    return [...this.specialPoints(all), this.settledPoints(), this.markTrace()];
+    return [...this.specialPoints(all), this.codim2Points(all), this.settledPoints(), this.markTrace()];
   }
 
   layout(view) {
@@ -101,7 +114,7 @@ export class Diagram {
     const { xaxis, yaxis } = this.place._fullLayout, view = { x: [...xaxis.range], y: [...yaxis.range] };
     const traces = KINDS.map((kind, i) => ({
       type: "scatter", mode: "lines", name: kind, x: this.lines.kinds[i][0], y: this.lines.kinds[i][1],
-      line: { color: color(`--${kind}`), dash: DASHES[kind], width: 2, simplify: false },
+      line: { color: color(`--${kind}`), dash: DASHES[kind] ?? "solid", width: 2, simplify: false },
     }));
     const layout = { ...this.layout(view), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
@@ -115,10 +128,10 @@ export class Diagram {
   extent() {
     let [a, b, c, d] = [Infinity, -Infinity, Infinity, -Infinity];
     const take = (x, y) => { a = Math.min(a, x); b = Math.max(b, x); c = Math.min(c, y); d = Math.max(d, y); };
-    for (const curve of this.curves.all.values()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
-    for (const { place } of this.curves.settled.values()) take(...place);
+    for (const curve of this.curves.subject()) for (let i = 0; i < curve.x.length; i++) take(curve.x[i], curve.y[i]);
+    if (!this.curves.hasLoci) for (const { place } of this.curves.settled.values()) take(...place);
     if (!(a <= b)) return { x: this.names.range ?? [0, 1], y: [0, 1] };
-    const pad = (low, high) => { const p = 0.04 * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
+    const pad = (low, high) => { const p = (this.curves.hasLoci ? 0.15 : 0.04) * (high - low || Math.abs(high) || 1); return [low - p, high + p]; };
     return { x: pad(a, b), y: pad(c, d) };
   }
 
@@ -133,6 +146,20 @@ export class Diagram {
         marker: { symbol, size, color: color(shade), line: { width: kind === "grazing" ? 1.6 : 1, color: color(kind === "grazing" ? "--stop" : "--ink") } },
       };
     });
+  }
+
+  codim2Points(all) {
+    const found = all.flatMap((curve) => curve.special.filter((s) => s.kind.startsWith("codim2 ")).map((s) => ({ ...s, branch: curve.name })));
+    const symbols = found.map((s) => CODIM2[s.kind.slice(7)]);
+    return {
+      type: "scatter", mode: "markers+text", name: "codimension two", x: found.map((s) => s.x), y: found.map((s) => s.y),
+      text: found.map((s) => s.label), textposition: "top center", textfont: { size: 12, color: color("--ink") },
+      customdata: found.map(describe), hovertemplate: "%{customdata}<extra></extra>",
+      marker: {
+        symbol: symbols.map((symbol) => symbol ?? "circle"), size: symbols.map((symbol) => (symbol ? 11 : 6)),
+        color: symbols.map((symbol) => (symbol ? color("--card") : color("--stop"))), line: { width: 1.6, color: color("--ink") },
+      },
+    };
   }
 
   settledPoints() {
@@ -180,9 +207,9 @@ export class Diagram {
       if (this.programmatic) return;
       const { xaxis, yaxis } = this.place._fullLayout;
       this.range = { x: [...xaxis.range], y: [...yaxis.range] };
-      this.paint();
+      this.paint(true);
       clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.later(), 120);
+      this.timer = setTimeout(() => this.refine(), 120);
     });
   }
 }
@@ -194,9 +221,9 @@ function color(name) {
 export function describe(special) {
   const parts = [
     `<b>${escaped(special.text)}</b> on ${escaped(special.branch)}`,
-    `at ${special.value.toPrecision(11)} ± ${special.uncertainty.toExponential(0)}`,
-    escaped(special.change),
-    escaped(special.nature),
+    special.values ? `at ${special.values.map((v) => v.toPrecision(9)).join(", ")}` : `at ${special.value.toPrecision(11)} ± ${special.uncertainty.toExponential(0)}`,
+    escaped(special.change ?? ""),
+    escaped(special.nature ?? ""),
     escaped(special.contact),
   ];
   return parts.filter(Boolean).join("<br>");

@@ -1,11 +1,12 @@
 // The lines of the branches, on a canvas under Plotly's axes: they follow a drag frame by frame, however many they are.
 
 import { thinned } from "./curves.js";
+import { KINDS } from "./kinds.js";
 
-export const KINDS = ["stable", "below", "above", "pair"];
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds
-const DASHES = [[], [8, 4], [2, 3], [9, 3, 2, 3]];
+const DASHES = [[], [8, 4], [2, 3], [9, 3, 2, 3], [], [12, 4], [12, 3, 3, 3], [3, 3]];
+const WIDTHS = [2, 1.7, 1.7, 1.7, 2.6, 2.6, 2.6, 1.8];
 
 export class Lines {
   constructor(canvas) {
@@ -64,7 +65,7 @@ export class Lines {
     draw.lineJoin = "round";
     this.kinds.forEach(([xs, ys], kind) => {
       draw.strokeStyle = color(`--${KINDS[kind]}`);
-      draw.lineWidth = kind ? 1.7 : 2;
+      draw.lineWidth = WIDTHS[kind];
       draw.setLineDash(DASHES[kind]);
       let on = false;
       for (let i = 0; i < xs.length; i++) {

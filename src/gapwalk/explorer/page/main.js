@@ -1,11 +1,13 @@
 // The page: which file, which axes, which point; everything else is asked of the server, which remembers it.
 
-import { download, get, post, save } from "./api.js";
+import { download, get, post } from "./api.js";
+import { choiceAt, fill } from "./choice.js";
 import { Curves } from "./curves.js";
 import { Diagram } from "./diagram.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
 import { showResults } from "./results.js";
+import { save } from "./save.js";
 import { Walker } from "./walker.js";
 
 const $ = (id) => document.getElementById(id);
@@ -16,7 +18,7 @@ const diagram = new Diagram($("diagram"), curves, choose);
 const motion = new MotionView(tell);
 const parameters = new Parameters($("parameters"), $("filter"));
 const walker = new Walker($("diagram"), curves, choose, {
-  w: walk, b: switchBranch, t: settle, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
+  w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
 
 begin().catch(tell);
@@ -28,7 +30,7 @@ async function begin() {
     $("empty").textContent = `There is no model file in ${folder}. Make one: gapwalk new model.toml, and reload this page.`;
     return;
   }
-  options($("file"), files.map((name) => [name, name]));
+  fill($("file"), files.map((name) => [name, name]));
   const wanted = decodeURIComponent(location.hash.slice(1));
   $("file").value = files.includes(wanted) ? wanted : first && files.includes(first) ? first : files[0];
   await open($("file").value);
@@ -43,24 +45,32 @@ async function open(file) {
   hideError();
   $("title").textContent = about.title;
   document.title = `${about.title} – gapwalk`;
-  const names = about.parameters.map(({ name, words }) => [name, words === name || name === "frequency" ? words : name]);
-  const measures = about.measures.map(({ name, words }) => [name, words]);
-  options($("x"), [...names, ...measures]);
-  options($("y"), [...measures, ...names]);
-  options($("walk-parameter"), names);
-  options($("signal"), about.signals.map((name) => [name, name]));
-  options($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
+  const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : name, words]);
+  const measures = about.measures.map(({ name, words }) => [name, words.replace(/ \(.*\)$/, ""), words]);
+  fill($("x"), [...names, ...measures]);
+  fill($("y"), [...measures, ...names]);
+  fill($("walk-parameter"), names);
+  fill($("locus-parameter"), names);
+  fill($("signal"), about.signals.map((name) => [name, name]));
+  fill($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
   $("study-row").hidden = about.studies.length < 2;
+  page.names = new Set(names.map(([name]) => name));
   [$("x").value, $("y").value, $("walk-parameter").value] = [about.x, about.y, about.x];
+  $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
   $("walk-to").value = about.range.at(-1) ?? "";
   showPlan();
   parameters.show(about.parameters);
+  showLocusRange();
   diagram.range = null;
   await show(about.results);
 }
 
 function forget() {
   curves.clear();
+  chooseNothing();
+}
+
+function chooseNothing() {
   motion.clear();
   page.chosen = null;
   diagram.mark = null;
@@ -72,7 +82,8 @@ async function show(results) {
   page.results = results;
   showResults($("results"), results, actOn);
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
-  $("status").textContent = busy.length ? `${busy[0].title}: ${busy[0].branches.reduce((s, b) => s + b.points, 0)} points` : "";
+  const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
+  $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
   if (page.updating) return void (page.again = true);
   page.updating = true;
   try {
@@ -80,7 +91,7 @@ async function show(results) {
       page.again = false;
       const file = page.about?.file;
       if (!file) break;
-      const fresh = await curves.update(file, axes(), page.results);
+      const fresh = await curves.update(file, axes(), isPlane(), page.results);
       if (fresh || !diagram.ready) drawDiagram();
     } while (page.again);
   } catch (error) {
@@ -92,14 +103,16 @@ async function show(results) {
 }
 
 function drawDiagram() {
-  const name = (id) => ($(id).selectedOptions[0]?.textContent ?? "").replace(/ \(.*\)$/, "");
+  const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   diagram.draw();
+  $("legend").classList.toggle("plane", isPlane());
   $("empty").hidden = curves.all.size + curves.settled.size > 0;
   document.body.dataset.branches = curves.all.size;
 }
 
 const axes = () => ({ x: $("x").value, y: $("y").value });
+const isPlane = () => Boolean(page.names?.has($("x").value) && page.names.has($("y").value));
 
 /** A point was chosen: { curve, index }, or { settled: result }. */
 function choose(found) {
@@ -110,18 +123,18 @@ function choose(found) {
     page.chosen = { start: { result: found.settled }, title: title ?? found.settled };
     diagram.choose(null, 0, place ?? null);
   } else {
-    const { curve, index } = found, node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
-    const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
-    const at = `${$("x").value === "frequency" ? "Ω" : $("x").value} = ${curve.x[index].toPrecision(8)}`;
-    page.chosen = { start, special, curve, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
-    walker.stand(curve, index);
-    diagram.choose(curve, index);
+    page.chosen = choiceAt(found, $("x").value);
+    walker.stand(found.curve, found.index);
+    diagram.choose(found.curve, found.index);
   }
   $("chosen").textContent = page.chosen.title;
+  if (page.chosen.special?.has_locus) $("locus-part").open = true;
   enable();
   const chosen = page.chosen;
   motion.show({ file, ...chosen.start }, chosen.title).then((shown) => {
-    if (shown && page.chosen === chosen) parameters.take(shown.parameters);
+    if (!shown || page.chosen !== chosen) return;
+    parameters.take(shown.parameters);
+    showLocusRange();
   });
 }
 
@@ -131,7 +144,10 @@ function enable() {
   const over = start && ["done", "stopped", "failed"].includes(page.results.find((r) => r.key === start.result)?.state);
   $("walk").disabled = !over;
   $("settle").disabled = !page.about || (start && !over);
-  $("switch").disabled = !over || !["flip", "branch-point"].includes(chosen.special?.kind);
+  $("switch").disabled = !over || !chosen.special?.switches;
+  $("locus").disabled = !over || !chosen.special?.has_locus;
+  $("locus-hint").hidden = Boolean(chosen?.special?.has_locus);
+  $("search").disabled = !page.about || (start && !over);
   $("compute").disabled = $("compute-values").disabled = !page.about;
   if (!chosen) $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
 }
@@ -164,6 +180,38 @@ function switchBranch() {
   act({ do: "switch", start, low, high });
 }
 
+/** Where to search, or to follow a locus: the range of the branch of the chosen point, or of the file. */
+function rangeAround() {
+  const start = page.chosen?.start, branch = start && page.results.find((r) => r.key === start.result)?.branches[start.branch];
+  const [parameter, range] = branch ? [branch.parameter, branch.range] : [page.about.x, page.about.range];
+  const [low, high] = [Math.min(...range), Math.max(...range)];
+  return { parameter, low, high };
+}
+
+function search() {
+  if ($("search").disabled) return;
+  const count = $("search-count").valueAsNumber, { parameter, low, high } = rangeAround();
+  if (!Number.isInteger(count)) return tell(new Error("Write into the field “at … values” at how many values to search, as in 60."));
+  if (!Number.isFinite(low)) return tell(new Error("Choose a point of a branch first: the search covers the range of its parameter."));
+  const known = page.results.filter((r) => r.branches.length && ["done", "stopped", "failed"].includes(r.state)).map((r) => r.key);
+  act({ do: "search", start: page.chosen?.start ?? null, parameter, low, high, count, known });
+}
+
+async function followLocus() {
+  if ($("locus").disabled) return;
+  const second = $("locus-parameter").value, { parameter, low, high } = rangeAround();
+  const [from, to] = [$("locus-low").valueAsNumber, $("locus-high").valueAsNumber];
+  if (!Number.isFinite(from + to)) return tell(new Error("Write the range of the second parameter into the fields “from” and “to”."));
+  const key = await act({ do: "locus", start: page.chosen.start, low, high, second, second_low: from, second_high: to });
+  if (key !== undefined) await showAxes(parameter, second);
+}
+
+/** The second parameter of a locus, by default from half to one and a half of its value. */
+function showLocusRange() {
+  const name = $("locus-parameter").value, value = Number(parameters.base.get(name) ?? 0), reach = Math.abs(value) / 2 || 1;
+  [$("locus-low").value, $("locus-high").value] = [value - reach, value + reach].map((v) => Number(v.toPrecision(4)));
+}
+
 function settle() {
   if ($("settle").disabled) return;
   act({ do: "settle", start: page.chosen?.start ?? null, values: parameters.changes });
@@ -174,7 +222,7 @@ async function actOn(word, result) {
   const file = page.about.file;
   try {
     hideError();
-    if (word === "show") return choose({ settled: result.key });
+    if (word === "show") return await showResult(result);
     if (["pause", "continue", "stop", "resume"].includes(word)) return await post(`/api/job/${word}`, { file, result: result.key });
     const query = { file, result: result.key };
     if (word === "model") {
@@ -202,10 +250,6 @@ function showPlan() {
   $("plan").textContent = page.about.studies.find(({ name }) => name === $("study").value)?.plan ?? "";
 }
 
-function options(select, pairs) {
-  select.replaceChildren(...pairs.map(([value, text]) => new Option(text, value)));
-}
-
 function tell(error) {
   $("error").hidden = false;
   $("error").querySelector("p").textContent = error.message;
@@ -216,10 +260,30 @@ function hideError() {
   $("error").hidden = true;
 }
 
+/** Show a result where it belongs: the plane of its locus, or its parameter and the measure of the file. */
+async function showResult(result) {
+  if (result.settled) return choose({ settled: result.key });
+  const locus = result.branches.find(({ second }) => second), shown = locus ?? result.branches[0];
+  await showAxes(shown.parameter || page.about.x, locus ? locus.second : page.about.y);
+}
+
+async function showAxes(x, y) {
+  if ($("x").value === x && $("y").value === y) return;
+  [$("x").value, $("y").value] = [x, y];
+  await changeAxes();
+}
+
+/** Other axes: the chosen point stays chosen. */
 async function changeAxes() {
-  forget();
-  diagram.range = null;
+  const { chosen } = page;
+  curves.clear();
+  diagram.mark = diagram.range = null;
   await show(page.results);
+  if (page.chosen !== chosen || !chosen) return;
+  const curve = chosen.curve && curves.all.get(chosen.curve.key);
+  if (curve) Object.assign(chosen, { curve });
+  if (curve) diagram.choose(curve, chosen.index);
+  else if (chosen.curve) chooseNothing(); // it is not shown here
 }
 
 $("file").addEventListener("change", () => open($("file").value).catch((error) => { drawDiagram(); showResults($("results"), [], actOn); tell(error); }));
@@ -231,6 +295,9 @@ $("compute-values").addEventListener("click", () => compute(parameters.changes))
 $("walk").addEventListener("click", walk);
 $("switch").addEventListener("click", switchBranch);
 $("settle").addEventListener("click", settle);
+$("search").addEventListener("click", search);
+$("locus").addEventListener("click", followLocus);
+$("locus-parameter").addEventListener("change", showLocusRange);
 $("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
 $("fit").addEventListener("click", () => diagram.fit());
 $("nearer").addEventListener("click", () => diagram.zoom(0.5));

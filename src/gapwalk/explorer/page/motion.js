@@ -6,7 +6,7 @@ import { chart } from "./chart.js";
 import { Sound } from "./sound.js";
 
 const $ = (id) => document.getElementById(id);
-const TAB = crypto.randomUUID();
+const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
 
 export class MotionView {
   constructor(tell) {
@@ -67,7 +67,7 @@ export class MotionView {
       document.body.dataset.shownAfter = this.shownAfter.toFixed(1);
       this.sound.play(this.motion, this.coordinate);
       const details = await get("/api/details", query, request.signal);
-      if (!request.signal.aborted) this.drawDetails(details);
+      if (details && !request.signal.aborted) this.drawDetails(details);
     } catch (error) {
       if (error.name !== "AbortError" && !/superseded/.test(error.message)) this.tell(error);
     }

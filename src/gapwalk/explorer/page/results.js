@@ -14,7 +14,9 @@ function item(result, act) {
   li.dataset.key = result.key;
   li.dataset.state = result.state;
   const points = result.branches.reduce((sum, branch) => sum + branch.points, 0);
-  const counts = result.branches.length ? `${count(result.branches.length, "branch", "branches")}, ${count(points, "point", "points")}` : "";
+  const loci = result.branches.filter(({ second }) => second).length, branches = result.branches.length - loci;
+  const parts = [[branches, "branch", "branches"], [loci, "locus", "loci"], [points, "point", "points"]];
+  const counts = parts.filter(([number]) => number).map((part) => count(...part)).join(", ");
   const state = [WORDS[result.state], counts].filter(Boolean).join(": ");
   li.append(text("div", "", result.title), text("div", `state ${result.state}`, state));
   if (result.message) li.append(text("div", `message ${result.state}`, result.message));
@@ -37,7 +39,7 @@ function item(result, act) {
   if (["running", "paused", "queued"].includes(result.state)) add("stop", "Stop", "Stop it; what it has found is kept");
   if (result.can_go_on && result.state === "stopped") add("resume", "Go on", "Go on where it was stopped");
   if (["done", "stopped"].includes(result.state)) {
-    if (result.settled) add("show", "Show", "Show the settled motion");
+    if (result.settled || result.branches.length) add("show", "Show", result.settled ? "Show the settled motion" : "Show the diagram, or the plane, of this result");
     add("table", "CSV", "Save the points as a table");
     add("script", "Python", "Save the Python script that repeats it");
     add("model", "Model", "Save a model file that walks from the chosen point");

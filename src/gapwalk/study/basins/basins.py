@@ -12,10 +12,12 @@ from gapwalk.attractor.box import Box, Range, Window
 from gapwalk.attractor.catalogue import Effort
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
 from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
 from gapwalk.study.grid import check_resolution
-from gapwalk.study.store.cell_store import CellStore, undamaged
+from gapwalk.study.store.cell_store import CellStore
+from gapwalk.study.store.trust import undamaged
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
 
@@ -63,6 +65,7 @@ class BasinOptions:
         return Effort(self.longest, self.max_period, self.tries)
 
 
+@shows_progress(lambda count, part, pace: str(pace))
 def basins(
     system: System,
     plane: Mapping[str, Sequence[float]],

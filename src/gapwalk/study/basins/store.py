@@ -12,8 +12,10 @@ from gapwalk.attractor.basins import Basins, Check
 from gapwalk.attractor.box import Box, Window
 from gapwalk.attractor.plain import attractor_of, plain_attractor
 from gapwalk.model.system import System
-from gapwalk.study.store.cell_store import Arrays, read_cells, text_array, text_value, undamaged
+from gapwalk.study.store.arrays import Arrays
+from gapwalk.study.store.cell_store import read_cells, text_array, text_value
 from gapwalk.study.store.plain import plain_system, system_of
+from gapwalk.study.store.trust import undamaged
 
 KIND = "basins"
 

@@ -12,12 +12,13 @@ from gapwalk.bifurcation.departure import depart, directions
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.bifurcation.search import SearchOptions, coverage, search
+from gapwalk.bifurcation.search import Progress, SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -89,6 +90,7 @@ class _Piece:
     method: Method | None
 
 
+@shows_progress(lambda count, diagram, limb: f"{len(diagram.limbs)} branches, last {limb.name}")
 def diagram(
     system: System,
     parameter: str,
@@ -133,6 +135,12 @@ def diagram(
     return grow(orbit, parameter, to, options, walk, method, report, resume).diagram
 
 
+def empty_diagram(parameter: str, to: tuple[float, float]) -> Diagram:
+    """A diagram without branches yet; the range may be given either way round."""
+    low, high = sorted((float(to[0]), float(to[1])))
+    return Diagram(parameter, (low, high))
+
+
 def grow(
     orbit: Orbit,
     parameter: str,
@@ -145,30 +153,64 @@ def grow(
 ) -> Growth:
     """The diagram from a first orbit, and whether it is finished; parameters and errors as in `diagram`."""
     options = options or DiagramOptions()
-    low, high = sorted((float(to[0]), float(to[1])))
-    directions(orbit.system[parameter], (low, high))  # refuses a range that does not hold the start
-    known = resume or Diagram(parameter, (low, high))
-    # what could not be done before is tried again, and noted again
-    grower = _Grower(replace(known, notes=(), failures=(), complete=False), options, walk, method, report)
-    try:
-        with workers(options.workers) as hands:
-            grower.plant_first(orbit, hands)
-            if options.search_values and grower.diagram.limbs and not grower.truncated:
-                grower.search(orbit.system, hands)
-    except KeyboardInterrupt:
-        return Growth(grower.diagram, finished=False)
-    return Growth(replace(grower.diagram, complete=not grower.truncated), finished=True)
+    known = resume or empty_diagram(parameter, to)
+    directions(orbit.system[parameter], known.within)  # refuses a range that does not hold the start
+    grower = Grower(known, options, walk, method, report)
+
+    def work(hands: Workers) -> None:
+        grower.plant_first(orbit, hands)
+        if options.search_values and grower.diagram.limbs and not grower.truncated:
+            grower.search(orbit.system, hands)
+
+    return grower.grow(work)
 
 
-class _Grower:
-    """Grows one diagram, generation by generation."""
+class Grower:
+    """Grows one diagram, generation by generation.
 
-    def __init__(self, known: Diagram, options: DiagramOptions, walk, method, report: Report | None) -> None:
-        self.diagram, self.options, self.walk, self.method = known, options, walk, method
-        self.report = report
+    Parameters
+    ----------
+    known
+        What there is of it already.
+    options, walk, method, report
+        As in `diagram`.
+    apart
+        Branches that are known and do not belong to it: what lies on one of them is not added.
+    searching
+        Called with the progress of a search.
+    """
+
+    def __init__(
+        self,
+        known: Diagram,
+        options: DiagramOptions,
+        walk: WalkOptions | None = None,
+        method: Method | None = None,
+        report: Report | None = None,
+        apart: Sequence[Branch] = (),
+        searching: Callable[[Progress], None] | None = None,
+    ) -> None:
+        # what could not be done before is tried again, and noted again
+        self.diagram = replace(known, notes=(), failures=(), complete=False)
+        self.options, self.walk, self.method = options, walk, method
+        self.report, self.apart, self.searching = report, tuple(apart), searching
         self.truncated = False
         self._tried: set[tuple[Origin, int]] = set()
         self._curves: list[Curve] = []
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """All branches that are known, those apart first."""
+        return (*self.apart, *self.diagram.branches)
+
+    def grow(self, work: Callable[[Workers], None]) -> Growth:
+        """Do some work with many hands; Ctrl-C ends it, and keeps what there is."""
+        try:
+            with workers(self.options.workers) as hands:
+                work(hands)
+        except KeyboardInterrupt:
+            return Growth(self.diagram, finished=False)
+        return Growth(replace(self.diagram, complete=not self.truncated), finished=True)
 
     def plant_first(self, orbit: Orbit, hands: Workers) -> None:
         """Add the branch through the first orbit, and all that grows from it.
@@ -191,9 +233,10 @@ class _Grower:
                 system,
                 self.diagram.parameter,
                 self._search_values(),
-                known=self.diagram.branches,
+                known=self.branches,
                 options=self.options.search,
                 hands=hands,
+                report=self.searching,
             )
         notes = (*self.diagram.notes, *coverage(result))
         self.diagram = replace(self.diagram, search=result, notes=notes)
@@ -240,7 +283,7 @@ class _Grower:
             return not is_attached(self.diagram, origin, needed) and not self._full()
 
         def accept(index: int, branch: Branch | str) -> None:
-            if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.diagram.branches):
+            if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.branches):
                 return
             self._accept(branch, buds[index][0])
 
@@ -256,7 +299,7 @@ class _Grower:
 
     def _all_curves(self) -> list[Curve]:
         """The branches as curves, each made once."""
-        self._curves += [Curve(branch) for branch in self.diagram.branches[len(self._curves) :]]
+        self._curves += [Curve(branch) for branch in self.branches[len(self._curves) :]]
         return self._curves
 
     def _full(self) -> bool:

@@ -11,7 +11,7 @@ from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.diagram.diagram import grow
+from gapwalk.study.diagram.diagram import empty_diagram, grow
 from gapwalk.study.diagram.store import DiagramStore
 from gapwalk.study.file import Study
 from gapwalk.study.options import DiagramStudyOptions
@@ -37,7 +37,9 @@ def run_diagram(
     """Run the study of a diagram; parameters and errors as in `gapwalk.run`."""
     with nullcontext() if output is None else lock(output):
         earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
-        found = StoredDiagram(_empty(study.options), finished=False) if earlier is None else earlier.found
+        walked = study.walked
+        empty = StoredDiagram(empty_diagram(walked.parameter, (walked.begin, walked.end)), finished=False)
+        found = empty if earlier is None else earlier.found
         assert isinstance(found, StoredDiagram)  # the study is the same
         if report is not None:
             _report_again(found.diagram, report)
@@ -78,11 +80,6 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
 def _first_orbit(study: Study) -> Orbit:
     options = study.walked
     return find_orbit(study.system, options.period, options.start, method=options.method)
-
-
-def _empty(options) -> Diagram:
-    low, high = sorted((options.begin, options.end))
-    return Diagram(options.parameter, (low, high))
 
 
 def _report_again(known: Diagram, report: Report) -> None:

@@ -11,6 +11,7 @@ from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.study.family.job import FamilyJob, Report, Walk
 from gapwalk.study.family.options import FamilyOptions
@@ -20,6 +21,7 @@ from gapwalk.study.family.store import FamilyStore
 from gapwalk.study.work.workers import Workers, workers
 
 
+@shows_progress(lambda count, part, pace: str(pace))
 def family(
     system: System,
     parameter: str,

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.motion.unit import size_of
 from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.family.member import Place
 
 LIMIT = 0.25
@@ -26,6 +27,8 @@ def nearest_pairs(
     To leave one alone costs half of the limit, so that what is born or vanishes between the members is not forced upon
     what goes on.
     """
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
     if not left or not right:
         return []
     rows, columns = list(left), list(right)
@@ -46,9 +49,9 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
     if (a.kind, a.contact, a.orbit.period) != (b.kind, b.contact, b.orbit.period):
         return np.inf
     width = within[1] - within[0]
-    return float(np.hypot((a.value - b.value) / width, _apart(stroboscopic(a.orbit), b.orbit.state)))
+    return float(np.hypot((a.value - b.value) / width, _apart(stroboscopic(a.orbit), b.orbit)))
 
 
-def _apart(states: NDArray[np.float64], state: NDArray[np.float64]) -> float:
+def _apart(states: NDArray[np.float64], orbit: Orbit) -> float:
     """Relative distance of two motions, which may begin at different forcing periods."""
-    return float(np.abs(states - state).max(axis=1).min() / (1.0 + np.abs(state).max()))
+    return float(np.abs(states - orbit.state).max(axis=1).min() / size_of(orbit.state, orbit.system))

@@ -11,6 +11,7 @@ from typing import Any
 
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.member import Member, Place
 from gapwalk.study.family.over import Over
@@ -51,7 +52,7 @@ class Strand:
 
 
 @dataclass(frozen=True)
-class Family:
+class Family(Shown):
     """The branches of one system along one parameter, repeated for several values of another one.
 
     Attributes

@@ -20,10 +20,12 @@ from gapwalk.study.family.member import Member
 from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.record import Family
-from gapwalk.study.store.cell_store import Arrays, CellStore, parted, undamaged
+from gapwalk.study.store.arrays import Arrays
+from gapwalk.study.store.cell_store import CellStore, parted
 from gapwalk.study.store.chunk_store import read_chunks
 from gapwalk.study.store.plain import plain_system, system_of
 from gapwalk.study.store.plain_options import plain_method
+from gapwalk.study.store.trust import undamaged
 
 KIND = "family"
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.notebook.shown import Shown
 from gapwalk.study.map.options import KINDS
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -40,7 +41,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Map:
+class Map(Shown):
     """The loci in the plane of two parameters.
 
     Attributes

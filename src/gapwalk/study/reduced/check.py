@@ -8,7 +8,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 
 from gapwalk.errors import NumericalError
-from gapwalk.reduction.branch_check import BranchCheck
 from gapwalk.study.reduced.full_check import FullCheck, plain_checks
 from gapwalk.study.result import Result
 from gapwalk.study.store.database import close_whole, lock, open_to_write, transaction
@@ -34,6 +33,8 @@ def with_checks(result: Result, output: str | os.PathLike[str] | None) -> Result
 
 
 def _check(result: Result, name: str, index: int) -> FullCheck:
+    from gapwalk.reduction.branch_check import BranchCheck  # only now: few studies need it
+
     origin = result.study.reduced
     assert origin is not None
     assert origin.reduction is not None

@@ -12,11 +12,13 @@ from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.find import initial_state
 from gapwalk.study.grid import check_parameters, check_resolution
 from gapwalk.study.regimes.job import Places, Plan, RegimeChunk, RegimeJob, Report
 from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
-from gapwalk.study.store.cell_store import CellStore, undamaged
+from gapwalk.study.store.cell_store import CellStore
+from gapwalk.study.store.trust import undamaged
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
 
@@ -67,6 +69,7 @@ class RegimeMapOptions:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 0")
 
 
+@shows_progress(lambda count, part, pace: str(pace))
 def regimes(
     system: System,
     plane: Mapping[str, Sequence[float]],

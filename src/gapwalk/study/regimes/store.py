@@ -10,8 +10,10 @@ from gapwalk.attractor.judge import Verdicts
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
 from gapwalk.model.system import System
 from gapwalk.study.regimes.job import Plan
-from gapwalk.study.store.cell_store import Arrays, read_cells, text_array, text_value, undamaged
+from gapwalk.study.store.arrays import Arrays
+from gapwalk.study.store.cell_store import read_cells, text_array, text_value
 from gapwalk.study.store.plain import plain_system, system_of
+from gapwalk.study.store.trust import undamaged
 
 KIND = "regimes"
 

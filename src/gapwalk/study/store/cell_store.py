@@ -5,12 +5,9 @@ All is kept as arrays, bit for bit, and as JSON text; nothing in a file can run.
 
 from __future__ import annotations
 
-import io
 import json
 import os
-import zipfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any
 
@@ -18,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import StoreError
+from gapwalk.study.store.arrays import Arrays, pack_arrays, unpack_arrays
 from gapwalk.study.store.chunk_store import open_chunks, read_chunks
-
-Arrays = Mapping[str, NDArray[Any]]
-"""Arrays of numbers or text by name."""
+from gapwalk.study.store.trust import undamaged
 
 
 class CellStore:
@@ -52,12 +48,12 @@ class CellStore:
 
     def add(self, number: int, arrays: Arrays) -> None:
         """Write a chunk; a StoreError if that cannot be done."""
-        self._store.add(number, _pack(arrays))
+        self._store.add(number, pack_arrays(arrays))
 
     def finish(self, arrays: Arrays) -> None:
         """Write the result, unless it is there already."""
         if self.result is None:
-            self._store.add(self._count, _pack(arrays))
+            self._store.add(self._count, pack_arrays(arrays))
 
     def __enter__(self) -> CellStore:
         return self
@@ -101,44 +97,13 @@ def text_value(array: NDArray[Any]) -> Any:
     return json.loads(str(array))
 
 
-@contextmanager
-def undamaged(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn what goes wrong when the content of a file is taken apart into a StoreError."""
-    try:
-        yield
-    except StoreError:
-        raise
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
-
-
 def parted(
     path: str | os.PathLike[str], known: Mapping[int, bytes], count: int
 ) -> tuple[dict[int, Arrays], Arrays | None]:
     """The chunks by number, and the result if it is there."""
     with undamaged(path):
-        unpacked = {number: _unpack(data) for number, data in known.items()}
+        unpacked = {number: unpack_arrays(data) for number, data in known.items()}
         result = unpacked.pop(count, None)
         if any(number > count for number in unpacked):
             raise ValueError(f"there are more than {count} chunks")
         return unpacked, result
-
-
-def _pack(arrays: Arrays) -> bytes:
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **dict(arrays))
-    return content.getvalue()
-
-
-def _unpack(data: bytes) -> Arrays:
-    """The arrays of these bytes; a ValueError if they are none."""
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as parts:
-            return dict(_items(parts))
-    except (LookupError, OSError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        raise ValueError(f"the parts of a chunk are missing ({error})") from error
-
-
-def _items(parts: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name in parts.files:
-        yield name, parts[name]

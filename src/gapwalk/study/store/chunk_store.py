@@ -16,10 +16,14 @@ from typing import Any, Protocol, runtime_checkable
 
 from gapwalk.errors import StoreError
 from gapwalk.study.store.database import check_readable, close_whole, explained, lock, transaction
+from gapwalk.study.store.trust import Format, checked_parts, tables, undamaged
 from gapwalk.study.store.versions import versions
 
 APPLICATION = 0x67617063
 """What marks a SQLite file as a chunk store: the letters gapc."""
+
+SCHEMA = 1
+"""Version of the tables below and of what stands in them; files from before it was counted have 0, and are the same."""
 
 TABLES = (
     """CREATE TABLE job (
@@ -33,6 +37,7 @@ TABLES = (
 )""",
 )
 
+_FORMAT = Format(APPLICATION, SCHEMA, (tables(TABLES),), "does not hold the results of a job; choose another name")
 _VERSIONS = "versions"
 
 
@@ -86,9 +91,9 @@ class ChunkStore:
                 self._connection = stack.enter_context(closing(sqlite3.connect(path, isolation_level=None)))
                 is_new = _is_empty(self._connection)
                 if is_new:
-                    self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
+                    _FORMAT.begin(self._connection)
                 else:
-                    _check_tables(path, self._connection)
+                    _FORMAT.check(path, self._connection)
                 self._connection.execute("PRAGMA journal_mode = WAL")
                 self._connection.execute("PRAGMA synchronous = NORMAL")
             with transaction(path, self._connection):
@@ -106,7 +111,8 @@ class ChunkStore:
         StoreError
             If the file is damaged.
         """
-        return _chunks(self.path, self._connection)
+        with explained(self.path), undamaged(self.path):
+            yield from checked_parts(self._connection)
 
     def add(self, number: int, data: bytes) -> None:
         """Write a result; once this returns it is safe.
@@ -139,7 +145,9 @@ class ChunkStore:
             for table in TABLES:
                 self._connection.execute(table)
         else:
-            about = _about(self.path, self._connection)
+            _FORMAT.renew(self.path, self._connection)
+            with undamaged(self.path):
+                about = _about(self._connection)
             before = about.pop(_VERSIONS)
             _check_same(os.fspath(self.path), json.loads(json.dumps(job)), about)
         for key, value in (job | {_VERSIONS: versions(before)}).items():
@@ -156,9 +164,10 @@ def read_chunks(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[int,
     """
     check_readable(path)
     with explained(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        _check_tables(path, connection)
         connection.execute("BEGIN")
-        return _about(path, connection), dict(_chunks(path, connection))
+        _FORMAT.check(path, connection)
+        with undamaged(path):
+            return _about(connection), dict(checked_parts(connection))
 
 
 def _is_empty(connection: sqlite3.Connection) -> bool:
@@ -167,32 +176,10 @@ def _is_empty(connection: sqlite3.Connection) -> bool:
     return count == 0 and application in (0, APPLICATION)
 
 
-def _check_tables(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """A StoreError unless the file is a chunk store; nothing in a stranger's file may run."""
-    connection.execute("PRAGMA trusted_schema = OFF")
-    (application,) = connection.execute("PRAGMA application_id").fetchone()
-    found = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")}
-    if application != APPLICATION:
-        raise StoreError(f"{os.fspath(path)} does not hold the results of a job; choose another name")
-    if found != set(TABLES):
-        raise StoreError(f"{os.fspath(path)} is damaged: its tables are not those of a job")
-
-
-def _about(path: str | os.PathLike[str], connection: sqlite3.Connection) -> dict[str, Any]:
-    try:
-        about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM job")}
-        about[_VERSIONS] = {str(name): str(version) for name, version in about[_VERSIONS].items()}
-        return about
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
-
-
-def _chunks(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[tuple[int, bytes]]:
-    with explained(path):
-        for number, data, checksum in connection.execute("SELECT number, data, checksum FROM chunk ORDER BY number"):
-            if not isinstance(data, bytes) or zlib.crc32(data) != checksum:
-                raise StoreError(f"{os.fspath(path)} is damaged: the checksum of result {number} is wrong")
-            yield number, data
+def _about(connection: sqlite3.Connection) -> dict[str, Any]:
+    about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM job")}
+    about[_VERSIONS] = {str(name): str(version) for name, version in about[_VERSIONS].items()}
+    return about
 
 
 def _check_same(name: str, job: Mapping[str, Any], before: Mapping[str, Any]) -> None:

@@ -9,12 +9,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from gapwalk import __version__
 from gapwalk.errors import StoreError
 from gapwalk.study.store.layout import EXTRA_TABLES, SCHEMA, TABLES
+from gapwalk.study.store.older import OLDER
+from gapwalk.study.store.trust import Format, tables
 
 APPLICATION = 0x67617077
 """What marks a SQLite file as a result of gapwalk: the letters gapw."""
+
+RESULT = Format(
+    APPLICATION,
+    SCHEMA,
+    tuple({tables((*TABLES, *extra)) for extra in ((), *EXTRA_TABLES.values())}),
+    "is no result file of gapwalk",
+    OLDER,
+)
+"""What a result file is known by."""
 
 _LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
 _SIDE_FILES = ("-wal", "-shm", "-journal")
@@ -38,8 +48,9 @@ def reading(path: str | os.PathLike[str]) -> Iterator[sqlite3.Connection]:
     with explained(path):
         connection = _open_to_read(path)
         try:
-            _check_tables(path, connection)
             connection.execute("BEGIN")
+            if RESULT.check(path, connection) is not None:
+                connection = _renewed_copy(path, connection)
             yield connection
         finally:
             connection.close()
@@ -54,8 +65,7 @@ def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
         If it cannot be written.
     """
     with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
-        connection.execute(f"PRAGMA application_id = {APPLICATION}")
-        connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        RESULT.begin(connection)
         connection.execute("BEGIN IMMEDIATE")
         for table in (*TABLES, *EXTRA_TABLES.get(kind, ())):
             connection.execute(table)
@@ -65,9 +75,11 @@ def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
 def open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
     """An existing result file, such that what is committed survives the death of this process at any moment."""
     with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
-        _check_tables(path, connection)
+        RESULT.check(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
+        with transaction(path, connection):
+            RESULT.renew(path, connection)
         return connection
 
 
@@ -168,21 +180,17 @@ def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:
     return connection
 
 
-def _check_tables(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-    """A StoreError unless the file is a result that this version understands; nothing in a stranger's file may run."""
-    connection.execute("PRAGMA trusted_schema = OFF")
-    (application,) = connection.execute("PRAGMA application_id").fetchone()
-    if application != APPLICATION:
-        raise StoreError(f"{os.fspath(path)} is no result file of gapwalk")
-    (version,) = connection.execute("PRAGMA user_version").fetchone()
-    if version > SCHEMA:
-        raise StoreError(
-            f"{os.fspath(path)} was written by a newer gapwalk (its schema is {version}); this is gapwalk "
-            f"{__version__}, which reads schemas up to {SCHEMA}: update gapwalk"
-        )
-    found = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")}
-    if found not in [{*TABLES, *extra} for extra in ((), *EXTRA_TABLES.values())]:
-        raise StoreError(f"{os.fspath(path)} is damaged: its tables are not those of a result")
+def _renewed_copy(path: str | os.PathLike[str], connection: sqlite3.Connection) -> sqlite3.Connection:
+    """The content of a file from an older gapwalk as this one writes it, in memory: who only looks changes no file."""
+    copy = sqlite3.connect(":memory:", isolation_level=None)
+    try:
+        connection.backup(copy)
+        RESULT.renew(path, copy)
+    except BaseException:
+        copy.close()
+        raise
+    connection.close()
+    return copy
 
 
 def _explain(name: str, error: Exception) -> str:

@@ -1,11 +1,11 @@
 """The tables of a result file: those that every file has, and those of some kinds of study."""
 
-SCHEMA = 1
-"""Version of the tables below; a file with a larger one comes from a newer gapwalk."""
+SCHEMA = 2
+"""Version of the tables below and of what stands in them; each change adds one, and a step in `older.py`."""
 
 # The one branch of a response goes on from its `state` unless it has `ends`. The branches of a diagram, or of the
 # sections of a map, are written whole. The points of one moment stand in one row: thousands of small rows would take
-# longer to write than the points to compute. (A file is known by these very texts: a change makes a new schema.)
+# longer to write than the points to compute. (A file is known by these texts, comments apart.)
 TABLES = (
     """CREATE TABLE result (
     key TEXT PRIMARY KEY, -- title, name, text, changes, system, study, versions, diagram: all in JSON

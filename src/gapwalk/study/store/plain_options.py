@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from importlib import import_module
 from typing import Any
 
 from pydantic import TypeAdapter
 
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.study.basins.study_options import BasinStudyOptions
-from gapwalk.study.family.study_options import FamilyStudyOptions
-from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, ResponseOptions, StudyOptions
-from gapwalk.study.regimes.study_options import RegimeStudyOptions
-from gapwalk.study.settle.study_options import SettleStudyOptions
-from gapwalk.study.sweep.study_options import SweepStudyOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 
-_OPTIONS: dict[str, type[StudyOptions]] = {
-    each.kind: each
-    for each in (
-        ResponseOptions,
-        DiagramStudyOptions,
-        MapStudyOptions,
-        FamilyStudyOptions,
-        SettleStudyOptions,
-        SweepStudyOptions,
-        BasinStudyOptions,
-        RegimeStudyOptions,
-    )
+# Each is loaded only when a result holds it, as with `gapwalk.study.kinds`.
+_HOMES = {
+    "response": "options.ResponseOptions",
+    "diagram": "options.DiagramStudyOptions",
+    "map": "options.MapStudyOptions",
+    "family": "family.study_options.FamilyStudyOptions",
+    "settle": "settle.study_options.SettleStudyOptions",
+    "sweep": "sweep.study_options.SweepStudyOptions",
+    "basins": "basins.study_options.BasinStudyOptions",
+    "regimes": "regimes.study_options.RegimeStudyOptions",
 }
 _METHODS: dict[str, type[Shooting | Balance]] = {each.name: each for each in (Shooting, Balance)}
 
@@ -49,10 +43,16 @@ def options_of(plain: Any) -> StudyOptions:
     """The options; any of KeyError, TypeError, ValueError if there are none of this kind."""
     values = dict(plain)
     kind = values.pop("kind")
-    if kind not in _OPTIONS:
-        raise ValueError(f"there is no study of the kind {kind!r}")
-    if issubclass(_OPTIONS[kind], BranchOptions):
+    options = _class_of(kind)
+    if issubclass(options, BranchOptions):
         # a file from before there were two methods has the options of the only one
         method = dict(values.pop("method", None) or {"name": Shooting.name, **values.pop("shooting")})
         values["method"] = TypeAdapter(_METHODS[method.pop("name")]).validate_python(method)
-    return TypeAdapter(_OPTIONS[kind]).validate_python(values)
+    return TypeAdapter(options).validate_python(values)
+
+
+def _class_of(kind: str) -> type[StudyOptions]:
+    if kind not in _HOMES:
+        raise ValueError(f"there is no study of the kind {kind!r}")
+    module, _, name = _HOMES[kind].rpartition(".")
+    return getattr(import_module(f"gapwalk.study.{module}"), name)

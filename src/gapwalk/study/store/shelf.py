@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 import zlib
 from collections.abc import Iterator, Mapping
 
-from gapwalk.errors import StoreError
 from gapwalk.study.store.result_file import ResultFile
 
 
@@ -45,13 +43,3 @@ class Shelf:
 
     def close(self) -> None:
         """Nothing: the file is closed by the run to which it belongs."""
-
-
-def read_shelf(connection: sqlite3.Connection) -> dict[int, bytes]:
-    """The parts in a result file, by number; a StoreError if one is damaged."""
-    parts = {}
-    for number, data, checksum in connection.execute("SELECT number, data, checksum FROM chunk ORDER BY number"):
-        if not isinstance(data, bytes) or zlib.crc32(data) != checksum:
-            raise StoreError(f"the result is damaged: the checksum of part {number} is wrong")
-        parts[number] = data
-    return parts

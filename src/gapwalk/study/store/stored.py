@@ -14,12 +14,11 @@ from gapwalk.bifurcation.search import SearchResult
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.errors import StoreError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.search_result import search_of
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
-from gapwalk.study.jobs import JOBS
+from gapwalk.study.jobs import JOBS, job_of
 from gapwalk.study.map.read import StoredMap, read_map
 from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions
 from gapwalk.study.reduced.full_check import FullCheck, checks_of
@@ -29,7 +28,8 @@ from gapwalk.study.store.database import reading
 from gapwalk.study.store.plain import Progress, system_of
 from gapwalk.study.store.plain_options import options_of
 from gapwalk.study.store.read_rows import Row, branch_rows
-from gapwalk.study.store.shelf import read_shelf
+from gapwalk.study.store.trust import checked_parts, undamaged
+from gapwalk.study.store.versions import check_not_newer
 from gapwalk.verification import Verification, verification_of
 
 
@@ -138,15 +138,16 @@ def load(path: str | os.PathLike[str]) -> Result:
 
 def read(path: str | os.PathLike[str]) -> Stored:
     """Everything in a result file; errors as `load`."""
-    with reading(path) as connection:
+    with reading(path) as connection, undamaged(path):
+        about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM result")}
         try:
-            return _read(connection)
-        except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
-            raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
+            return _read(connection, about)
+        except (LookupError, TypeError, ValueError):
+            check_not_newer(path, about["versions"]["gapwalk"])
+            raise
 
 
-def _read(connection: sqlite3.Connection) -> Stored:
-    about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM result")}
+def _read(connection: sqlite3.Connection, about: dict[str, Any]) -> Stored:
     study = Study(
         system_of(about["system"]),
         options_of(about["study"]),
@@ -166,17 +167,18 @@ def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) 
     """What there is beside the study, by its kind."""
     options = study.options
     if options.kind in JOBS:
-        parts = read_shelf(connection)
-        return StoredParts(JOBS[options.kind].read(study, parts), parts)
+        parts = dict(checked_parts(connection))
+        return StoredParts(job_of(options.kind).read(study, parts), parts)
     if isinstance(options, MapStudyOptions):
         return read_map(connection, study.system, options, about["map"])
     assert isinstance(options, BranchOptions)
     rows = list(branch_rows(connection, options, lambda place: study.system))
+    if isinstance(options, DiagramStudyOptions) and "search" in about:  # which may have led to nothing new
+        return _diagram(options, rows, about["diagram"], search_of(about["search"], study.system))
     if not rows:
         raise ValueError("it holds no branch")
     if isinstance(options, DiagramStudyOptions):
-        search = search_of(about["search"], study.system) if "search" in about else None
-        return _diagram(options, rows, about["diagram"], search)
+        return _diagram(options, rows, about["diagram"], None)
     return _walk(options, rows)
 
 

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import platform
 
 import heyoka
 import numpy as np
 
 from gapwalk import __version__
+from gapwalk.errors import StoreError
+
+
+def check_not_newer(path: str | os.PathLike[str], writers: str) -> None:
+    """A StoreError if one of the versions of gapwalk that wrote a file, as it tells them, is newer than this one."""
+    newest = max(writers.split(", "), key=_numbers)
+    if _numbers(newest) > _numbers(__version__):
+        raise StoreError(
+            f"{os.fspath(path)} was written by gapwalk {newest}, and holds what gapwalk {__version__} does not know: "
+            "update gapwalk"
+        )
 
 
 def versions(before: dict[str, str] | None = None) -> dict[str, str]:
@@ -24,3 +36,8 @@ def versions(before: dict[str, str] | None = None) -> dict[str, str]:
         else:
             now[name] = version
     return now
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """A version such as 1.10.2 as numbers that can be compared."""
+    return tuple(int(part) for part in version.split(".") if part.isdigit())

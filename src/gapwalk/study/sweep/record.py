@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.regime import Band, bands_of
 from gapwalk.study.sweep.stretch import Stretch
@@ -43,7 +44,7 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Shown):
     """The settled motions over a parameter.
 
     Attributes

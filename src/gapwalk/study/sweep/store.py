@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import os
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from types import TracebackType
@@ -13,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from gapwalk.errors import ModelError, StoreError
+from gapwalk.study.store.arrays import pack_arrays, unpack_arrays
 from gapwalk.study.store.chunk_store import open_chunks, read_chunks
 from gapwalk.study.store.plain import plain_system, system_of
+from gapwalk.study.store.trust import undamaged
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.options import SweepOptions
 from gapwalk.study.sweep.record import BLOCK, Sweep, stretches_of
@@ -46,7 +46,8 @@ class SweepStore:
 
     def known(self) -> list[Stretch]:
         """The stretches that are in the file; a StoreError if it is damaged."""
-        return list(unpacked(self._store, dict(self._store.known()), self._count))
+        with undamaged(self._store):
+            return list(unpacked(dict(self._store.known()), self._count))
 
     def add(self, stretch: Stretch) -> None:
         """Write a stretch; a StoreError if that cannot be done."""
@@ -79,14 +80,10 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         raise StoreError(
             f"{os.fspath(path)} holds no sweep, but the results of a job of the kind {about.get('kind')!r}"
         )
-    try:
+    with undamaged(path):
         driver = driver_of(about)
-        driver.take(unpacked(path, chunks, stretches_of(driver.options.steps)))
+        driver.take(unpacked(chunks, stretches_of(driver.options.steps)))
         return driver.sweep()
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, StoreError):
-            raise
-        raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
 
 
 def plain_sweep(driver: Driver) -> dict[str, Any]:
@@ -116,44 +113,30 @@ def driver_of(about: dict[str, Any]) -> Driver:
 
 def pack(stretch: Stretch) -> bytes:
     """The bytes of a stretch; its numbers are kept bit for bit."""
-    content = io.BytesIO()
-    np.savez(
-        content,
-        place=np.array([stretch.lane, stretch.number]),
-        sections=stretch.sections,
-        transients=stretch.transients,
-        settled=stretch.settled,
-        regimes=np.array(stretch.regimes, dtype=str),
-        note=np.array(stretch.note),
+    return pack_arrays(
+        {
+            "place": np.array([stretch.lane, stretch.number]),
+            "sections": stretch.sections,
+            "transients": stretch.transients,
+            "settled": stretch.settled,
+            "regimes": np.array(stretch.regimes, dtype=str),
+            "note": np.array(stretch.note),
+        }
     )
-    return content.getvalue()
 
 
 def unpack(data: bytes) -> Stretch:
-    """The stretch of these bytes; a ValueError if they are none."""
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as parts:
-            lane, number = parts["place"].tolist()
-            return Stretch(
-                lane,
-                number,
-                parts["sections"],
-                parts["transients"],
-                parts["settled"],
-                tuple(parts["regimes"].tolist()),
-                str(parts["note"]),
-            )
-    except (LookupError, OSError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        raise ValueError(f"the parts of a stretch are missing ({error})") from error
+    """The stretch of these bytes; any of LookupError, TypeError and ValueError if they are none."""
+    parts = unpack_arrays(data)
+    lane, number = parts["place"].tolist()
+    regimes = tuple(parts["regimes"].tolist())
+    return Stretch(lane, number, parts["sections"], parts["transients"], parts["settled"], regimes, str(parts["note"]))
 
 
-def unpacked(path: str | os.PathLike[str], chunks: Mapping[int, bytes], count: int) -> Iterator[Stretch]:
-    """The stretches of a file from their bytes, by their places; a StoreError if they are damaged."""
+def unpacked(chunks: Mapping[int, bytes], count: int) -> Iterator[Stretch]:
+    """The stretches of a file from their bytes, by their places; errors as `unpack`."""
     for place, data in chunks.items():
-        try:
-            stretch = unpack(data)
-        except ValueError as error:
-            raise StoreError(f"{os.fspath(path)} is damaged: {error}") from error
+        stretch = unpack(data)
         if stretch.lane * count + stretch.number != place:
-            raise StoreError(f"{os.fspath(path)} is damaged: a stretch stands in the place of another")
+            raise ValueError("a stretch stands in the place of another")
         yield stretch

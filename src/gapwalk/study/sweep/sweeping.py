@@ -6,6 +6,7 @@ import os
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 
 from gapwalk.model.system import System
+from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.sweep.driver import Driver, Report
 from gapwalk.study.sweep.options import SweepOptions
 from gapwalk.study.sweep.record import Sweep
@@ -15,6 +16,7 @@ from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
 
 
+@shows_progress(lambda count, part, pace: str(pace))
 def sweep(
     system: System,
     parameter: str,

@@ -1,0 +1,235 @@
+"""The pictures of the explorer in these pages: examples are opened in it, it is driven, and photographed.
+
+    python -m docs._ext.screenshots [FOLDER]
+
+writes ``explorer-NAME.png`` into a folder, by default that of the pictures of the documentation. Needs Chromium.
+"""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Browser, FloatRect, Page
+
+from tests.explorer.browser import READY, browser, choose_special, opened, served
+from tests.explorer.browser import until as wait_until
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ROOT / "docs" / "pictures"
+EDGE = 6  # pixels round a panel
+EXAMPLES = ("clutch.toml", "diagram.toml", "drivetrain.toml", "settle.toml")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture to make.
+
+    Parameters
+    ----------
+    name
+        ``explorer-NAME.png``.
+    panel
+        The heading of the panel of the page that it shows; empty for the whole window.
+    """
+
+    name: str
+    panel: str = ""
+
+    @property
+    def file(self) -> str:
+        """The name of its file."""
+        return f"explorer-{self.name}.png"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is done on the page before some pictures are made of it.
+
+    Parameters
+    ----------
+    file
+        The example that is opened.
+    play
+        What is done.
+    shots
+        What is then photographed.
+    dark
+        Whether the page is dark.
+    """
+
+    file: str
+    play: Callable[[Page], None]
+    shots: tuple[Shot, ...]
+    dark: bool = False
+
+
+def until(page: Page, condition: str) -> None:
+    """Wait as long as it takes: a picture is worth it."""
+    wait_until(page, condition, patience=600.0)
+
+
+def grow(page: Page) -> None:
+    """A diagram while it grows: held, for a picture takes a moment."""
+    page.select_option("#study", "fig13")
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.branches.length > 1")
+    page.click("#results button:text-is('Pause')")
+    until(page, "gapwalk.page.results[0].state === 'paused'")
+    page.wait_for_timeout(1000)  # for the last curves
+
+
+def leave(page: Page) -> None:
+    """Stop what was held; what it has found stays."""
+    page.click("#results button:text-is('Stop')")
+    until(page, "gapwalk.page.results[0].state === 'stopped'")
+
+
+def respond(page: Page) -> None:
+    """Figure 13, the doubled branch at its first flip, and a motion of twice the period on it."""
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
+    choose_special(page, "flip", 6)
+    until(page, "!document.getElementById('switch').disabled")
+    page.click("#switch")
+    until(page, "gapwalk.page.results[1]?.state === 'done' && gapwalk.curves.all.size === 2")
+    page.focus("#diagram")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Home")
+    for _ in range(3):
+        page.keyboard.press("Shift+ArrowRight")
+    rest(page)
+
+
+def settle(page: Page) -> None:
+    """A motion that never repeats."""
+    page.select_option("#study", "torus")
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done'")
+    page.click("#results button:text-is('Show')")
+    rest(page)
+
+
+def drive(page: Page) -> None:
+    """A drive train over the engine's speed, and the motion at the highest point of its response."""
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
+    choose_special(page, "fold")
+    rest(page)
+
+
+def open_values(page: Page) -> None:
+    """Some sliders, one of them moved."""
+    page.click("summary:text-is('Values')")
+    page.fill("#filter", "stage2")
+    page.fill("[data-name='stage2.clearance'] input[type=number]", "0.9")
+
+
+def open_keys(page: Page) -> None:
+    """The list of keys."""
+    page.click("#help-open")
+
+
+def nothing(page: Page) -> None:
+    """Leave the page as it is."""
+
+
+SCENES = (
+    Scene("diagram.toml", grow, (Shot("growing"), Shot("jobs", "Results"))),
+    Scene("diagram.toml", leave, ()),
+    Scene(
+        "clutch.toml",
+        respond,
+        (
+            Shot("light"),
+            Shot("diagram", "Diagram"),
+            Shot("compute", "Compute"),
+            Shot("chosen", "From the chosen point"),
+            Shot("export", "Results"),
+            Shot("history", "Time history"),
+            Shot("phase", "Phase portrait"),
+            Shot("loop", "Contact force"),
+            Shot("multipliers", "Multipliers"),
+            Shot("log", "Contact log"),
+        ),
+    ),
+    Scene("clutch.toml", nothing, (Shot("dark"),), dark=True),
+    Scene("clutch.toml", open_values, (Shot("values", "Values"),)),
+    Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
+    Scene("drivetrain.toml", drive, (Shot("train", "Moving parts, gaps"),)),
+    Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
+)
+SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)
+
+
+def rest(page: Page) -> None:
+    """Wait until a motion is shown whole, and stop it where something touches."""
+    until(page, "gapwalk.motion.motion && document.querySelectorAll('#section .dot').length > 0")
+    page.wait_for_timeout(800)  # what was asked for on the way is not shown any more
+    page.evaluate("gapwalk.motion.bodies.at(Math.round(0.3 * gapwalk.motion.motion.theta.length))")
+
+
+def panel(page: Page, heading: str):
+    """The panel of a heading: a figure, a fold of the controls, a section or a dialog."""
+    if heading == "Diagram":
+        return page.locator("#picture")
+    for part in (
+        f"figure:has(> figcaption:text-is('{heading}'))",
+        f"details:has(> summary:text-is('{heading}'))",
+        f"dialog:has(> h2:text-is('{heading}'))",
+    ):
+        if page.locator(part).count():
+            return page.locator(part)
+    raise LookupError(f"the page has no panel {heading!r}")
+
+
+def photograph(page: Page, shot: Shot, folder: Path) -> None:
+    """Write one picture, in 200 colours: as good to the eye, and a third of the size."""
+    page.evaluate("document.activeElement.blur()")  # no frame round what has the focus
+    if shot.panel:
+        found = panel(page, shot.panel)
+        found.scroll_into_view_if_needed()
+        box = found.bounding_box()
+        assert box is not None
+        x, y, wide, high = (box[key] for key in ("x", "y", "width", "height"))
+        clip = FloatRect(x=x - EDGE, y=y - EDGE, width=wide + 2 * EDGE, height=high + 2 * EDGE)
+        data = page.screenshot(clip=clip)
+    else:
+        page.evaluate("document.getElementById('motion').scrollTop = 0")
+        data = page.screenshot()
+    picture = Image.open(io.BytesIO(data)).convert("RGB").quantize(200, dither=Image.Dither.NONE)
+    picture.save(folder / shot.file, optimize=True)
+
+
+def make_pictures(chrome: Browser, address: str, folder: Path, scenes: tuple[Scene, ...] = SCENES) -> None:
+    """Play all scenes, and photograph them."""
+    page = chrome.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=1.5, reduced_motion="reduce")
+    page.goto(address)
+    until(page, READY)
+    for scene in scenes:
+        page.emulate_media(color_scheme="dark" if scene.dark else "light", reduced_motion="reduce")
+        if page.evaluate("gapwalk.page.about.file") != scene.file:
+            opened(page, scene.file)
+        scene.play(page)
+        for shot in scene.shots:
+            photograph(page, shot, folder)
+            print(shot.file, flush=True)
+
+
+def main(folder: Path = PICTURES) -> None:
+    """Serve copies of the examples, and make all pictures."""
+    with tempfile.TemporaryDirectory() as place:
+        for name in EXAMPLES:
+            shutil.copy(ROOT / "examples" / name, place)
+        with served(Path(place) / EXAMPLES[0]) as address, browser() as chrome:
+            make_pictures(chrome, address, folder)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))

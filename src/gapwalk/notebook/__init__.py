@@ -1,0 +1,1 @@
+"""In a notebook: values that show themselves, and how far long calls have come."""

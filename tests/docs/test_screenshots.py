@@ -1,0 +1,44 @@
+"""The pictures of the explorer show each of its panels, and each of them stands on a page."""
+
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import gapwalk.explorer
+from docs._ext.screenshots import PICTURES, SCENES, SHOTS
+from tests.docs.test_pages import DOCS
+
+PAGE = Path(gapwalk.explorer.__file__).parent / "page" / "index.html"
+HEADING = re.compile(r"<(?:figcaption|summary)>(?P<panel>.+?)</|<dialog[^>]*>\s*<h2>(?P<dialog>.+?)</")
+LARGEST = 150_000  # bytes
+
+
+def test_each_panel_has_a_picture() -> None:
+    panels = {match["panel"] or match["dialog"] for match in HEADING.finditer(PAGE.read_text(encoding="utf-8"))}
+    assert {"Compute", "Time history", "Keys"} <= panels
+    shown = {shot.panel for shot in SHOTS}
+    assert not sorted(panels - shown), "add a Shot of these to docs/_ext/screenshots.py, and `make screenshots`"
+    assert not sorted(shown - panels - {"", "Diagram"}), "the page has no such panels any more"
+
+
+def test_the_page_is_shown_light_and_dark() -> None:
+    whole = {scene.dark for scene in SCENES for shot in scene.shots if not shot.panel}
+    assert whole == {False, True}
+
+
+@pytest.mark.parametrize("shot", SHOTS, ids=[shot.name for shot in SHOTS])
+def test_a_picture_is_there_is_small_and_is_not_empty(shot) -> None:
+    path = PICTURES / shot.file
+    assert path.stat().st_size < LARGEST
+    with Image.open(path) as picture:
+        assert min(picture.size) > 100
+        assert len(picture.convert("RGB").getcolors(1 << 24)) > 8
+
+
+def test_the_pictures_stand_on_the_page_of_the_explorer() -> None:
+    text = (DOCS / "explorer.md").read_text(encoding="utf-8")
+    there = {path.name for path in PICTURES.glob("explorer-*.png")}
+    assert there == {shot.file for shot in SHOTS}
+    assert not sorted(name for name in there if f"pictures/{name})" not in text)

@@ -1,0 +1,159 @@
+"""A result as one HTML file: what lies in it, and what a browser without a network makes of it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from playwright.sync_api import Page
+
+import gapwalk as gw
+from gapwalk.errors import ModelError
+from gapwalk.explorer.kept.blob import STEPS, Blob
+from tests.explorer.browser import browser, until
+
+TITLE = "</script><script>window.stolen = 1</script><b>&amp;"
+
+
+def a_stop() -> gw.System:
+    return gw.System(
+        ["x"],
+        stiffness=[[1.0]],
+        damping=[[0.05]],
+        contacts=[gw.stop("stop", {"x": 1.0}, clearance=1.0, stiffness=20.0, impact_damping=0.1)],
+        harmonics=[gw.Harmonic(0.2, {"x": 1.0})],
+        frequency=0.7,
+    )
+
+
+@pytest.fixture(scope="module")
+def branch() -> gw.Branch:
+    return gw.follow(gw.find_orbit(a_stop()), "frequency", to=1.2)
+
+
+@pytest.fixture(scope="module")
+def file(branch, tmp_path_factory) -> Path:
+    """The branch, with the motions of every few points."""
+    path = tmp_path_factory.mktemp("kept") / "stop.html"
+    gw.save_html(branch, path, measure="max.x", title=TITLE, motions=len(branch.points) // 3)
+    return path
+
+
+@pytest.fixture(scope="module")
+def page(file) -> Iterator[Page]:
+    """The file in a browser that reaches nothing, with an ear for errors."""
+    wrong: list[str] = []
+    with browser() as chrome:
+        context = chrome.new_context(viewport={"width": 1280, "height": 800}, offline=True)
+        page = context.new_page()
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda said: wrong.append(said.text) if said.type in ("error", "warning") else None)
+        own = (file.as_uri(), "data:", "blob:")
+        page.on("request", lambda asked: None if asked.url.startswith(own) else wrong.append(asked.url))
+        page.goto(file.as_uri())
+        until(page, "Number(document.body.dataset.branches) === 1")
+        yield page
+    assert wrong == []
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=50))
+def test_a_drawn_curve_is_off_by_less_than_a_level(values) -> None:
+    blob = Blob()
+    kept = blob.drawn(values)
+    low_bytes, high_bytes = np.frombuffer(blob.content, dtype=np.uint8).reshape(2, -1).astype(int)
+    levels = np.cumsum(np.cumsum(low_bytes + 256 * high_bytes)) % 65536  # as shelf.js does
+    step = (kept["high"] - kept["low"]) / (STEPS - 1)
+    np.testing.assert_allclose(kept["low"] + levels * step, values, rtol=0, atol=0.51 * step + 1e-9)
+
+
+def test_the_diagram_is_the_branch(page, branch) -> None:
+    assert page.evaluate("gapwalk.curves.all.get('/0').count") == len(branch.points)
+    x, y, node = (np.array(page.evaluate(f"[...gapwalk.curves.all.get('/0').{each}]")) for each in ("x", "y", "node"))
+    np.testing.assert_array_equal(x[node >= 0], branch.values)
+    np.testing.assert_allclose(y[node >= 0], branch.measure("max.x"), rtol=1e-7)
+    assert (node < 0).sum() == len(branch.special_points)
+
+
+def test_a_title_is_only_a_title(page) -> None:
+    assert page.inner_text("#title") == TITLE
+    assert page.title() == f"{TITLE} – gapwalk"
+    assert page.evaluate("window.stolen") is None
+
+
+def test_nothing_that_needs_a_server_is_shown(page) -> None:
+    assert page.locator(".live").count() > 0
+    assert page.locator(".live:visible").count() == 0
+
+
+def test_a_click_shows_the_nearest_motion_that_is_kept(page, branch) -> None:
+    place = page.evaluate(
+        """() => {
+            const { diagram, curves } = gapwalk, curve = curves.all.get("/0"), k = curve.node.indexOf(4);
+            const { xaxis, yaxis } = diagram.place._fullLayout, box = diagram.place.getBoundingClientRect();
+            return [box.left + xaxis._offset + xaxis.l2p(curve.x[k]), box.top + yaxis._offset + yaxis.l2p(curve.y[k])];
+        }"""
+    )
+    page.mouse.click(*place)
+    until(page, "document.querySelectorAll('#history path.curve').length === 1")
+    point = page.evaluate("gapwalk.page.chosen.start.point")
+    motions = page.evaluate("Object.keys(gapwalk.page.about.branches[0].motions).map(Number)")
+    assert point in motions
+    assert len(motions) < len(branch.points)
+    orbit = branch.points[point].orbit
+    theta, q = (np.array(page.evaluate(f"gapwalk.page.motion.motion.{each}")) for each in ("theta", "q.x"))
+    size = np.ptp(q)
+    assert theta[0] == 0.0
+    np.testing.assert_allclose([q.max(), q.min()], [orbit.measure("max.x"), orbit.measure("min.x")], atol=2e-3 * size)
+    np.testing.assert_allclose(q[0], orbit.state[0], atol=size / STEPS)
+    assert page.locator("#multipliers .dot").count() == 2
+    assert "points have their motions in this file" in page.inner_text("#note")
+
+
+def test_arrow_keys_go_from_motion_to_motion(page, branch) -> None:
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    met = [page.evaluate("gapwalk.page.chosen.start.point")]
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+        met.append(page.evaluate("gapwalk.page.chosen.start.point ?? -1 - gapwalk.page.chosen.start.special"))
+    assert met[0] == 0
+    assert len(set(met)) == 4
+    page.keyboard.press("s")
+    special = page.evaluate("gapwalk.page.chosen.start.special")
+    if special is not None:
+        assert page.evaluate("gapwalk.page.chosen.special.value") == branch.special_points[special].value
+        until(page, "document.querySelectorAll('#log tr').length > 1")
+
+
+def test_other_axes_show_the_same_points(page, branch) -> None:
+    page.select_option("#y", "min.x")
+    until(page, "gapwalk.diagram.names.y.startsWith('minimum')")
+    y, node = (np.array(page.evaluate(f"[...gapwalk.curves.all.get('/0').{each}]")) for each in ("y", "node"))
+    np.testing.assert_allclose(y[node >= 0], branch.measure("min.x"), rtol=1e-7)
+
+
+def test_nothing_is_named_that_would_be_fetched(file) -> None:
+    text = re.sub(r'<script type="text/plain".*?</script>', "", file.read_text(encoding="utf-8"), flags=re.S)
+    assert "/static/" not in text
+    assert not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', text)
+
+
+def test_a_settled_motion_is_shown_at_once(page, tmp_path) -> None:
+    path = tmp_path / "settled.html"
+    gw.save_html(gw.settle(a_stop()), path, title="Settled")
+    assert page.context.browser is not None
+    other = page.context.browser.new_context(offline=True).new_page()
+    other.goto(path.as_uri())
+    until(other, "document.querySelectorAll('#history path.curve').length === 1")
+    assert not other.is_visible("#picture")
+
+
+def test_what_has_no_motions_is_refused(tmp_path) -> None:
+    sweep = gw.sweep(a_stop(), "frequency", (0.7, 0.75), options=gw.SweepOptions(steps=2))
+    with pytest.raises(ModelError, match="Sweep has none; write --format svg"):
+        gw.save_html(sweep, tmp_path / "sweep.html")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ModelError, match="motions=400"):
+        gw.save_html(gw.find_orbit(a_stop()), tmp_path / "orbit.html", motions=0)

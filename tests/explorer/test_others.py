@@ -1,0 +1,189 @@
+"""Search for others, loci, and switches at branch points: jobs like the others, from the request to the script."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.explorer.board import Board
+from tests.explorer.conftest import CLUTCH, STOP, wait
+from tests.explorer.test_app import amplitude, unpacked
+
+SYMMETRIC = """
+title = "A gap on both sides"
+coordinates = ["x"]
+stiffness = [0.2]
+damping = [0.08]
+frequency = 2.5
+
+[[contact]]
+name = "gap"
+deflection = { x = 1.0 }
+clearance = 0.5
+stiffness = 4.0
+
+[[harmonic]]
+amplitude = 1.0
+acts_on = { x = 1.0 }
+
+[study]
+kind = "response"
+parameter = "frequency"
+from = 2.5
+to = 0.8
+measure = "half.x"
+"""
+
+
+@pytest.fixture
+def clutch(desk, request) -> str:
+    name = f"{request.node.name.partition('[')[0]}_clutch.toml"
+    (desk.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
+    return name
+
+
+def result_file(desk, file: str, key: str):
+    return desk.workspace.exploration(desk.workspace.path(file)) / f"{key}.gapwalk"
+
+
+def repeated(client, desk, file: str, key: str, name: str) -> np.ndarray:
+    """The states of the last result of its script, run by itself."""
+    script = client.get("/api/export/script", params={"file": file, "result": key}).text
+    path = desk.workspace.root / f"repeat_{file}_{key}.py"
+    states = path.with_suffix(".npy")
+    save = f"import numpy as np\nnp.save({states.name!r}, [p.orbit.state for each in {name} for p in each.points])\n"
+    path.write_text(f"{script}\n{save}", encoding="utf-8")
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + script
+    return np.load(states)
+
+
+def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, desk, model) -> None:
+    quick = STOP.replace('kind = "response"', 'kind = "diagram"\nworkers = 1\nmax_period = 1')
+    quick += "\n[study.search]\nvalues = 1\nstarts = 4\nnewton_starts = 0\n"
+    (desk.workspace.root / model).write_text(quick, encoding="utf-8")
+    first = do(model, do="compute", values={"stop.clearance": 9.0})
+    action = {"do": "search", "start": {"result": first["key"], "point": 0}, "parameter": "frequency", "count": 1}
+    within = {"low": 0.7, "high": 0.9}
+    found = do(model, **action, **within)  # of no known branch: it meets the only motion there is
+    assert found["state"] == "done"
+    assert found["message"].startswith("1 new branch. 4 starts")
+    query = {"file": model, "result": found["key"], "x": "frequency", "y": "half.x"}
+    curve = client.get("/api/curve", params=query).json()
+    x, y = unpacked(curve, "x"), unpacked(curve, "y")
+    assert (x.min(), x.max()) == (0.7, 0.9)
+    np.testing.assert_allclose(y, [amplitude(each) for each in x], rtol=1e-9)
+    again = do(model, **action, **within, known=[first["key"]])
+    assert (again["state"], again["branches"]) == ("done", [])
+    assert again["message"].startswith("Nothing new was found.")
+    stored = gw.load(result_file(desk, model, again["key"]))
+    assert stored.complete
+    assert stored.diagram is not None
+    assert [each.branch for each in stored.diagram.search.found] == [0]
+    # what was found is there when the file is opened again, and comes out of the script bit for bit
+    board = Board(desk.workspace, model)
+    assert [len(board.entry(each["key"]).lines()) for each in (found, again)] == [1, 0]
+    (branch,) = board.entry(found["key"]).result.branches
+    states = repeated(client, desk, model, found["key"], found["key"].replace("-search", "").join(["branches", ""]))
+    np.testing.assert_array_equal(states, [point.orbit.state for point in branch.points])
+
+
+def test_a_locus_is_followed_shown_and_repeated(client, do, desk, clutch) -> None:
+    first = do(clutch, do="compute")
+    query = {"file": clutch, "result": first["key"], "x": "frequency", "y": "half.q1"}
+    special = client.get("/api/curve", params=query).json()["special"]
+    number = next(i for i, each in enumerate(special) if each["kind"] == "fold" and each["value"] > 0.6)
+    action = {"start": {"result": first["key"], "special": number}, "low": 0.15, "high": 2.0, "second": "mean.q1"}
+    found = do(clutch, do="locus", **action, second_low=0.24, second_high=0.34)
+    assert found["state"] == "done"
+    assert [(each["kind"], each["second"]) for each in found["branches"]] == [("fold", "mean.q1")]
+    plane = {"file": clutch, "result": found["key"], "x": "frequency", "y": "mean.q1"}
+    curve = client.get("/api/curve", params=plane).json()
+    x, y = unpacked(curve, "x"), unpacked(curve, "y")
+    assert y.min() == pytest.approx(0.24, abs=1e-9)
+    assert y.max() == pytest.approx(0.34, abs=1e-9)
+    assert {curve["labels"][label] for label in unpacked(curve, "label", "u1")} == {"fold"}
+    # the fold of a response that is computed at another load lies on it
+    other = do(clutch, do="compute", values={"mean.q1": 0.245})
+    folds = client.get("/api/curve", params={**query, "result": other["key"]}).json()["special"]
+    there = min((each for each in folds if each["kind"] == "fold"), key=lambda each: abs(each["value"] - x[0]))
+    order = np.argsort(y[:20])
+    assert there["value"] == pytest.approx(np.interp(0.245, y[:20][order], x[:20][order]), abs=2e-4)
+    # its points show their motions, and walks lead on from them
+    place = {"file": clutch, "result": found["key"], "branch": 0, "point": 2, "signal": "q1", "tab": "a"}
+    motion = client.get("/api/motion", params=place).json()
+    assert max(re for re, im in motion["multipliers"] if not im) == pytest.approx(1.0, abs=1e-6)
+    assert [each["kind"] for each in curve["special"]].count("codim2 cusp") >= 1
+    states = repeated(client, desk, clutch, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
+    (locus,) = gw.load(result_file(desk, clutch, found["key"])).map.loci
+    np.testing.assert_array_equal(states, [point.orbit.state for point in locus.points])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"second": "frequency"}, "second parameter other than"),
+        ({"second_low": 0.3}, "must hold 0.2"),
+        ({"second": "nothing"}, "no parameter"),
+        ({"start": {"special": 99}}, "no such special point"),
+    ],
+)
+def test_a_locus_that_makes_no_sense_is_refused(client, desk, do, model, change, words) -> None:
+    first = do(model, do="compute")
+    start = {"result": first["key"], "special": 0}
+    action = {"low": 0.7, "high": 0.9, "second": "harmonic1.amplitude", "second_low": 0.1, "second_high": 0.4}
+    action |= {"start": start} | change
+    action["start"] = start | change.get("start", {})
+    answer = client.post("/api/act", json={"file": model, "do": "locus", **action})
+    assert answer.status_code == 400
+    assert words in answer.json()["error"]
+
+
+def test_the_branches_that_cross_at_a_branch_point_are_mirror_images(client, do, desk) -> None:
+    name = "symmetric.toml"
+    (desk.workspace.root / name).write_text(SYMMETRIC, encoding="utf-8")
+    first = do(name, do="compute")
+    query = {"file": name, "result": first["key"], "x": "frequency", "y": "measure:mean.x"}
+    special = client.get("/api/curve", params=query).json()["special"]
+    number = [each["kind"] for each in special].index("branch-point")
+    start = {"result": first["key"], "special": number}
+    crossing = do(name, do="switch", start=start, low=0.8, high=2.5)
+    assert (crossing["state"], crossing["branches"][0]["period"]) == ("done", 1)
+    curve = client.get("/api/curve", params={**query, "result": crossing["key"]}).json()
+    x, y = unpacked(curve, "x"), unpacked(curve, "y")
+    # the mean of a symmetric motion is zero; those that have lost the symmetry come in pairs
+    middle = int(np.argmin(abs(y)))
+    assert y[middle] == pytest.approx(0.0, abs=1e-6)
+    assert y.min() == pytest.approx(-y.max(), rel=1e-2)
+    assert abs(y).max() > 0.01
+    assert x[middle] == pytest.approx(special[number]["value"], abs=1e-6)
+    locus = {"file": name, "do": "locus", "start": start, "low": 0.8, "high": 2.5, "second": "gap.stiffness"}
+    refused = client.post("/api/act", json={**locus, "second_low": 3.0, "second_high": 5.0})
+    assert "has no locus" in refused.json()["error"]
+
+
+def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client, do, desk, clutch) -> None:
+    first = do(clutch, do="compute")
+    query = {"file": clutch, "result": first["key"], "x": "frequency", "y": "half.q1"}
+    special = client.get("/api/curve", params=query).json()["special"]
+    number = [each["kind"] for each in special].index("flip")
+    action = {"file": clutch, "do": "switch", "start": {"result": first["key"], "special": number}}
+    key = client.post("/api/act", json={**action, "low": 0.15, "high": 2.0}).json()["key"]
+    entry = desk.board(clutch).entry(key)
+    while not entry.live.steps and not entry.state.is_over:
+        time.sleep(0.002)
+    client.post("/api/job/stop", json={"file": clutch, "result": key})
+    stopped = wait(client, clutch, key)
+    assert stopped["state"] == "stopped"
+    assert stopped["can_go_on"]
+    if stopped["branches"]:  # it may have been stopped before its first step was stored
+        assert not gw.load(result_file(desk, clutch, key)).complete
+    assert client.post("/api/job/resume", json={"file": clutch, "result": key}).status_code == 200
+    resumed = wait(client, clutch, key)
+    assert (resumed["state"], resumed["can_go_on"]) == ("done", False)
+    whole = do(clutch, **{name: value for name, value in action.items() if name != "file"}, low=0.15, high=2.0)
+    (one,), (other,) = (gw.load(result_file(desk, clutch, each)).branches for each in (key, whole["key"]))
+    np.testing.assert_array_equal([p.orbit.state for p in one.points], [p.orbit.state for p in other.points])

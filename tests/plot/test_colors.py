@@ -1,0 +1,34 @@
+"""One colour for one thing: in pictures, in maps, and on the explorer's page."""
+
+import re
+from importlib.resources import files
+
+from gapwalk.continuation.branch import Kind
+from gapwalk.plot.map_style import locus_options
+from gapwalk.plot.style import LINES, SYMBOLS
+
+PAGE = files("gapwalk.explorer") / "page"
+
+
+def _page_colors() -> dict[str, str]:
+    """The colours of the light page by name."""
+    text = (PAGE / "style.css").read_text(encoding="utf-8").partition("@media")[0]
+    return dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", text))
+
+
+def test_lines_have_the_colours_of_the_page() -> None:
+    colors = _page_colors()
+    for label, style in LINES.items():
+        assert colors[label] == style.color.lower()
+
+
+def test_symbols_have_the_colours_of_the_page() -> None:
+    colors = _page_colors()
+    script = (PAGE / "diagram.js").read_text(encoding="utf-8")
+    found = {kind: colors[name] for kind, name in re.findall(r'"?([\w-]+)"?: \["[\w-]+", "--([\w-]+)", \d+\]', script)}
+    assert found == {kind.value: style.color.lower() for kind, style in SYMBOLS.items()}
+
+
+def test_loci_have_the_colours_of_their_special_points() -> None:
+    for kind in (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING):
+        assert locus_options(kind, 0)["color"] == SYMBOLS[kind].color

@@ -1,0 +1,53 @@
+"""The public names, what they are called with, what they have: `python -m tests.release.names` writes the list."""
+
+import inspect
+import json
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import gapwalk as gw
+
+PROMISED = Path(__file__).with_name("names.json")
+
+
+def public_names() -> dict[str, Any]:
+    """What a release promises: its version, and each public name."""
+    names = {name: _contents(getattr(gw, name)) for name in sorted(gw.__all__) if name != "__version__"}
+    return {"version": gw.__version__, "names": names}
+
+
+def _contents(thing: Any) -> dict[str, list[str]]:
+    """A function has parameters; a class attributes and methods too; an enumeration or a module names."""
+    if inspect.ismodule(thing):
+        return {"has": sorted(thing.__all__) if hasattr(thing, "__all__") else _own_classes(thing)}
+    if not inspect.isclass(thing):
+        return {"called with": _parameters(thing)}
+    if issubclass(thing, Enum):
+        return {"has": [f"{member.name} = {member.value}" for member in thing]}
+    return {"called with": _parameters(thing), "has": _attributes(thing)}
+
+
+def _parameters(thing: Any) -> list[str]:
+    return [_word(each) for each in inspect.signature(thing).parameters.values()]
+
+
+def _word(parameter: inspect.Parameter) -> str:
+    """A parameter as a call has it: ``method=`` may be left out, ``*method`` goes by its name only."""
+    stars = {inspect.Parameter.KEYWORD_ONLY: "*", inspect.Parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
+    default = "" if parameter.default is inspect.Parameter.empty else "="
+    return f"{stars}{parameter.name}{default}"
+
+
+def _attributes(kind: type) -> list[str]:
+    names = {*dir(kind), *getattr(kind, "__dataclass_fields__", {})}
+    return sorted(name for name in names if not name.startswith("_"))
+
+
+def _own_classes(module: Any) -> list[str]:
+    own = {name: thing for name, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__}
+    return sorted(name for name in own if not name.startswith("_"))
+
+
+if __name__ == "__main__":
+    PROMISED.write_text(json.dumps(public_names(), indent=1) + "\n")
