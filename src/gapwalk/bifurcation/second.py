@@ -65,7 +65,9 @@ class SecondOpinion:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
 
 
-def location_error(kind: Kind, point: BranchPoint, second: BranchPoint, zeros: tuple[float, float], rate: float) -> float:
+def location_error(
+    kind: Kind, point: BranchPoint, second: BranchPoint, zeros: tuple[float, float], rate: float
+) -> float:
     """Estimated error of the parameter at a special point.
 
     Parameters
