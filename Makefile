@@ -9,7 +9,7 @@ PYTHON ?=
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign fuzz lock clean
+.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign dense fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -72,6 +72,10 @@ bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.
 
 campaign: $(STAMP)  ## the slow tests (minutes)
 	MPLBACKEND=Agg $(PY) -m pytest -m slow
+
+dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times smaller steps; goes on where it stopped
+	@mkdir -p out
+	$(PY) -m tests.bifurcation.dense out/dense.jsonl
 
 fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
 	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py
