@@ -86,13 +86,13 @@ def test_a_real_full_disk(tmp_path) -> None:
         nonlocal reported
         reported += 1
 
-    with small_disk(tmp_path / "disk", "160k") as disk:
+    with small_disk(tmp_path / "disk", "300k") as disk:
         path, filler = disk / "x.gapwalk", disk / "filler"
         with pytest.raises(StoreError, match=r"disk is full; all that was reported is in the file"):
             gw.run(long_study(), path, report=report)
         assert len(gw.load(path).branches[0].points) > reported > 10
         with pytest.raises(StoreError, match=r"picture.png cannot be written: No space left on device"):
-            write_whole(disk / "picture.png", b"x" * 200_000)
+            write_whole(disk / "picture.png", b"x" * 400_000)
         assert not list(disk.glob(".picture*"))
         shutil.move(path, elsewhere)
         fill(filler)
@@ -225,6 +225,8 @@ def test_no_screen_at_all(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(sys, "stdout", None)
     monkeypatch.setattr(sys, "stderr", None)
     assert main(["show", str(tmp_path / "nothing.gapwalk")]) == 2
+    for stream in (sys.stdout, sys.stderr):
+        stream.close()
 
 
 def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch) -> None:

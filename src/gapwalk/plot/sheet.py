@@ -42,7 +42,7 @@ def lay_out(figure: Figure) -> None:
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:
-    """A figure as the content of a file: ``png``, ``svg`` or ``pdf``; the same figure gives the same bytes."""
+    """A figure as the content of a file: ``png``, ``svg`` (the same figure gives the same bytes) or ``pdf``."""
     content = io.BytesIO()
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
     lay_out(figure)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 Advance = Callable[[str, int, int], object]
 """Called with a word for what is verified, how many of its pieces are done, and how many there are."""
@@ -32,8 +32,19 @@ class Check(Enum):
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
     CONDITION = ("condition", "an orbit on a locus is on the verge of its bifurcation", 1e-5)
 
-    def __init__(self, word: str, sentence: str, bound: float) -> None:
-        self.word, self.sentence, self.bound = word, sentence, bound
+    sentence: str
+    bound: float
+
+    def __new__(cls, word: str, sentence: str, bound: float) -> Self:
+        """The check of a name; its value is the name."""
+        check = object.__new__(cls)
+        check._value_, check.sentence, check.bound = word, sentence, bound
+        return check
+
+    @property
+    def word(self) -> str:
+        """Its name."""
+        return self.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +189,6 @@ class Verification:
 
 def verification_of(plain: Any) -> Verification:
     """The same back from plain JSON values; any of KeyError, TypeError, ValueError if they are damaged."""
-    checks = {check.word: check for check in Check}
 
     def figure(check: Check, each: Any) -> Figure:
         spot = Spot(str(each["branch"]), str(each["item"]), float(each["parameter"]))
@@ -186,10 +196,10 @@ def verification_of(plain: Any) -> Verification:
         return Figure(check, spot, size, str(each["detail"] or ""))
 
     summaries = [
-        Summary(checks[each["check"]], int(each["count"]), figure(checks[each["check"]], each["worst"]))
+        Summary(Check(each["check"]), int(each["count"]), figure(Check(each["check"]), each["worst"]))
         for each in plain["checks"]
     ]
-    breaches = [figure(checks[each["check"]], each) for each in plain["breaches"]]
+    breaches = [figure(Check(each["check"]), each) for each in plain["breaches"]]
     notes = tuple(str(note) for note in plain["notes"])
     return Verification(tuple(summaries), tuple(breaches), notes, int(plain["points"]), int(plain["special_points"]))
 
