@@ -19,7 +19,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.study.store.database import lock
 from gapwalk.study.store.stored import read
-from tests.study import diagrams, studies, sweeps
+from tests.study import diagrams, jobs, studies, sweeps
 from tests.study.same import assert_same_result
 
 pytestmark = pytest.mark.slow

@@ -106,7 +106,7 @@ class Detector:
                 kind = item.kind
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
-            error = self._location_error(kind, item, stretch)
+            error = float(self._location_error(kind, item, stretch))  # a plain number, as a result file has it
             special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact))
         return special
 
