@@ -156,7 +156,7 @@ def test_a_bad_file_is_told_in_sentences_and_another_can_be_opened(page) -> None
 
 def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
     opened(page, "stop.toml")
-    page.click("text=Values")
+    page.click("summary:text-is('Values')")
     page.fill("#filter", "frequency")
     page.fill("[aria-label='excitation frequency Ω']", "0.6")
     page.click("#settle")
