@@ -365,3 +365,25 @@ def test_scipy_needs_no_other_events():
         rates, (0, 2 * np.pi / 0.9), orbit.state, "DOP853", rtol=1e-10, atol=1e-12, max_step=0.02, events=passes
     )
     assert found.t_events[0] * 0.9 == pytest.approx([event.theta for event in orbit.events], abs=1e-6)
+
+
+def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypatch):
+    second = gw.SecondParameter("mean.q1", 0.25, 0.26)
+    options = gw.MapStudyOptions(
+        "frequency", 0.85, 0.79, "half.q1", second=second, sections=(0.25,), max_period=1, workers=1
+    )
+    path = tmp_path / "map.gapwalk"
+    gw.run(gw.Study(clutch(frequency=0.85), options), path)
+    study = gw.Study(clutch(frequency=0.85), replace(options, verify=True))
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as stopped:
+        stopped.setattr("gapwalk.study.verify.verify", stop)
+        with pytest.raises(KeyboardInterrupt, match="complete, but it is not verified"):
+            gw.run(study, path, resume=True)
+    assert gw.load(path).verification is None
+    found = gw.run(study, path, resume=True).verification
+    assert found is not None
+    assert found == gw.load(path).verification

@@ -30,8 +30,9 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _tell(f"what the command prints cannot be written: {error.strerror or error}", {}, json=False)
         return BAD_INPUT
-    except KeyboardInterrupt:
-        _tell("interrupted", {"type": "KeyboardInterrupt", "message": "interrupted"}, json=json)
+    except KeyboardInterrupt as error:
+        text = f"interrupted: {error}" if str(error) else "interrupted"
+        _tell(text, {"type": "KeyboardInterrupt", "message": text}, json=json)
         return INTERRUPTED
     except Exception as error:
         return _told(error, json=json, debug=debug)

@@ -69,9 +69,10 @@ def run(
     NumericalError
         If no first orbit is found.
     KeyboardInterrupt
-        After Ctrl-C before a diagram has its first branch, or a map its first section.
+        After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
+        verified.
     """
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
-    return with_verification(with_checks(result, output), output)
+    return with_verification(with_checks(result, output), study.options, output)

@@ -11,7 +11,7 @@ from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.study.family.record import Family
 from gapwalk.study.map.chart import Map
-from gapwalk.study.options import BranchOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
 from gapwalk.study.store.database import close_whole, lock, open_to_write, transaction
 from gapwalk.study.store.rows import write_about
@@ -85,12 +85,23 @@ def _found(result: Result) -> Verifiable:
     return result.map or result.diagram or result.branches[0]
 
 
-def with_verification(result: Result, output: str | os.PathLike[str] | None) -> Result:
-    """A complete result with its verification, if its study wants one; it is written to the result file too."""
-    wanted = isinstance(result.options, BranchOptions) and result.options.verify and result.complete
+def with_verification(result: Result, options: StudyOptions, output: str | os.PathLike[str] | None) -> Result:
+    """A complete result with its verification, if the options of the study that was run want one.
+
+    It is written to the result file too. A result that was resumed has the options of the run before.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After Ctrl-C; it says that the result is complete all the same.
+    """
+    wanted = isinstance(options, BranchOptions) and options.verify and result.complete
     if not wanted or result.verification is not None:
         return result
-    found = verify(result)
+    try:
+        found = verify(result)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the result is complete, but it is not verified yet") from None
     with nullcontext() if output is None else lock(output):
         if output is not None:
             connection = open_to_write(output)
