@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.study.store.database import lock
-from gapwalk.study.store.stored import read
+from gapwalk.study.store.stored import StoredParts, read
 from tests.study import diagrams, jobs, studies, sweeps
 from tests.study.same import assert_same_result
 
@@ -39,6 +39,12 @@ def _points(path: Path) -> int:
     return len(gw.load(path).branches[0].points) - 1
 
 
+def _parts(path: Path) -> Mapping[int, bytes]:
+    found = read(path).found
+    assert isinstance(found, StoredParts)
+    return found.parts
+
+
 def _last_result(folder: Path) -> Path:
     """Of an exploration: a job that was killed before it had a result has left its number only."""
     found = sorted((folder / "model.explorer").glob("*.gapwalk"))
@@ -54,11 +60,11 @@ def _same_as(study: gw.Study) -> Callable[[Path], None]:
 
 def _same_finding(kind: str) -> Callable[[Path], None]:
     def check(path: Path) -> None:
-        found = read(path)
+        found = _parts(path)
         again = path.with_name("undisturbed.gapwalk")
         jobs_alone = f"from tests.study.jobs import main; main({kind!r}, {str(again)!r})"
         subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
-        assert found.found.parts == read(again).found.parts  # byte for byte
+        assert found == _parts(again)  # byte for byte
         again.unlink()
 
     return check
@@ -86,7 +92,7 @@ JOBS = {
     **{
         kind: Job(
             f"from tests.study.jobs import main; main({kind!r}, {{path!r}})",
-            lambda path: len(read(path).found.parts),
+            lambda path: len(_parts(path)),
             _same_finding(kind),
         )
         for kind in ("basins", "regimes")
