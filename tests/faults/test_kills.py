@@ -20,7 +20,7 @@ import gapwalk as gw
 from gapwalk.study.store.database import lock
 from gapwalk.study.store.stored import StoredParts, read
 from tests.study import diagrams, jobs, studies, sweeps
-from tests.study.same import assert_same_result
+from tests.study.same import assert_same_branch, assert_same_result
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,6 +56,12 @@ def _same_as(study: gw.Study) -> Callable[[Path], None]:
         assert_same_result(gw.load(path), gw.run(study))
 
     return check
+
+
+def _same_as_the_model(path: Path) -> None:
+    """The explorer has a text of its own for the study, and the same branch."""
+    expected = gw.run(gw.read_study(path.parents[1] / "model.toml"))
+    assert_same_branch(gw.load(path).branches[0], expected.branches[0])
 
 
 def _same_finding(kind: str) -> Callable[[Path], None]:
@@ -97,9 +103,7 @@ JOBS = {
         )
         for kind in ("basins", "regimes")
     },
-    "explorer": Job(
-        "from tests.faults.exploring import main; main({path!r})", _points, _same_as(studies.stop_study(end=1.2))
-    ),
+    "explorer": Job("from tests.faults.exploring import main; main({path!r})", _points, _same_as_the_model),
 }
 
 
@@ -114,7 +118,7 @@ def test_no_kill_loses_anything(tmp_path, kind, monkeypatch) -> None:
         folder.mkdir()
         path, complete = folder / "job.gapwalk", False
         if kind == "explorer":
-            path = folder / "none"
+            path = folder / "model.explorer" / "none"
         while not complete:
             lines, was_killed = _run_and_kill(job.code.format(path=str(path)), kills < KILLS)
             kills += was_killed
