@@ -13,6 +13,8 @@ from playwright.sync_api import Page
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.explorer.kept.blob import STEPS, Blob
+from gapwalk.explorer.kept.content import content_of
+from gapwalk.explorer.kept.lines import lines_of
 from tests.explorer.browser import browser, until
 
 TITLE = "</script><script>window.stolen = 1</script><b>&amp;"
@@ -133,6 +135,28 @@ def test_other_axes_show_the_same_points(page, branch) -> None:
     until(page, "gapwalk.diagram.names.y.startsWith('minimum')")
     y, node = (np.array(page.evaluate(f"[...gapwalk.curves.all.get('/0').{each}]")) for each in ("y", "node"))
     np.testing.assert_allclose(y[node >= 0], branch.measure("min.x"), rtol=1e-7)
+
+
+def test_a_mean_load_is_not_the_mean_of_a_coordinate(tmp_path) -> None:
+    loaded = gw.System(
+        ["x"],
+        stiffness=[[4.0]],
+        damping=[[0.05]],
+        mean={"x": 0.5},
+        harmonics=[gw.Harmonic(0.2, {"x": 1.0})],
+        frequency=0.7,
+    )
+    branch = gw.follow(gw.find_orbit(loaded), "mean.x", to=1.0)
+    blob = Blob()
+    content = content_of(lines_of(branch), "mean.x", "", 10, blob)
+    assert (content["x"], content["y"]) == ("mean.x", "measure:mean.x")
+    words = {each["name"]: each["words"] for each in content["quantities"]}
+    assert (words["mean.x"], words["measure:mean.x"]) == ("mean load on x", "mean of x")
+    kept = content["branches"][0]["quantities"]
+    load = np.frombuffer(blob.content, "<f8", kept["mean.x"]["n"], kept["mean.x"]["at"])
+    mean = np.frombuffer(blob.content, "<f4", kept["measure:mean.x"]["n"], kept["measure:mean.x"]["at"])
+    assert load[[0, -1]].tolist() == [0.5, 1.0]
+    np.testing.assert_allclose(mean, load / 4.0, rtol=1e-6)  # the static deflection of the linear system
 
 
 def test_nothing_is_named_that_would_be_fetched(file) -> None:

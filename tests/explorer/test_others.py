@@ -6,10 +6,12 @@ import time
 
 import numpy as np
 import pytest
+from starlette.testclient import TestClient
 
 import gapwalk as gw
+from gapwalk.explorer.app import application
 from gapwalk.explorer.board import Board
-from tests.explorer.conftest import CLUTCH, STOP, wait
+from tests.explorer.conftest import CLUTCH, ORIGIN, STOP, wait
 from tests.explorer.test_app import amplitude, unpacked
 
 SYMMETRIC = """
@@ -91,34 +93,51 @@ def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, desk, 
     np.testing.assert_array_equal(states, [point.orbit.state for point in branch.points])
 
 
-def test_a_locus_is_followed_shown_and_repeated(client, do, desk, clutch) -> None:
-    first = do(clutch, do="compute")
-    query = {"file": clutch, "result": first["key"], "x": "frequency", "y": "half.q1"}
+@pytest.fixture(scope="module")
+def hard(desk) -> tuple[str, str]:
+    """A file whose response leans over, and the key of that response, which is computed once."""
+    (desk.workspace.root / "hard.toml").write_text(STOP.replace("to = 0.9", "to = 1.4"), encoding="utf-8")
+    client = TestClient(application(desk), base_url=ORIGIN)
+    key = client.post("/api/act", json={"file": "hard.toml", "do": "compute"}).json()["key"]
+    assert wait(client, "hard.toml", key)["state"] == "done"
+    return "hard.toml", key
+
+
+def folds(client, query) -> list[float]:
+    """The frequencies of the folds of a response, in ascending order."""
     special = client.get("/api/curve", params=query).json()["special"]
-    number = next(i for i, each in enumerate(special) if each["kind"] == "fold" and each["value"] > 0.6)
-    action = {"start": {"result": first["key"], "special": number}, "low": 0.15, "high": 2.0, "second": "mean.q1"}
-    found = do(clutch, do="locus", **action, second_low=0.24, second_high=0.34)
+    return sorted(each["value"] for each in special if each["kind"] == "fold")
+
+
+def test_a_locus_is_followed_shown_and_repeated(client, do, desk, hard) -> None:
+    file, first = hard
+    query = {"file": file, "result": first, "x": "frequency", "y": "half.x"}
+    special = client.get("/api/curve", params=query).json()["special"]
+    number = [each["kind"] for each in special].index("fold")
+    second = "harmonic1.amplitude"
+    action = {"start": {"result": first, "special": number}, "low": 0.7, "high": 1.4, "second": second}
+    found = do(file, do="locus", **action, second_low=0.04, second_high=0.21)
     assert found["state"] == "done"
-    assert [(each["kind"], each["second"]) for each in found["branches"]] == [("fold", "mean.q1")]
-    plane = {"file": clutch, "result": found["key"], "x": "frequency", "y": "mean.q1"}
+    assert [(each["kind"], each["second"]) for each in found["branches"]] == [("fold", second)]
+    plane = {"file": file, "result": found["key"], "x": "frequency", "y": second}
     curve = client.get("/api/curve", params=plane).json()
     x, y = unpacked(curve, "x"), unpacked(curve, "y")
-    assert y.min() == pytest.approx(0.24, abs=1e-9)
-    assert y.max() == pytest.approx(0.34, abs=1e-9)
+    assert y[[0, -1]] == pytest.approx(0.21, abs=1e-9)  # both sides of the cusp
     assert {curve["labels"][label] for label in unpacked(curve, "label", "u1")} == {"fold"}
-    # the fold of a response that is computed at another load lies on it
-    other = do(clutch, do="compute", values={"mean.q1": 0.245})
-    folds = client.get("/api/curve", params={**query, "result": other["key"]}).json()["special"]
-    there = min((each for each in folds if each["kind"] == "fold"), key=lambda each: abs(each["value"] - x[0]))
-    order = np.argsort(y[:20])
-    assert there["value"] == pytest.approx(np.interp(0.245, y[:20][order], x[:20][order]), abs=2e-4)
+    # both folds of a response that is computed at another amplitude lie on it
+    other = do(file, do="compute", values={second: 0.1})
+    cusp, sides = int(np.argmin(y)), []
+    for side in (slice(None, cusp + 1), slice(cusp, None)):
+        order = np.argsort(y[side])
+        sides.append(np.interp(0.1, y[side][order], x[side][order]))
+    np.testing.assert_allclose(sorted(sides), folds(client, {**query, "result": other["key"]}), atol=5e-4)
     # its points show their motions, and walks lead on from them
-    place = {"file": clutch, "result": found["key"], "branch": 0, "point": 2, "signal": "q1", "tab": "a"}
+    place = {"file": file, "result": found["key"], "branch": 0, "point": 2, "signal": "x", "tab": "a"}
     motion = client.get("/api/motion", params=place).json()
     assert max(re for re, im in motion["multipliers"] if not im) == pytest.approx(1.0, abs=1e-6)
-    assert [each["kind"] for each in curve["special"]].count("codim2 cusp") >= 1
-    states = repeated(client, desk, clutch, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
-    (locus,) = gw.load(result_file(desk, clutch, found["key"])).map.loci
+    assert [each["kind"] for each in curve["special"]] == ["codim2 cusp"]
+    states = repeated(client, desk, file, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
+    (locus,) = gw.load(result_file(desk, file, found["key"])).map.loci
     np.testing.assert_array_equal(states, [point.orbit.state for point in locus.points])
 
 
@@ -131,13 +150,13 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, desk, clutch) -> Non
         ({"start": {"special": 99}}, "no such special point"),
     ],
 )
-def test_a_locus_that_makes_no_sense_is_refused(client, desk, do, model, change, words) -> None:
-    first = do(model, do="compute")
-    start = {"result": first["key"], "special": 0}
-    action = {"low": 0.7, "high": 0.9, "second": "harmonic1.amplitude", "second_low": 0.1, "second_high": 0.4}
+def test_a_locus_that_makes_no_sense_is_refused(client, hard, change, words) -> None:
+    file, first = hard
+    start = {"result": first, "special": 0}
+    action = {"low": 0.7, "high": 1.4, "second": "harmonic1.amplitude", "second_low": 0.1, "second_high": 0.4}
     action |= {"start": start} | change
     action["start"] = start | change.get("start", {})
-    answer = client.post("/api/act", json={"file": model, "do": "locus", **action})
+    answer = client.post("/api/act", json={"file": file, "do": "locus", **action})
     assert answer.status_code == 400
     assert words in answer.json()["error"]
 

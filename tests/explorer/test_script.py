@@ -1,10 +1,11 @@
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from tests.explorer.conftest import CLUTCH
+from tests.explorer.conftest import CLUTCH, STOP
 
 
 @pytest.fixture
@@ -42,3 +43,21 @@ def test_a_script_settles_too(client, do, desk, model) -> None:
     run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert "Settled(period 1, settled" in run.stdout
+
+
+def test_a_script_goes_on_from_a_motion_without_period(client, do, desk, model) -> None:
+    undamped = STOP.replace("damping = [0.05]", "damping = [0.0]").replace("clearance = 1.0", "clearance = 9.0")
+    (desk.workspace.root / model).write_text(undamped, encoding="utf-8")  # its free vibration never ends
+    first = do(model, do="settle", values={"frequency": 0.6})
+    entry = desk.board(model).entry(first["key"])
+    assert entry.settled().orbit is None
+    second = do(model, do="settle", start={"result": first["key"]}, values={"frequency": 0.61})
+    script = client.get("/api/export/script", params={"file": model, "result": second["key"]}).text
+    path = desk.workspace.root / "go_on.py"
+    (name,) = re.findall(r"print\((\w+)\)", script)
+    path.write_text(f"{script}\nimport numpy as np\nnp.save('go_on.npy', {name}.state)\n")
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + script
+    np.testing.assert_array_equal(
+        np.load(path.with_name("go_on.npy")), desk.board(model).entry(second["key"]).settled().state
+    )

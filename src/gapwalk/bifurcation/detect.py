@@ -115,7 +115,7 @@ class Detector:
         scale = float(self.corrector.scales[-1])
         bracket = abs(float(item.point.tangent[-1])) * scale * item.spread
         if kind is Kind.BRANCH_POINT:  # no other equation could hold it either
-            return bracket + ROUNDING * (abs(item.point.value) + scale)
+            return float(bracket + ROUNDING * (abs(item.point.value) + scale))
 
         def function(point: BranchPoint) -> float:
             return value(kind, point) if isinstance(item, _Zero) else depth_near(point.orbit, item.switch, item.theta)

@@ -87,4 +87,4 @@ def location_error(
     ahead = abs(float(point.tangent[-1])) * along
     if kind is Kind.FOLD:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
-    return _SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width)
+    return float(_SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

@@ -12,6 +12,7 @@ from gapwalk.bifurcation.locus import Codim2Point, LocusPoint
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.explorer.entry import Line
+from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.map_style import CODIM2
@@ -25,6 +26,11 @@ MEASURE = "measure:"
 """Stands before the name of a measure that is also that of a parameter: ``mean.q1`` is a mean load by itself."""
 
 _PART = 40  # orbits of which a measure is computed at once: a click waits no longer than for these
+
+
+def measure_name(measure: str, system: System) -> str:
+    """The name by which a page asks for a measure, which is that of no parameter (see `MEASURE`)."""
+    return f"{MEASURE}{measure}" if measure in system.parameters else measure
 
 
 class Node(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import read_action
 from gapwalk.explorer.board import Board
-from gapwalk.explorer.curve import MEASURE
+from gapwalk.explorer.curve import measure_name
 from gapwalk.explorer.entry import Entry
 from gapwalk.explorer.events import Events
 from gapwalk.explorer.flows import Flows
@@ -112,9 +112,6 @@ class Desk:
         if shown not in measures:
             measures.insert(0, shown)
 
-        def named(measure: str) -> str:
-            return f"{MEASURE}{measure}" if measure in system.parameters else measure
-
         return {
             "file": name,
             "title": study.title or name,
@@ -122,9 +119,9 @@ class Desk:
             "signals": signal_names(system)[:400],
             "contacts": [contact.name for contact in system.structure.contacts],
             "parameters": parameters,
-            "measures": [{"name": named(each), "words": measure_words(each)} for each in measures],
+            "measures": [{"name": measure_name(each, system), "words": measure_words(each)} for each in measures],
             "x": options.parameter if walked else "frequency",
-            "y": named(shown),
+            "y": measure_name(shown, system),
             "range": [options.begin, options.end] if walked else [],
             "studies": [{"name": each.name, "plan": each.options.plan} for each in board.studies],
             "results": board_progress(board),

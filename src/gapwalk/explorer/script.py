@@ -179,15 +179,16 @@ class _Script:
         return f"{read}.system"
 
     def _motion(self, place: Place) -> str:
-        """The orbit at a place, whether that is special or not, or where a motion has settled."""
+        """The motion at a place: an orbit, whether that is special or not, or where a motion has settled."""
         return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
 
     def _place(self, place: Place) -> str:
         """The orbit, or the special point, at a place."""
         entry = self.board.entry(place.result)
         name = self.repeat(entry)
-        if entry.settled() is not None:
-            return f"{name}.orbit"
+        settled = entry.settled()
+        if settled is not None:  # a motion without period has no orbit, but a system and a state like one
+            return name if settled.orbit is None else f"{name}.orbit"
         line = f"{name}[{place.branch}]"
         if place.special is not None:
             on_locus = entry.lines()[place.branch].kind is not None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.explorer.curve import Node, nodes_of, quantity, special_words
+from gapwalk.explorer.curve import MEASURE, Node, measure_name, nodes_of, quantity, special_words
 from gapwalk.explorer.kept.blob import Blob
 from gapwalk.explorer.kept.lines import Lines
 from gapwalk.explorer.panels import panels_of
@@ -49,7 +49,7 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
     return {
         "title": title,
         "x": lines.parameters[0] if lines.parameters else names[0],
-        "y": measure,
+        "y": measure_name(measure, system),
         "signal": signal,
         "signals": _signals(system),
         "quantities": [{"name": name, "words": _words(name, system)} for name in names],
@@ -78,7 +78,7 @@ def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) ->
 def quantities(lines: Lines, system: System, measure: str) -> list[str]:
     """Names of what can be chosen for the axes: what differs, and measures of one survey of each motion."""
     names = [f"{kind}.{each}" for each in system.coordinates[:_COORDINATES] for kind in _MEASURES]
-    return list(dict.fromkeys((*lines.parameters, measure, *names)))
+    return list(dict.fromkeys((*lines.parameters, *(measure_name(each, system) for each in (measure, *names)))))
 
 
 def _chosen(nodes: Sequence[Node], stride: int) -> set[int]:
@@ -107,7 +107,9 @@ def _signals(system: System) -> list[str]:
 
 def _words(name: str, system: System) -> str:
     units = system.units
-    return parameter_words(name, units) if name in system.parameters else measure_words(name, units)
+    if name in system.parameters:
+        return parameter_words(name, units)
+    return measure_words(name.removeprefix(MEASURE), units)
 
 
 def _note(nodes: Sequence[Sequence[Node]], kept: Sequence[set[int]]) -> str:

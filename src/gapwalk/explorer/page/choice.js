@@ -4,7 +4,7 @@
 export function choiceAt({ curve, index }, x) {
   const node = curve.node[index], special = node < 0 ? curve.special[-1 - node] : null;
   const start = { result: curve.result, branch: curve.branch, ...(special ? { special: -1 - node } : { point: node }) };
-  const at = `${x === "frequency" ? "Ω" : x} = ${curve.x[index].toPrecision(8)}`;
+  const at = `${x === "frequency" ? "Ω" : x.replace(/^measure:/, "")} = ${curve.x[index].toPrecision(8)}`;
   return { start, special, curve, index, title: `${curve.name}${special ? `, ${special.text}` : ""}, ${at}` };
 }
 

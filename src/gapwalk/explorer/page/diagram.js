@@ -13,6 +13,7 @@ const CODIM2 = {
   cusp: "triangle-up", "fold-flip": "diamond", "fold-neimark-sacker": "cross", "flip-neimark-sacker": "x", "generalised-flip": "triangle-down",
   "1:1": "square", "1:2": "square-dot", "1:3": "pentagon", "1:4": "hexagon", "degenerate-grazing": "diamond-tall",
 };
+const LETTER = 8.5; // pixels of the title of an axis that one takes
 const REACH = 16; // pixels within which a click means a point
 
 export class Diagram {
@@ -87,16 +88,16 @@ export class Diagram {
     return [...this.specialPoints(all), this.codim2Points(all), this.settledPoints(), this.markTrace()];
   }
 
-  layout(view) {
-    const axis = (title, range) => ({
-      title: { text: title, standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
+  layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
+    const axis = (title, range, room) => ({
+      title: { text: shortened(title, room), standoff: 6 }, range, showgrid: false, zeroline: false, linecolor: color("--line"),
       tickcolor: color("--line"), showline: true, ticks: "outside", automargin: true,
     });
     return {
       autosize: true, showlegend: false, dragmode: "pan", hovermode: "closest",
       margin: { l: 56, r: 12, t: 8, b: 44 }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: color("--ink"), size: 13, family: "system-ui, sans-serif" },
-      xaxis: axis(this.names.x, view.x), yaxis: axis(this.names.y, view.y),
+      xaxis: axis(this.names.x, view.x, width), yaxis: axis(this.names.y, view.y, height),
       hoverlabel: { bgcolor: color("--card"), bordercolor: color("--line"), font: { color: color("--ink") } },
     };
   }
@@ -116,7 +117,7 @@ export class Diagram {
       type: "scatter", mode: "lines", name: kind, x: this.lines.kinds[i][0], y: this.lines.kinds[i][1],
       line: { color: color(`--${kind}`), dash: DASHES[kind] ?? "solid", width: 2, simplify: false },
     }));
-    const layout = { ...this.layout(view), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
+    const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
     const figure = { data: [...traces, ...this.marks([...this.curves.all.values()])], layout };
     const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
@@ -231,4 +232,9 @@ export function describe(special) {
 
 function escaped(text) {
   return text.replace(/[&<>]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[c]);
+}
+
+/** The title of an axis; where there is no room for all of it, without what stands in parentheses. */
+function shortened(title, room) {
+  return title.length * LETTER > room ? title.replace(/ \(.*?\)/, "") : title;
 }

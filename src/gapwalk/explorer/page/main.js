@@ -4,6 +4,7 @@ import { download, get, post } from "./api.js";
 import { choiceAt, fill } from "./choice.js";
 import { Curves } from "./curves.js";
 import { Diagram } from "./diagram.js";
+import { showLegend } from "./kinds.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
 import { showResults } from "./results.js";
@@ -106,7 +107,7 @@ function drawDiagram() {
   const name = (id) => $(id).selectedOptions[0]?.title ?? "";
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   diagram.draw();
-  $("legend").classList.toggle("plane", isPlane());
+  showLegend($("legend"), curves.all.values());
   $("empty").hidden = curves.all.size + curves.settled.size > 0;
   document.body.dataset.branches = curves.all.size;
 }
@@ -134,7 +135,7 @@ function choose(found) {
   motion.show({ file, ...chosen.start }, chosen.title).then((shown) => {
     if (!shown || page.chosen !== chosen) return;
     parameters.take(shown.parameters);
-    showLocusRange();
+    showLocusRange({ keep: true });
   });
 }
 
@@ -206,9 +207,10 @@ async function followLocus() {
   if (key !== undefined) await showAxes(parameter, second);
 }
 
-/** The second parameter of a locus, by default from half to one and a half of its value. */
-function showLocusRange() {
+/** The second parameter of a locus, by default from half to one and a half of its value; a range that holds it stays. */
+function showLocusRange({ keep = false } = {}) {
   const name = $("locus-parameter").value, value = Number(parameters.base.get(name) ?? 0), reach = Math.abs(value) / 2 || 1;
+  if (keep && $("locus-low").valueAsNumber <= value && value <= $("locus-high").valueAsNumber) return;
   [$("locus-low").value, $("locus-high").value] = [value - reach, value + reach].map((v) => Number(v.toPrecision(4)));
 }
 
@@ -297,7 +299,7 @@ $("switch").addEventListener("click", switchBranch);
 $("settle").addEventListener("click", settle);
 $("search").addEventListener("click", search);
 $("locus").addEventListener("click", followLocus);
-$("locus-parameter").addEventListener("change", showLocusRange);
+$("locus-parameter").addEventListener("change", () => showLocusRange());
 $("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
 $("fit").addEventListener("click", () => diagram.fit());
 $("nearer").addEventListener("click", () => diagram.zoom(0.5));
