@@ -9,7 +9,7 @@ PYTHON ?=
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign lock clean
+.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign dense fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -28,6 +28,9 @@ test: check browser  ## lint, types and tests
 
 # Two halves of about equal length, side by side.
 JOBS = tests/cli tests/explorer tests/measurement tests/plot tests/study
+
+# The tests start some hundred programs, each of which would compile its modules where this is set.
+test-jobs test-engine: export PYTHONDONTWRITEBYTECODE =
 
 test-jobs: $(STAMP)
 	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider $(JOBS)
@@ -64,11 +67,18 @@ screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kep
 	$(PY) -m docs._ext.screenshots
 	$(PY) -m tests.explorer.picture docs/pictures/kept.png
 
-bench: $(STAMP)  ## measure the speed
-	$(PY) -m benchmarks
+bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
+	$(PY) -m benchmarks --record
 
 campaign: $(STAMP)  ## the slow tests (minutes)
 	MPLBACKEND=Agg $(PY) -m pytest -m slow
+
+dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times smaller steps; goes on where it stopped
+	@mkdir -p out
+	$(PY) -m tests.bifurcation.dense out/dense.jsonl
+
+fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
+	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py
 
 lock:  ## make requirements.lock again, with uv (LOCK_FLAGS=--upgrade for newer versions)
 	@command -v $(UV) >/dev/null || { \

@@ -23,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from rich.console import Console
 
+    from benchmarks import history
     from benchmarks.effort import FULL, QUICK
     from benchmarks.table import as_json, as_table, notes
 
@@ -34,30 +35,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if name in options.only:
             print(f"measuring: {name}", file=sys.stderr)  # no spinner: its thread would be measured too
             rows += measure(effort)
-    console.print(as_table(rows))
+    entry = history.entry_of(rows, "quick" if options.quick else "full")
+    last = history.last_like(entry, history.read(options.history))
+    console.print(as_table(rows, [entry.change(row, last) for row in rows]))
     for note in notes(rows):
         console.print(note, style="dim", highlight=False)
+    for text in history.regressions(entry, rows, last):
+        console.print(text, style="red", highlight=False)
+    if options.record:
+        history.append(entry, options.history)
     if options.json is not None:
         options.json.write_text(as_json(rows), encoding="utf-8")
 
 
 def _parser() -> argparse.ArgumentParser:
+    from benchmarks.history import FILE
+
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     names = list(_groups())
     parser.add_argument("only", nargs="*", default=names, help=f"what to measure: {', '.join(names)} (default: all)")
     parser.add_argument("--quick", action="store_true", help="fewer repeats and smaller systems")
+    parser.add_argument("--record", action="store_true", help="add what was measured to the history")
+    parser.add_argument("--history", type=Path, metavar="FILE", default=FILE, help="the history (default: %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows to this file, too")
     return parser
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, period
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, period, start
 
     return {
         "period": period.rows,
         "branch": branch.rows,
         "diagram": diagram.rows,
         "compiling": compiling.rows,
+        "start": start.rows,
         "growth": growth.rows,
         "mass": mass.rows,
         "balance": balance.rows,

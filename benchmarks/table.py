@@ -7,27 +7,28 @@ import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
-from itertools import groupby
+from itertools import groupby, zip_longest
 from typing import Any
 
 from rich.table import Table
 
 from benchmarks.row import Row, Target
 
-_HEADINGS = ("what", "gapwalk", "baseline", "ratio", "target", "reached")
+_HEADINGS = ("what", "gapwalk", "baseline", "ratio", "target", "reached", "since last")
 
 
-def as_table(rows: Sequence[Row]) -> Table:
-    """All rows under the headings of their groups."""
+def as_table(rows: Sequence[Row], changes: Sequence[float | None] = ()) -> Table:
+    """All rows under the headings of their groups; for each, how many times as fast it is as the last time."""
     table = Table(title="CPU time, the least of several repeats", title_justify="left")
     for heading in _HEADINGS:
         is_text = heading == "what"
         table.add_column(heading, justify="left" if is_text else "right", no_wrap=is_text)
-    for group, members in groupby(rows, key=lambda row: row.group):
+    pairs = zip_longest(rows, changes)
+    for group, members in groupby(pairs, key=lambda pair: pair[0].group):
         table.add_section()
         table.add_row(f"[bold]{group}[/bold]")
-        for row in members:
-            table.add_row(*cells(row))
+        for row, change in members:
+            table.add_row(*cells(row, change))
     return table
 
 
@@ -36,13 +37,14 @@ def notes(rows: Sequence[Row]) -> list[str]:
     return [f"{row.group}, {row.what}: {row.note}." for row in rows if row.note]
 
 
-def cells(row: Row) -> tuple[str, ...]:
+def cells(row: Row, change: float | None = None) -> tuple[str, ...]:
     """The texts of one row."""
     baseline = "" if row.baseline is None else f"{duration(row.baseline)} [dim]({row.against})[/dim]"
     ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
     targets = ", ".join(_wanted(target) for target in row.targets)
     reached = ", ".join("[green]yes[/green]" if each else "[red]no[/red]" for each in row.reached)
-    return f"  {row.what}", duration(row.seconds), baseline, ratio, targets, reached
+    since = "" if change is None else f"{change - 1.0:+.0%}"
+    return f"  {row.what}", duration(row.seconds), baseline, ratio, targets, reached, since
 
 
 def duration(seconds: float) -> str:

@@ -2,56 +2,92 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from gapwalk.model.system import System
 
 
-def contact_force(form, values, x, v):
-    """Force of one contact at deflection x and rate v, from the law's definition."""
-    g, touching = 0.0, False
+def contact_force_of(form, values):
+    """Force of one contact as a function of its deflection x and rate v, from the law's definition."""
+    law, name = form.damping.value, form.name
+    sides = []
     for stage in form.stages:
         b, k, c = (values[f"{form.stage_prefix(stage)}.{name}"] for name in ("clearance", "stiffness", "cubic"))
-        for side in stage.side.signs:
+        sides += [(side, b, k, c) for side in stage.side.signs]
+    damping = values.get(f"{name}.viscous_damping" if law == "viscous" else f"{name}.impact_damping", 0.0)
+
+    def force(x, v):
+        g, touching = 0.0, False
+        for side, b, k, c in sides:
             if side * x > b:
                 depth = x - side * b
                 g += k * depth + c * depth**3
                 touching = True
-    law = form.damping.value
-    if law == "viscous":
-        return g + values[f"{form.name}.viscous_damping"] * v * touching
-    if law == "hunt-crossley":
-        return g + values[f"{form.name}.impact_damping"] * abs(g) * v
-    if law == "hunt-crossley-as-printed":
-        return g * (1 + values[f"{form.name}.impact_damping"] * v)
-    return g
+        if law == "viscous":
+            return g + damping * v * touching
+        if law == "hunt-crossley":
+            return g + damping * abs(g) * v
+        if law == "hunt-crossley-as-printed":
+            return g * (1 + damping * v)
+        return g
+
+    return force
+
+
+def contact_force(form, values, x, v):
+    """Force of one contact at deflection x and rate v."""
+    return contact_force_of(form, values)(x, v)
+
+
+def acceleration_of(system: System):
+    """q'' as a function of t, q and v: M q'' + C q' + K q + sum d f = mean + sum F cos(h W t + phi), term by term."""
+    values, names = system.parameters, system.coordinates
+
+    def vector(prefix):
+        return np.array([values[f"{prefix}.{name}"] for name in names])
+
+    inverse = np.linalg.inv(system.matrix("mass"))
+    mean, stiffness, damping = vector("mean"), system.matrix("stiffness"), system.matrix("damping")
+    loads = []
+    for each in system.structure.harmonics:
+        shape = vector(f"{each.name}.acts_on") * values[f"{each.name}.amplitude"]
+        loads.append((shape, each.order * system.frequency, values[f"{each.name}.phase"]))
+    contacts = [
+        (
+            vector(f"{form.name}.deflection"),
+            vector(f"{form.name}.{'deflection' if form.reciprocal else 'force'}"),
+            contact_force_of(form, values),
+        )
+        for form in system.structure.contacts
+    ]
+
+    def of(t, q, v):
+        right = mean - stiffness @ q - damping @ v
+        for shape, pace, phase in loads:
+            right = right + math.cos(pace * t + phase) * shape
+        for e, d, force in contacts:
+            right = right - force(float(e @ q), float(e @ v)) * d
+        return inverse @ right
+
+    return of
 
 
 def acceleration(system: System, t: float, q, v):
-    """q'' from M q'' + C q' + K q + sum d f = mean + sum F cos(h W t + phi), term by term."""
-    values, names, n = system.parameters, system.coordinates, system.size
-    right = np.array([values[f"mean.{name}"] for name in names])
-    for harmonic in system.structure.harmonics:
-        shape = np.array([values[f"{harmonic.name}.acts_on.{name}"] for name in names])
-        angle = harmonic.order * system.frequency * t + values[f"{harmonic.name}.phase"]
-        right = right + values[f"{harmonic.name}.amplitude"] * np.cos(angle) * shape
-    right = right - system.matrix("stiffness") @ q - system.matrix("damping") @ v
-    for form in system.structure.contacts:
-        e = np.array([values[f"{form.name}.deflection.{name}"] for name in names])
-        which = "deflection" if form.reciprocal else "force"
-        d = np.array([values[f"{form.name}.{which}.{name}"] for name in names])
-        right = right - d * contact_force(form, values, e @ q, e @ v)
-    assert right.shape == (n,)
-    return np.linalg.solve(system.matrix("mass"), right)
+    """q'' at one place."""
+    return acceleration_of(system)(t, q, v)
 
 
 def integrate(system: System, state, periods: float = 1.0, *, max_step: float = 0.01, rtol: float = 1e-11, t_eval=None):
     """State after some forcing periods, by SciPy's DOP853 with steps too short to miss a contact."""
     n, end = system.size, periods * 2 * np.pi / system.frequency
 
+    of = acceleration_of(system)
+
     def rhs(t, y):
-        return np.concatenate((y[n:], acceleration(system, t, y[:n], y[n:])))
+        return np.concatenate((y[n:], of(t, y[:n], y[n:])))
 
     result = solve_ivp(rhs, (0.0, end), state, method="DOP853", rtol=rtol, atol=1e-12, max_step=max_step, t_eval=t_eval)
     assert result.success

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import mass, period
+from benchmarks import history, mass, period, start
 from benchmarks.__main__ import main
 from benchmarks.chain import ScipyChain, chain
 from benchmarks.clutch import ScipyClutch
@@ -45,6 +45,38 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, capsys):
     written = json.loads((tmp_path / "rows.json").read_text(encoding="utf-8"))
     assert len(written["rows"]) == 3
     assert {"processor", "cores", "python", "heyoka", "scipy"} <= set(written["machine"])
+
+
+def test_the_history_shows_what_became_slower(tmp_path, capsys):
+    file = tmp_path / "history.jsonl"
+    before, now = Row("g", "w", 2.0, 6.0), Row("g", "w", 1.0, 2.0)  # half the time, on a machine thrice as fast
+    other = Row("g", "no baseline", 1.0)
+    history.append(history.entry_of([before], "full"), file)
+    history.append(history.entry_of([Row("g", "w", 9.0)], "quick"), file)
+    entries, entry = history.read(file), history.entry_of([now, other], "full")
+    assert [each.effort for each in entries] == ["full", "quick"]
+    last = history.last_like(entry, entries)
+    assert last == entries[0]
+    assert entry.change(now, last) == pytest.approx(2.0 / 3.0)
+    assert entry.change(other, last) is None
+    (told,) = history.regressions(entry, [now, other], last)
+    assert told == f"slower: g: w has 67% of its speed on {last.date} ({last.commit})"
+    assert cells(now, 2.0 / 3.0)[-1] == "-33%"
+    assert history.last_like(replace(entry, machine="another"), entries) is None
+    assert history.read(tmp_path / "none") == []
+
+
+def test_a_run_is_recorded_only_if_it_is_asked_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(period, "rows", lambda effort: [Row("g", "w", 1.0, 2.0)])
+    file = tmp_path / "history.jsonl"
+    for words in ([], ["--record"], ["--record"]):
+        main(["period", "--history", str(file), *words])
+    assert len(history.read(file)) == 2
+    assert "+0%" in capsys.readouterr().out
+
+
+def test_the_start_of_a_process_is_measured():
+    assert 0.0 < start.least(["-c", "sum(range(10**5))"], 1) < start.least(["-c", "import numpy"], 1)
 
 
 def test_an_unknown_group_is_refused(capsys):

@@ -103,7 +103,7 @@ def respond(page: Page) -> None:
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Home")
     for _ in range(3):
-        page.keyboard.press("Shift+ArrowRight")
+        page.keyboard.press("Shift+ArrowLeft")
     rest(page)
 
 
@@ -122,6 +122,27 @@ def drive(page: Page) -> None:
     until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
     choose_special(page, "fold")
     rest(page)
+
+
+def follow(page: Page) -> None:
+    """The locus of a flip over frequency and excitation: where it moves to, and what it meets."""
+    page.focus("#diagram")
+    page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
+    choose_special(page, "flip", 6)
+    page.select_option("#locus-parameter", "harmonic1.amplitude")
+    page.fill("#locus-low", "0.05")
+    page.fill("#locus-high", "0.6")
+    until(page, "!document.getElementById('locus').disabled")
+    page.click("#locus")
+    until(page, "gapwalk.page.results[2]?.state === 'done'")
+    page.wait_for_timeout(1500)  # for the curve
+
+
+def search(page: Page) -> None:
+    """A search for motions that hang together with no branch that is known; a short one."""
+    page.fill("#search-count", "6")
+    page.click("#search")
+    until(page, "gapwalk.page.results[3]?.state === 'done'")
 
 
 def open_values(page: Page) -> None:
@@ -161,6 +182,8 @@ SCENES = (
     ),
     Scene("clutch.toml", nothing, (Shot("dark"),), dark=True),
     Scene("clutch.toml", open_values, (Shot("values", "Values"),)),
+    Scene("clutch.toml", follow, (Shot("locus", "Diagram"), Shot("plane", "In two parameters"))),
+    Scene("clutch.toml", search, (Shot("search", "Results"),)),
     Scene("settle.toml", settle, (Shot("spectrum", "Spectrum"), Shot("section", "Section"))),
     Scene("drivetrain.toml", drive, (Shot("train", "Moving parts, gaps"),)),
     Scene("drivetrain.toml", open_keys, (Shot("keys", "Keys"),)),
@@ -190,7 +213,7 @@ def panel(page: Page, heading: str):
 
 
 def photograph(page: Page, shot: Shot, folder: Path) -> None:
-    """Write one picture, in 200 colours: as good to the eye, and a third of the size."""
+    """Write one picture, in 256 colours: as good to the eye, and a third of the size."""
     page.evaluate("document.activeElement.blur()")  # no frame round what has the focus
     if shot.panel:
         found = panel(page, shot.panel)
@@ -203,7 +226,7 @@ def photograph(page: Page, shot: Shot, folder: Path) -> None:
     else:
         page.evaluate("document.getElementById('motion').scrollTop = 0")
         data = page.screenshot()
-    picture = Image.open(io.BytesIO(data)).convert("RGB").quantize(200, dither=Image.Dither.NONE)
+    picture = Image.open(io.BytesIO(data)).convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, kmeans=8)
     picture.save(folder / shot.file, optimize=True)
 
 

@@ -89,7 +89,9 @@ if TYPE_CHECKING:
     from gapwalk.study.sweep.record import Sweep
     from gapwalk.study.sweep.store import load_sweep
     from gapwalk.study.sweep.sweeping import sweep
+    from gapwalk.study.verify import verify
     from gapwalk.study.work.workers import on_cluster, workers
+    from gapwalk.verification import Check, Verification
 
     __version__: str
 
@@ -103,6 +105,7 @@ __all__ = [
     "Branch",
     "BranchPoint",
     "Cascade",
+    "Check",
     "ClassifyOptions",
     "Comparison",
     "Contact",
@@ -161,6 +164,7 @@ __all__ = [
     "SweepOptions",
     "System",
     "Train",
+    "Verification",
     "WalkOptions",
     "__version__",
     "align",
@@ -217,6 +221,7 @@ __all__ = [
     "strobe",
     "sweep",
     "switch",
+    "verify",
     "waterfall",
     "workers",
 ]

@@ -25,6 +25,20 @@ class ConvergenceError(NumericalError):
     """Newton's method found no solution from the start it was given."""
 
 
+class VerificationError(NumericalError):
+    """A result that was checked by other means and found wrong.
+
+    Attributes
+    ----------
+    verification
+        The `gapwalk.Verification`: what was checked, and what failed where.
+    """
+
+    def __init__(self, message: str, verification: object = None) -> None:
+        super().__init__(message)
+        self.verification = verification
+
+
 class WorkError(NumericalError):
     """Work that other processes could not do: one died over a piece of it each time, or all have gone.
 

@@ -12,6 +12,7 @@ HOMES = {
     "Branch": "continuation.branch",
     "BranchPoint": "continuation.point",
     "Cascade": "bifurcation.diagram",
+    "Check": "verification",
     "ClassifyOptions": "attractor.classify",
     "Comparison": "bifurcation.compare",
     "Contact": "model.contact",
@@ -70,6 +71,7 @@ HOMES = {
     "SweepOptions": "study.sweep.options",
     "System": "model.system",
     "Train": "model.train",
+    "Verification": "verification",
     "WalkOptions": "continuation.options",
     "align": "measurement.alignment",
     "backlash": "model.contact",
@@ -123,6 +125,7 @@ HOMES = {
     "strobe": "attractor.section",
     "sweep": "study.sweep.sweeping",
     "switch": "bifurcation.switch",
+    "verify": "study.verify",
     "waterfall": "attractor.waterfall",
     "workers": "study.work.workers",
 }

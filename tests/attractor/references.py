@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -13,12 +15,22 @@ def figure15(frequency: float):
     """Right-hand side for states of shape (4,) or (4, many): q1, q3, q1', q3'."""
 
     def rhs(t, y):
+        if y.ndim == 1:
+            return alone(t, *y.tolist())
         q1, q3, v1, v3 = y
         g = np.maximum(q1 - 1.0, 0.0) + np.minimum(q1 + 1.0, 0.0)
         f = g + BETA * np.abs(g) * v1
         a1 = -K[0] * q1 - C[0] * v1 + K[1] * q3 + C[1] * v3 - N[0] * f + MEAN[0] + FORCE * np.cos(frequency * t)
         a3 = K[2] * q1 + C[2] * v1 - K[3] * q3 - C[3] * v3 + N[1] * f + MEAN[1]
         return np.stack((v1, v3, a1, a3))
+
+    def alone(t, q1, q3, v1, v3):
+        """The same in plain numbers, which is several times as fast for a single state."""
+        g = q1 - 1.0 if q1 > 1.0 else q1 + 1.0 if q1 < -1.0 else 0.0
+        f = g + BETA * abs(g) * v1
+        a1 = -K[0] * q1 - C[0] * v1 + K[1] * q3 + C[1] * v3 - N[0] * f + MEAN[0] + FORCE * math.cos(frequency * t)
+        a3 = K[2] * q1 + C[2] * v1 - K[3] * q3 - C[3] * v3 + N[1] * f + MEAN[1]
+        return v1, v3, a1, a3
 
     return rhs
 

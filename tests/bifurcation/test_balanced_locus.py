@@ -16,7 +16,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.paper import case
-from tests.bifurcation.test_locus import WIDE, islands, nearest, response
+from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, nearest, response
 from tests.bifurcation.test_many_degrees import rod
 from tests.systems import viscous_stop
 
@@ -52,7 +52,7 @@ def test_balanced_loci_are_those_of_shooting_but_for_the_truncation(kind):
     assert {end.reason for end in exact.ends} == {LocusEndReason.RANGE}
     errors = []
     for harmonics in (5, 10, 20):
-        found = follow_locus(special, "frequency", "mean.q1", NEAR, method=balance(harmonics))
+        found = follow_locus(special, "frequency", "mean.q1", NEAR, walk=COARSE, method=balance(harmonics))
         assert all(isinstance(point.orbit, BalancedOrbit) for point in found.points)
         assert {point.orbit.harmonics for point in found.points} == {harmonics}
         errors.append(np.abs(np.subtract([e.values for e in found.ends], [e.values for e in exact.ends])).max())
@@ -67,7 +67,7 @@ def test_balanced_loci_are_those_of_shooting_but_for_the_truncation(kind):
 @pytest.mark.parametrize("kind", [Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_balanced_loci_pass_through_the_special_points_of_balanced_branches(kind):
     special = balanced().special(kind)[0]
-    found = follow_locus(special, "frequency", "mean.q1", NEAR, method=balance(10))
+    found = follow_locus(special, "frequency", "mean.q1", NEAR, walk=COARSE, method=balance(10))
     assert min(np.linalg.norm(found.values - [special.value, 0.25], axis=1)) < 1e-8
     for end in found.ends:
         frequency, mean = end.values
@@ -80,7 +80,7 @@ def test_a_closed_balanced_locus_has_the_corners_and_cusps_of_shooting():
     exact = follow_locus(special, "frequency", "mean.q1", WIDE)
     errors = []
     for harmonics in (10, 30):
-        found = follow_locus(special, "frequency", "mean.q1", WIDE, method=balance(harmonics))
+        found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(harmonics))
         assert found.is_closed
         assert len(found.codim2(Codim2.CUSP)) == 2
         assert [point.contact for point in found.codim2_points if point.contact] == [
@@ -94,7 +94,7 @@ def test_a_closed_balanced_locus_has_the_corners_and_cusps_of_shooting():
 def test_the_islands_of_figures_27_and_28_lie_on_one_balanced_fold_locus():
     special, plane = islands()[0.25][0], ((0.24, 0.3), (0.3, 0.8))
     exact = follow_locus(special, "frequency", "harmonic1.amplitude", plane)
-    found = follow_locus(special, "frequency", "harmonic1.amplitude", plane, method=balance(20))
+    found = follow_locus(special, "frequency", "harmonic1.amplitude", plane, walk=COARSE, method=balance(20))
     (cusp,), (expected,) = found.codim2(Codim2.CUSP), exact.codim2(Codim2.CUSP)
     assert cusp.values == pytest.approx(expected.values, abs=1e-5)
     assert [end.values for end in found.ends] == [pytest.approx(end.values, abs=1e-5) for end in exact.ends]
@@ -106,7 +106,7 @@ def test_the_islands_of_figures_27_and_28_lie_on_one_balanced_fold_locus():
 def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
     special = response().special(Kind.NEIMARK_SACKER)[0]
     exact = follow_locus(special, "frequency", "mean.q1", WIDE)
-    found = follow_locus(special, "frequency", "mean.q1", WIDE, method=balance(20))
+    found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
     assert found.is_closed
     assert [point.kind for point in found.codim2_points] == [Codim2.RESONANCE_1_3] * 2
     assert apart(exact, found) < 2e-5
@@ -117,7 +117,7 @@ def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
 def test_a_grazing_locus_has_the_points_of_shooting_and_no_echo_of_its_own_touch():
     special = response().special(Kind.GRAZING)[4]
     exact = follow_locus(special, "frequency", "mean.q1", WIDE)
-    found = follow_locus(special, "frequency", "mean.q1", WIDE, method=balance(20))
+    found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
     assert [point.kind for point in found.codim2_points] == [point.kind for point in exact.codim2_points]
     assert apart(exact, found) < 3e-4  # of the degenerate point, which is least sure
     assert found.contact == "stage2 -"
@@ -143,7 +143,7 @@ def test_a_viscous_stop_has_corners_too():
     special = nearest(follow(find_orbit(viscous_stop(1.0)), "frequency", (0.3, 1.0)), Kind.FOLD, 0.4494)
     ranges = ((0.3, 1.0), (0.25, 0.5))
     exact = follow_locus(special, "frequency", "stop.clearance", ranges)
-    found = follow_locus(special, "frequency", "stop.clearance", ranges, method=balance(60))
+    found = follow_locus(special, "frequency", "stop.clearance", ranges, walk=COARSE, method=balance(60))
     assert [point.kind for point in found.codim2_points] == [point.kind for point in exact.codim2_points]
     assert apart(exact, found) < 2e-5
     # where ten harmonics are enough for the motion, but have no fold near there, it begins with more
@@ -174,13 +174,7 @@ def test_derivatives_agree_with_differences(kind):
     equation, scales, x = departure.equation, departure.corrector.scales, departure.first.x
     if kind is Kind.GRAZING:  # beside it, because differences across it are none
         x = x + 1e-3 * np.cos(np.arange(len(x)))
-    evaluation = equation.evaluate(x[:-1] * scales[:-1], x[-1] * scales[-1])
-    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * scales
-    for column, unit in zip(jacobian.T, np.eye(len(x)), strict=True):
-        ends = [(x + sign * 1e-6 * unit) * scales for sign in (1.0, -1.0)]
-        residuals = [equation.evaluate(end[:-1], end[-1]).residual for end in ends]
-        slope = (residuals[0] - residuals[1]) / 2e-6
-        assert column == pytest.approx(slope, abs=1e-5 * max(1.0, np.abs(jacobian).max()))
+    assert_derivatives_agree(equation, scales, x)
 
 
 def growing(method: Balance) -> Locus:

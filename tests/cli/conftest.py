@@ -8,32 +8,9 @@ from pathlib import Path
 
 import pytest
 
-MODEL = """
-title = "A stop"
-coordinates = ["x"]
-stiffness = [1.0]
-damping = [0.05]
-frequency = 0.7
+from tests import models
 
-[[contact]]
-name = "stop"
-deflection = { x = 1.0 }
-clearance = 1.0
-stiffness = 20.0
-side = "positive"
-impact_damping = 0.1
-
-[[harmonic]]
-amplitude = 0.2
-acts_on = { x = 1.0 }
-
-[study]
-kind = "response"
-parameter = "frequency"
-from = 0.7
-to = 1.9
-measure = "half.x"
-"""
+MODEL = models.STOP + models.response(1.9)
 
 
 @pytest.fixture

@@ -82,40 +82,6 @@ def test_check_says_what_is_wrong_in_words_and_in_json(model, capsys) -> None:
     assert document["system"]["parameters"]["stop.clearance"] == 0.5
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["check", "nothing.toml"],
-        ["run", "nothing.toml"],
-        ["show", "nothing.gapwalk"],
-        ["show", "stop.toml"],
-        ["export", "stop.toml"],
-        ["run", "stop.toml", "--set", "clearance"],
-        ["run", "stop.toml", "--output", "stop.png"],
-        ["run", "stop.toml", "--output", "nowhere/stop.gapwalk"],
-        ["run", "stop.toml", "--resume", "--force", "--output", "x.gapwalk"],
-        ["run"],
-        ["run", "stop.toml", "--backwards"],
-        ["frobnicate"],
-        ["paper", "99"],
-    ],
-)
-@pytest.mark.usefixtures("model")
-def test_bad_input_is_2_and_a_sentence_without_traceback(words, capsys) -> None:
-    assert main(words) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.strip()
-    assert "Traceback" not in captured.err
-
-
-@pytest.mark.parametrize("words", [["show", "nothing.gapwalk"], ["run", "stop.toml", "--backwards"]])
-@pytest.mark.usefixtures("model")
-def test_bad_input_is_one_document_with_json(words, capsys) -> None:
-    assert main([*words, "--json"]) == 2
-    assert json.loads(capsys.readouterr().out)["error"]["message"]
-
-
 def test_a_bug_is_1_and_says_so(result, monkeypatch, capsys) -> None:
     def fail(*_: object, **__: object) -> int:
         raise ZeroDivisionError("by nothing")

@@ -14,28 +14,12 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.cli.progress import DiagramProgress
 from gapwalk.errors import StoreError
+from tests.models import CLUTCH
 from tests.study.diagrams import islands
 from tests.study.same import assert_same_result
 
-MODEL = """
-title = "A clutch"
-coordinates = ["q1", "q3"]
-stiffness = [[0.1, -0.6], [-0.06, 1.1]]
-damping = [[0.04, -0.04], [-0.04, 0.06]]
-mean = { q1 = 0.25, q3 = 0.25 }
-
-[[contact]]
-name = "stage2"
-deflection = { q1 = 1.0 }
-force = { q1 = 0.9, q3 = -0.54 }
-clearance = 1.0
-stiffness = 1.0
-impact_damping = 0.05
-
-[[harmonic]]
-amplitude = 0.25
-acts_on = { q1 = 1.0 }
-
+MODEL = f"""
+{CLUTCH}
 [[study]]
 name = "curve"
 kind = "response"
@@ -51,7 +35,7 @@ from = 0.85
 to = 0.6
 max_period = 4
 workers = 1
-set = { stage2.impact_damping = 0.051 }
+set = {{ stage2.impact_damping = 0.051 }}
 """
 ENDINGS = (".gapwalk", ".png", ".svg", "-points.csv", "-special-points.csv")
 
@@ -74,8 +58,8 @@ def test_all_studies_of_a_file_are_run(clutch, capsys) -> None:
     captured = capsys.readouterr()
     assert captured.err == ""
     for words in (
-        "A clutch: curve",
-        "A clutch: loop",
+        "Clutch: curve",
+        "Clutch: loop",
         "3 branches, 1 of period 1, 1 of period 2, 1 of period 4",
         "└── P4-1",
         "a flip of P1-1",

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import doctest
+import io
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from gapwalk.cli import main
 
 _BLOCK = re.compile(r"^```(?:\{(?P<directive>[\w-]+)\}|(?P<language>\w+))[^\n]*\n(?P<text>.*?)^```$", re.M | re.S)
 _FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -34,26 +36,26 @@ def blocks_of(page: Path) -> Iterator[Block]:
             yield Block(kind, match["text"], text.count("\n", 0, match.start("text")) + 1)
 
 
-def run_page(page: Path, folder: Path) -> None:
-    """Run a page in a folder, which is the present one; an AssertionError where a command prints something else."""
+def run_page(page: Path) -> None:
+    """Run a page in the present folder; an AssertionError where a command prints something else."""
     names: dict[str, Any] = {}
     for block in blocks_of(page):
         if block.kind == "console":
-            _run_commands(block, page, folder)
+            _run_commands(block, page)
         else:
             code = compile("\n" * (block.line - 1) + block.text, str(page), "exec")
             exec(code, names)
 
 
-def _run_commands(block: Block, page: Path, folder: Path) -> None:
+def _run_commands(block: Block, page: Path) -> None:
     for part in re.split(r"^\$ ", block.text, flags=re.M)[1:]:
         command, _, wanted = part.partition("\n")
         words = shlex.split(command)
         assert words[0] == "gapwalk", f"{page.name}:{block.line}: {command!r} is no command of gapwalk"
-        done = subprocess.run(
-            [sys.executable, "-m", "gapwalk", *words[1:]], cwd=folder, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, f"{page.name}:{block.line}: {command}\n{done.stderr}"
+        printed, told = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(told):
+            code = main(words[1:])  # not as a process of its own: that would load and compile everything once more
+        assert code == 0, f"{page.name}:{block.line}: {command}\n{told.getvalue()}"
         if wanted.strip():
-            agrees = doctest.OutputChecker().check_output(wanted, done.stdout, _FLAGS)
-            assert agrees, f"{page.name}:{block.line}: {command} prints\n{done.stdout}"
+            agrees = doctest.OutputChecker().check_output(wanted, printed.getvalue(), _FLAGS)
+            assert agrees, f"{page.name}:{block.line}: {command} prints\n{printed.getvalue()}"

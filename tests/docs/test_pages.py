@@ -21,7 +21,7 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch) -> None:
         shutil.copy(file, tmp_path)
     monkeypatch.chdir(tmp_path)
     try:
-        run_page(page, tmp_path)
+        run_page(page)
     finally:
         plt.close("all")
 

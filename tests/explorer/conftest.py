@@ -10,36 +10,11 @@ from starlette.testclient import TestClient
 
 from gapwalk.explorer.app import application
 from gapwalk.explorer.desk import Desk
+from tests import models
 
 ORIGIN = "http://127.0.0.1"
 
-STOP = """
-title = "A stop"
-coordinates = ["x"]
-stiffness = [1.0]
-damping = [0.05]
-frequency = 0.7
-
-[[contact]]
-name = "stop"
-deflection = { x = 1.0 }
-clearance = 1.0
-stiffness = 20.0
-side = "positive"
-impact_damping = 0.1
-
-[[harmonic]]
-amplitude = 0.2
-acts_on = { x = 1.0 }
-
-[study]
-kind = "response"
-parameter = "frequency"
-from = 0.7
-to = 0.9
-measure = "half.x"
-"""
-
+STOP = models.STOP + models.response(0.9)
 CLUTCH = Path(__file__).parents[2] / "examples" / "clutch.toml"
 
 

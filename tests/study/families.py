@@ -6,33 +6,17 @@ import time
 import gapwalk as gw
 from gapwalk.model.source import parse_source
 from gapwalk.study.file import check_study
+from tests.models import CLUTCH
 from tests.systems import clutch
 
-MODEL = """\
-title = "Clutch"
-coordinates = ["q1", "q3"]
-stiffness = [[0.1, -0.6], [-0.06, 1.1]]
-damping = [[0.04, -0.04], [-0.04, 0.06]]
-mean = { q1 = 0.25, q3 = 0.25 }
-
-[[contact]]
-name = "stage2"
-deflection = { q1 = 1.0 }
-force = { q1 = 0.9, q3 = -0.54 }
-clearance = 1.0
-stiffness = 1.0
-impact_damping = 0.05
-
-[[harmonic]]
-amplitude = 0.25
-acts_on = { q1 = 1.0 }
-
+MODEL = f"""\
+{CLUTCH}
 [study]
 kind = "family"
 parameter = "frequency"
 from = 1.4
 to = 1.1
-over = { "mean.q3" = [0.25, 0.35, 0.5] }
+over = {{ "mean.q3" = [0.25, 0.35, 0.5] }}
 workers = 1
 """
 """The second resonance of figures 13 and 14: two flips and two grazing points at each of three loads."""

@@ -7,29 +7,14 @@ from gapwalk.model.source import parse_source
 from gapwalk.study.basins import job as basin_job
 from gapwalk.study.file import Study, check_study
 from gapwalk.study.regimes import job as regime_job
+from tests.models import CLUTCH
 
-HEAD = """\
-title = "Clutch"
-coordinates = ["q1", "q3"]
-stiffness = [[0.1, -0.6], [-0.06, 1.1]]
-damping = [[0.04, -0.04], [-0.04, 0.06]]
-mean = { q1 = 0.25, q3 = 0.25 }
-frequency = 0.45
-
-[[contact]]
-name = "stage2"
-deflection = { q1 = 1.0 }
-force = { q1 = 0.9, q3 = -0.54 }
-clearance = 1.0
-stiffness = 1.0
-impact_damping = 0.05
-
-[[harmonic]]
-amplitude = 0.5
-acts_on = { q1 = 1.0 }
-
+HEAD = (
+    CLUTCH.replace("amplitude = 0.25", "amplitude = 0.5").replace("mean = ", "frequency = 0.45\nmean = ")
+    + """
 [study]
 """
+)
 
 SETTLE = HEAD + 'kind = "settle"\nsignal = "stage2"\nphase = "90 deg"\n'
 SWEEP = HEAD + (

@@ -106,7 +106,7 @@ class Detector:
                 kind = item.kind
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
-            error = self._location_error(kind, item, stretch)
+            error = float(self._location_error(kind, item, stretch))  # a plain number, as a result file has it
             special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact))
         return special
 
@@ -115,7 +115,7 @@ class Detector:
         scale = float(self.corrector.scales[-1])
         bracket = abs(float(item.point.tangent[-1])) * scale * item.spread
         if kind is Kind.BRANCH_POINT:  # no other equation could hold it either
-            return bracket + ROUNDING * (abs(item.point.value) + scale)
+            return float(bracket + ROUNDING * (abs(item.point.value) + scale))
 
         def function(point: BranchPoint) -> float:
             return value(kind, point) if isinstance(item, _Zero) else depth_near(point.orbit, item.switch, item.theta)

@@ -29,6 +29,7 @@ def follow(
     walk: WalkOptions | None = None,
     method: Method | None = None,
     report: Report | None = None,
+    verify: bool = False,
 ) -> Branch:
     """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
 
@@ -47,13 +48,22 @@ def follow(
         How orbits are posed: `Shooting` (the default) or `Balance`.
     report
         Called with each new point and the special points before it.
+    verify
+        Whether to check the branch by other means before it is returned; see `gapwalk.verify`.
 
     Raises
     ------
     ModelError
         For an unknown parameter, a range that does not hold the start, or a special point that no other branch leaves.
+    VerificationError
+        If the branch is to be verified, and a check fails.
     """
-    return walk_out(_departures(start, parameter, to, method), walk, report)
+    branch = walk_out(_departures(start, parameter, to, method), walk, report)
+    if verify:
+        from gapwalk.verification import confirm
+
+        confirm(branch)
+    return branch
 
 
 def _departures(

@@ -65,7 +65,9 @@ class SecondOpinion:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
 
 
-def location_error(kind: Kind, point: BranchPoint, second: BranchPoint, zeros: tuple[float, float], rate: float) -> float:
+def location_error(
+    kind: Kind, point: BranchPoint, second: BranchPoint, zeros: tuple[float, float], rate: float
+) -> float:
     """Estimated error of the parameter at a special point.
 
     Parameters
@@ -85,4 +87,4 @@ def location_error(kind: Kind, point: BranchPoint, second: BranchPoint, zeros: t
     ahead = abs(float(point.tangent[-1])) * along
     if kind is Kind.FOLD:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
-    return _SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width)
+    return float(_SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

@@ -11,7 +11,7 @@ from typing import Any
 
 from gapwalk.errors import GapwalkError, NumericalError
 
-DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, INTERRUPTED = 0, 1, 2, 3, 4, 130
+DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
 
 def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:
@@ -23,14 +23,18 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
     except BrokenPipeError:  # the reader has seen enough, as in `gapwalk show result.gapwalk | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
+    except OSError as error:
+        if error.filename is not None:
+            return _told(error, json=json, debug=debug)
+        # Errors of files are told by those who open them; what is left is what the command prints.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _tell(f"what the command prints cannot be written: {error.strerror or error}", {}, json=False)
+        return BAD_INPUT
     except KeyboardInterrupt:
         _tell("interrupted", {"type": "KeyboardInterrupt", "message": "interrupted"}, json=json)
         return INTERRUPTED
     except Exception as error:
-        if debug:
-            traceback.print_exc()
-        report_error(error, json=json)
-        return failure_code(error)
+        return _told(error, json=json, debug=debug)
 
 
 def failure_code(error: BaseException) -> int:
@@ -64,6 +68,14 @@ def print_json(document: object) -> None:
 def printable(text: str) -> str:
     """A text from a file, safe for a terminal."""
     return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
+
+
+def _told(error: Exception, *, json: bool, debug: bool) -> int:
+    """Tell an error, and return its exit code."""
+    if debug:
+        traceback.print_exc()
+    report_error(error, json=json)
+    return failure_code(error)
 
 
 def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:

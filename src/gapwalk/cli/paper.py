@@ -164,7 +164,7 @@ def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
 def _draw(piece: tuple[Figure, Path]) -> list[str]:
     """Write the pictures of a figure and the tables of its jobs, and return the names of the pictures."""
     from gapwalk.plot.paper import draw_paper_figure  # only now: nothing else needs matplotlib
-    from gapwalk.plot.picture import picture_bytes
+    from gapwalk.plot.sheet import sheet_bytes
 
     figure, folder = piece
     results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
@@ -172,7 +172,7 @@ def _draw(piece: tuple[Figure, Path]) -> list[str]:
     for key, result in results.items():
         export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
     for name, form in zip(_names(figure), _FORMS, strict=True):
-        write_whole(folder / name, picture_bytes(picture, form))
+        write_whole(folder / name, sheet_bytes(picture, form))
     return _names(figure)
 
 

@@ -157,6 +157,17 @@ class JobProgress(StudyProgress):
         self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
 
 
+class VerifyProgress(StudyProgress):
+    """How much has been verified; parameters as `WalkProgress`."""
+
+    def __init__(self, title: str, *, show: bool = True) -> None:
+        self._line = _Line(printable(title), [BarColumn(bar_width=24)], None, show=show)
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show how many of some pieces are done."""
+        self._line.update(f"verifying {what}", f"{done} of {total}", done, total)
+
+
 class CountProgress(StudyProgress):
     """How many of some things are done; parameters as `WalkProgress`, and how many there are."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.cli.console import console
-from gapwalk.cli.outcome import DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
+from gapwalk.cli.outcome import BROKEN, DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
 from gapwalk.cli.progress import progress_of
 from gapwalk.cli.screen import print_result
 from gapwalk.continuation.walk import EndReason
@@ -166,14 +166,16 @@ def table_paths(result: Result, output: Path) -> dict[str, Path]:
 
 
 def exit_code(result: Result) -> int:
-    """0 if all was walked to a proper end, 130 after an interruption, 3 if the numerics gave up somewhere."""
+    """0 if all was walked to a proper end, 130 after Ctrl-C, 3 if the numerics gave up somewhere, 5 if it is wrong."""
     if result.finding is not None and not result.complete:
         return INTERRUPTED
     reasons = {end.reason for branch in result.branches for end in branch.ends}
     grows = result.diagram is not None or result.map is not None
     if EndReason.INTERRUPTED in reasons or (grows and not result.complete):
         return INTERRUPTED
-    return FAILED if result.failures or EndReason.STOPPED in reasons else DONE
+    if result.failures or EndReason.STOPPED in reasons:
+        return FAILED
+    return BROKEN if result.verification is not None and not result.verification.ok else DONE
 
 
 def say_why_it_failed(result: Result) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -25,6 +27,8 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
         screen.print(result.study.reduced.words, soft_wrap=True)
     for check in result.checks:
         screen.print(printable(check.words), soft_wrap=True)
+    if result.verification is not None:
+        screen.print(printable(result.verification.words), soft_wrap=True)
     if result.finding is not None:
         from gapwalk.cli.findings import print_finding  # only now: it needs the code of all kinds
 
@@ -68,6 +72,7 @@ def special_point_table(result: Result) -> Table:
     for heading in ["branch"] * bool(diagram) + ["kind"]:
         table.add_column(heading)
     table.add_column(parameter_symbol(result.walked.parameter, units), justify="right")
+    table.add_column("±", justify="right")
     table.add_column(signal_words(f"half {coordinate}", units), justify="right")
     table.add_column("multiplier", justify="right")
     table.add_column("unstable" if diagram else "stability")  # the table of a diagram is wide enough as it is
@@ -80,10 +85,11 @@ def special_point_table(result: Result) -> Table:
                 *[name if index == 0 else ""] * bool(diagram),
                 special.kind.value,
                 f"{special.value:#.10g}",
+                f"{special.uncertainty:.0e}" if math.isfinite(special.uncertainty) else "",
                 f"{special.point.measure(f'half.{coordinate}'):#.8g}",
                 multiplier_text(special.multiplier),
                 _unstable(special) if diagram else special.change,
-                printable((special.nature.removesuffix(" values") if diagram else special.nature) or special.contact),
+                printable(special.nature.removesuffix(" values") or special.contact),
                 *([" ".join(limb.name for limb in diagram.attached(name, index))] if diagram else []),
             )
         table.add_section()

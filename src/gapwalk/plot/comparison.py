@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from typing import Any
 
@@ -14,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
-from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, SIZE, SYMBOLS, VERMILLION, rc
+from gapwalk.plot.sheet import new_sheet, sheet_bytes
+from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, SYMBOLS, VERMILLION, rc
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.comparison import ResultComparison
 from gapwalk.study.export import write_whole
@@ -54,10 +53,7 @@ def save_comparison(
     """
     form = os.fspath(path).rpartition(".")[2]
     figure = plot_comparison(found, measure, tolerance=tolerance, names=names)
-    content = io.BytesIO()
-    with mpl.rc_context(rc()):
-        figure.savefig(content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else None)
-    write_whole(path, content.getvalue())
+    write_whole(path, sheet_bytes(figure, form))
 
 
 def plot_comparison(

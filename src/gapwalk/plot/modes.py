@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from pathlib import Path
@@ -18,8 +17,8 @@ from gapwalk.model.modes import Modes
 from gapwalk.model.system import System
 from gapwalk.model.train import geometry
 from gapwalk.model.train.assembly import TrainAssembly
-from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import BLACK, BLUE, DPI, GREY, SIZE, rc
+from gapwalk.plot.sheet import new_sheet, sheet_bytes
+from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, rc
 from gapwalk.study.export import write_whole
 
 _SHOWN = 6  # modes
@@ -50,11 +49,7 @@ def save_modes(system: System, modes: Modes, path: str | os.PathLike[str], title
     form = Path(path).suffix.lower().lstrip(".")
     if form not in ("png", "svg"):
         raise ModelError(f"{os.fspath(path)} is no name for a picture; give it the ending .png or .svg")
-    content = io.BytesIO()
-    with mpl.rc_context(rc()):
-        figure = draw_modes(system, modes, title)
-        figure.savefig(content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else None)
-    write_whole(path, content.getvalue())
+    write_whole(path, sheet_bytes(draw_modes(system, modes, title), form))
 
 
 def draw_modes(system: System, modes: Modes, title: str = "") -> Figure:

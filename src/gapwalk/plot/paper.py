@@ -19,7 +19,7 @@ from gapwalk.plot.hysteresis import plot_hysteresis
 from gapwalk.plot.legend import draw_period_legend
 from gapwalk.plot.paper_motions import WHOLE
 from gapwalk.plot.pieces import pieces_of
-from gapwalk.plot.sheet import new_sheet
+from gapwalk.plot.sheet import lay_out, new_sheet
 from gapwalk.plot.strobes import Strobes
 from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, rc
 from gapwalk.plot.words import measure_words, parameter_words, state_words
@@ -51,17 +51,8 @@ def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str 
     title = f"Figure {figure.name}. {figure.caption}" if title is None else title
     whole = WHOLE.get(figure.panels[0].view)
     picture = whole(figure, results, title) if whole else _draw_panels(figure, results, title)
-    _lay_out(picture)
+    lay_out(picture)
     return picture
-
-
-def _lay_out(picture: Picture) -> None:
-    """Make the layout once and for all: with its engine the picture would make it anew for each file."""
-    engine = picture.get_layout_engine()
-    if engine is not None:
-        with mpl.rc_context(rc()):
-            engine.execute(picture)
-        picture.set_layout_engine(None)
 
 
 def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
@@ -78,7 +69,7 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
             _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
             for ax, panel in zip(axes.flat, figure.panels, strict=False)
         ]
-        _lay_out(picture)  # names are placed for the final layout, so after everything else
+        lay_out(picture)  # names are placed for the final layout, so after everything else
         for draw_the_rest in filter(None, finish):
             draw_the_rest()
     return picture

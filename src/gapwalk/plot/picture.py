@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from dataclasses import replace
 
@@ -13,14 +12,12 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.measurement.alignment import Alignment
-from gapwalk.plot.alignment import draw_alignment
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.diagram import draw_diagram
-from gapwalk.plot.findings import draw_finding
 from gapwalk.plot.map import draw_map
-from gapwalk.plot.sheet import new_sheet
+from gapwalk.plot.sheet import new_sheet, sheet_bytes
 from gapwalk.plot.size import SizeName, sized
-from gapwalk.plot.style import DPI, SIZE, diagram_size, rc
+from gapwalk.plot.style import SIZE, diagram_size, rc
 from gapwalk.study.export import write_whole
 from gapwalk.study.map import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
@@ -63,16 +60,7 @@ def save_picture(
         figure = draw_picture(found, measure=measure, title=title)
         for path, form in ((png, "png"), (svg, "svg"), (pdf, "pdf")):
             if path is not None:
-                write_whole(path, picture_bytes(figure, form))
-
-
-def picture_bytes(figure: Figure, form: str) -> bytes:
-    """A picture as the content of a file: ``png``, ``svg`` (the same picture gives the same bytes) or ``pdf``."""
-    content = io.BytesIO()
-    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
-    with mpl.rc_context(rc()):
-        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
-    return content.getvalue()
+                write_whole(path, sheet_bytes(figure, form))
 
 
 def draw_picture(
@@ -82,6 +70,8 @@ def draw_picture(
     if isinstance(found, Result):
         title = found.title if title is None else title
         if found.finding is not None:
+            from gapwalk.plot.findings import draw_finding  # only now: it needs the code of all kinds
+
             return draw_finding(found.finding, _showing(found.options, measure), title)
         if found.map is not None and measure is not None:
             raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
@@ -90,6 +80,8 @@ def draw_picture(
     if isinstance(found, Alignment):
         if measure is not None:
             raise ModelError("the picture of a record shows its own signal, and no measure; leave it out")
+        from gapwalk.plot.alignment import draw_alignment
+
         return draw_alignment(found, title and title.replace("$", r"\$"))
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
     if isinstance(found, Map):

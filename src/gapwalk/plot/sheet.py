@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 
 import matplotlib as mpl
@@ -29,3 +30,22 @@ def open_window(size: Size) -> Figure:
 
     with mpl.rc_context(rc()):
         return plt.figure(figsize=sheet_size(*size), layout="constrained")
+
+
+def lay_out(figure: Figure) -> None:
+    """Make the layout once and for all: with its engine each file would make it anew, and draw everything twice."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        with mpl.rc_context(rc()):
+            engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
+def sheet_bytes(figure: Figure, form: str) -> bytes:
+    """A figure as the content of a file: ``png``, ``svg`` (the same figure gives the same bytes) or ``pdf``."""
+    content = io.BytesIO()
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form)
+    lay_out(figure)
+    with mpl.rc_context(rc()):
+        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+    return content.getvalue()

@@ -136,5 +136,6 @@ def _special(twin: Twin, special: SpecialPoint) -> SpecialCheck:
     motion = _MARGIN * twin.change(ours[0], theirs[0])
     if motion > _OTHER:
         return lost
-    rest = special.uncertainty + (_ROUNDING + ours[1] + theirs[1]) * float(twin.scales[-1])
+    # both are located anew, and what is neglected is common to both, so the point's own error is no part of this
+    rest = (_ROUNDING + ours[1] + theirs[1]) * float(twin.scales[-1])
     return SpecialCheck(special, shift, _MARGIN * abs(shift) + rest, motion)

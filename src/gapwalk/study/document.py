@@ -57,6 +57,8 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
     }
     for branch, name in zip(document["branches"], result.names, strict=True):
         branch["name"] = name
+    if result.verification is not None:
+        document["verification"] = result.verification.document()
     if result.map is not None:
         values = [section.value for section in result.map.sections for _ in section.branches]
         for branch, value in zip(document["branches"], values, strict=True):

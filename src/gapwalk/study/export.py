@@ -24,6 +24,7 @@ from gapwalk.study.columns import (
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
+from gapwalk.study.store.database import check_place
 
 
 def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> None:
@@ -193,6 +194,7 @@ def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     StoreError
         If it cannot be written.
     """
+    check_place(path)  # a device would be replaced
     final = Path(path)
     part = final.with_name(f".{final.name}.{os.getpid()}.part")
     try:

@@ -61,6 +61,8 @@ class BranchOptions(StudyOptions):
         Numerical options of the walk.
     method
         How its orbits are found: `Shooting` or `Balance`, with their options.
+    verify
+        Whether the result is checked by other means when it is complete; see `gapwalk.verify`.
     """
 
     parameter: str
@@ -71,6 +73,7 @@ class BranchOptions(StudyOptions):
     start: Start | tuple[float, ...] = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
     method: Shooting | Balance = field(default_factory=Shooting)
+    verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
 
     @property
     def plan(self) -> str:

@@ -14,6 +14,7 @@ from gapwalk.study.finding import Finding
 from gapwalk.study.map.chart import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.reduced.full_check import FullCheck
+from gapwalk.verification import Verification
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Result(Shown):
         Python function of that name returns. There are no `branches` then: those of a family belong to its members.
     checks
         What the full system says of each branch, if the system is a reduced one (see `Study.reduced`).
+    verification
+        What a check by other means has found, if the study asks for one.
     """
 
     study: Study
@@ -49,6 +52,7 @@ class Result(Shown):
     map: Map | None = None
     finding: Finding | None = None
     checks: tuple[FullCheck, ...] = ()
+    verification: Verification | None = None
 
     @property
     def title(self) -> str:

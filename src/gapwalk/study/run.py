@@ -16,6 +16,7 @@ from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
 from gapwalk.study.run_job import run_job
 from gapwalk.study.store.stored import read
+from gapwalk.study.verify import with_verification
 from gapwalk.study.work.pace import Pace
 
 _RUNNERS: dict[str, Callable[..., Result]] = {
@@ -73,4 +74,4 @@ def run(
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
-    return with_checks(result, output)
+    return with_verification(with_checks(result, output), output)

@@ -250,6 +250,7 @@ class BranchPart(RangePart):
     method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] = MethodName.SHOOTING
     shooting: ShootingPart = Field(default_factory=ShootingPart)  # that of the other method is not used: so one word
     balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)  # in a file changes the method
+    verify: bool = False
 
     @field_validator("measure")
     @classmethod
@@ -291,6 +292,7 @@ class BranchPart(RangePart):
             "end": self.end,
             "measure": self.measure or f"half.{system.coordinates[0]}",
             "walk": self.walk.options(),
+            "verify": self.verify,
             "method": (self.balance if self.method is MethodName.BALANCE else self.shooting).options(),
         }
         if "period" in self.model_fields_set:

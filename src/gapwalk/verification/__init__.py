@@ -1,1 +1,21 @@
 """Results checked by other means than those that found them."""
+
+from gapwalk.verification.branch import verify_branches
+from gapwalk.verification.confirm import confirm
+from gapwalk.verification.locus import verify_loci
+from gapwalk.verification.tree import verify_tree
+from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification, verification_of
+
+__all__ = [
+    "Check",
+    "Figure",
+    "Ledger",
+    "Spot",
+    "Summary",
+    "Verification",
+    "confirm",
+    "verification_of",
+    "verify_branches",
+    "verify_loci",
+    "verify_tree",
+]

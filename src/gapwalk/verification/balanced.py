@@ -129,7 +129,9 @@ def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     size[: orbit.system.size] = np.abs(orbit.extremes[:, :2]).max()
     off = float((np.abs(exact.state - orbit.state) / size).max())
     allowed = _AMPLIFIED * max(orbit.truncation, _FINEST) / min(1.0, near)
-    ledger.enter(Check.TRUTH, spot, off / allowed, f"{off:.2g} of the motion apart, {orbit.truncation:.2g} is neglected")
+    ledger.enter(
+        Check.TRUTH, spot, off / allowed, f"{off:.2g} of the motion apart, {orbit.truncation:.2g} is neglected"
+    )
     if not _is_undecided(orbit, allowed):
         found = exact.instability.total
         detail = f"{found} unstable multipliers of the exact motion, where {orbit.instability.total} are stored"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,10 +21,7 @@ from gapwalk.verification.gaps import gap
 from gapwalk.verification.multipliers import distance, is_on_border, reshoot, spread
 from gapwalk.verification.sides import look
 from gapwalk.verification.track import Track
-from gapwalk.verification.verification import Check, Ledger, Spot
-
-Advance = Callable[[str, int, int], object]
-"""Called with a word for what is verified, how many of its pieces are done, and how many there are."""
+from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 _EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
 _VARIED = 3.0  # times the variation of multipliers near by that may be between those of a point and its neighbour
@@ -57,8 +54,6 @@ def _spots(name: str, branch: Branch) -> Iterator[tuple[Spot, BranchPoint]]:
 def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance: Advance | None) -> None:
     """Check orbits by shooting: all branches side by side, for that is how they are carried."""
     every = [(spot, point, track) for name, track in tracks for spot, point in _spots(name, track.branch)]
-    if not every:
-        return
     orbits = [point.orbit for _, point, _ in every]
 
     def report(done: int) -> None:

@@ -1,8 +1,8 @@
 """Orbits carried once around by another integrator: Dormand and Prince's method of order 8 between contact events.
 
 All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section II.10; the
-tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are believed
-only as far as the motion passes its breakpoints there, and nowhere else.
+tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are
+believed only as far as the motion passes its breakpoints there, and nowhere else.
 """
 
 from __future__ import annotations
@@ -60,7 +60,15 @@ class Round:
 
 
 def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:
-    """Carry orbits of one structure once around; `report` is called with the number of those that are done."""
+    """Carry orbits of one structure once around; `report` is called with the number of those that are done.
+
+    Raises
+    ------
+    ValueError
+        If their systems are of different structures.
+    """
+    if len({id(orbit.system.structure) for orbit in orbits}) > 1 and len({o.system.structure for o in orbits}) > 1:
+        raise ValueError("orbits of systems of different structure cannot be carried side by side")
     rounds: list[Round] = []
     size = orbits[0].system.size if orbits else 1
     lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
@@ -152,9 +160,9 @@ class _Fleet:
         with np.errstate(over="ignore", invalid="ignore"):  # a broken orbit may run away, and is seen at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes)
             for s in range(1, _STAGES):
-                middle = state + h * np.tensordot(_A[s, :s], rates[:s], axes=(0, 0))
+                middle = state + h * _sum(_A[s, :s], rates[:s])
                 rates[s] = self.equations.rates(theta + _C[s] * length, middle, closed, lanes)
-            new = state + h * np.tensordot(_B, rates[:_STAGES], axes=(0, 0))
+            new = state + h * _sum(_B, rates[:_STAGES])
             rates[-1] = self.equations.rates(theta + length, new, closed, lanes)
             self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
             self._watch(lanes, state, new, rates, h, closed)
@@ -200,9 +208,15 @@ class _Fleet:
         )
 
 
+def _sum(weights: Array, rates: Array) -> Array:
+    """The rates of some stages, weighted."""
+    total: Any = np.tensordot(weights, rates, axes=(0, 0))
+    return total
+
+
 def _error(rates: Array) -> Array:
     """The error of a step of length 1, as DOP853 estimates it, component by component."""
-    fifth, third = (np.tensordot(weights, rates, axes=(0, 0)) for weights in (_ERROR_5, _ERROR_3))
+    fifth, third = (_sum(weights, rates) for weights in (_ERROR_5, _ERROR_3))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 

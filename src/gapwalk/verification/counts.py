@@ -12,7 +12,11 @@ from gapwalk.verification.multipliers import is_on_border
 
 _VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
 _SINGULAR = 1e-6  # a test function so near to zero has no sign
-_TESTED = {Kind.FOLD: "the branch turns round", Kind.BRANCH_POINT: "another branch crosses", Kind.FLIP: "a flip is passed"}
+_TESTED = {
+    Kind.FOLD: "the branch turns round",
+    Kind.BRANCH_POINT: "another branch crosses",
+    Kind.FLIP: "a flip is passed",
+}
 
 
 def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
@@ -22,8 +26,10 @@ def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint])
         signs = [_sign(kind, point) for point in (a, b)]
         found = sum(each.kind is kind or (kind is Kind.FOLD and each.is_vertex) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
-            yield f"{words}, with {found} points of the kind {kind.value} between" if found % 2 == 0 else (
-                f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign"
+            yield (
+                f"{words}, with {found} points of the kind {kind.value} between"
+                if found % 2 == 0
+                else (f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign")
             )
     yield from _contacts(a, b, special)
 
@@ -33,7 +39,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
     count = None if is_on_border(a.orbit.multipliers) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
-            yield f"{count} unstable multipliers come to the {each.kind.value}, which counts {each.before.total} before it"
+            yield f"{count} unstable multipliers come to a {each.kind.value} that counts {each.before.total} before it"
         count = each.after.total
     if count is not None and not is_on_border(b.orbit.multipliers) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"

@@ -6,6 +6,7 @@ What is verified must not be computed by what is to be verified: nothing here co
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,8 @@ class Equations:
         push = vectors([f"{form.name}.{each}" for form, each in zip(contacts, which, strict=True)])
         mean, shapes = vectors(["mean"]), vectors([f"{harmonic.name}.acts_on" for harmonic in harmonics])
         solved = np.linalg.solve(mass, np.concatenate((stiffness, damping, push, mean, shapes), axis=2))
-        self._stiffness, self._damping, self._push, mean, self._shapes = np.split(
-            solved, np.cumsum([n, n, len(contacts), 1]), axis=2
-        )
+        parts: list[Array] = [np.asarray(part, dtype=float) for part in _split(solved, [n, n, len(contacts), 1])]
+        self._stiffness, self._damping, self._push, mean, self._shapes = parts
         self._mean = mean[:, :, 0]
         self._deflections = vectors([f"{form.name}.deflection" for form in contacts]).transpose(0, 2, 1)
         self._orders = np.array([harmonic.order for harmonic in harmonics], dtype=float)
@@ -144,6 +144,11 @@ class Equations:
     @staticmethod
     def _of(values: Array, lanes: slice) -> Array:
         return values if len(values) == 1 else values[lanes]
+
+
+def _split(matrices: Any, widths: list[int]) -> list[Any]:
+    """Matrices side by side, apart; the last one is what is left."""
+    return np.split(matrices, np.cumsum(widths), axis=2)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

@@ -17,7 +17,8 @@ from gapwalk.verification.track import Track
 _OFF = 0.1  # distance of the orbit between from the cubic through both points and tangents, in distances of the points
 _TURN = 0.6  # angle between a tangent and the chord, in radians
 _DEEPEST = 7  # halvings of a gap
-_TOGETHER = 1e-7  # distance below which two points are one
+_LONGER = 0.3  # share by which the distance of two points may differ from the arclength between them
+_TOGETHER = 1e-6  # distance below which two points are one
 _SHARES = (0.5, 0.4, 0.62)  # where an orbit is looked for: close to a crossing of branches none can be held
 
 
@@ -26,8 +27,9 @@ def gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
 
     1 is the largest figure that is believed: an orbit between them lies off the cubic through both points by a tenth of
     their distance, or a tangent, at a point or between, is 0.6 rad off the chord. Where it is more, the gap is halved.
-    Infinite where there is no orbit between.
+    Infinite where there is no orbit between. And their distance must be the arclength between them, up to 30 %.
     """
+    ahead = b.arclength - a.arclength
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
         coarse, fine = sorted((a, b), key=lambda point: len(point.x))
         corrector = track.corrector_at(fine)
@@ -35,7 +37,10 @@ def gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
-    return _gap(track, a, b, 0)
+    length = length_of(b.x - a.x)
+    # the branch may lead from any point to any other by a long way round
+    far = abs(length - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
+    return max(far, _gap(track, a, b, 0))
 
 
 def _gap(track: Track, a: BranchPoint, b: BranchPoint, depth: int) -> float:

@@ -74,4 +74,3 @@ def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
 def is_on_border(values: NDArray[np.complex128]) -> bool:
     """Whether a multiplier is so near the unit circle that it may count as stable or unstable."""
     return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
-

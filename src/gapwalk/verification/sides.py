@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.optimize import brentq
 
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
@@ -22,6 +22,7 @@ _REACH = 1e-3  # arclength from which a special point is looked at, where its ne
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held
 _NODES = (-1.0, -0.75, -0.45, 0.45, 0.75, 1.0)  # where orbits beside a branch point are looked for, in reaches
 _REAL = 1e-6  # imaginary part of a root that is real but for rounding
+_SECANT = 1e-4  # arclength over which a test function is straight
 _SHARE = 0.4  # of the way to a neighbour
 
 
@@ -62,26 +63,26 @@ def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | Non
     return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)))
 
 
-def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint):
+def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:
     """Where the numbers of unstable multipliers on both sides are not those that are stored."""
     for side, point, stored in (("before", a, special.before), ("after", b, special.after)):
         if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total:
             yield f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
 
 
-def _zero(second: SecondOpinion, special: SpecialPoint, reach: float, function) -> float | None:
-    """The parameter where a function of the point is zero."""
-    points: dict[float, BranchPoint] = {}
-
-    def at(shift: float) -> float:
-        points[shift] = second.at(special.point, shift)
-        return function(points[shift])
-
+def _zero(
+    second: SecondOpinion, special: SpecialPoint, reach: float, function: Callable[[BranchPoint], float]
+) -> float | None:
+    """The parameter where a function of the point is zero, by a secant from the special point on."""
+    shift = min(reach, _SECANT)
     try:
-        root = float(brentq(at, -reach, reach, xtol=1e-14, rtol=1e-13))
-        return second.at(special.point, root).value
-    except (NumericalError, ValueError):
+        here, beside = second.at(special.point), second.at(special.point, shift)
+    except NumericalError:
         return None
+    first, last = function(here), function(beside)
+    if first == last:
+        return None
+    return here.value - (beside.value - here.value) * first / (last - first)
 
 
 def _interpolated(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:

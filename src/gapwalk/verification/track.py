@@ -85,7 +85,9 @@ class Track:
             size = 2 * branch.system.size
             states, x = (np.array([part(p) for p in fellows]) for part in (_state, lambda p: p.x[:size]))
             half = size // 2
-            positions, velocities = (_ratio(states[:, part], x[:, part]) for part in (slice(0, half), slice(half, size)))
+            positions, velocities = (
+                _ratio(states[:, part], x[:, part]) for part in (slice(0, half), slice(half, size))
+            )
             scale = np.tile(np.repeat([positions, velocities], half), self.segments)
         values, labels = (np.array([[part(p)] for p in fellows]) for part in (lambda p: p.value, lambda p: p.x[-1]))
         return Corrector(equation, powers_of_two(np.append(scale, _ratio(values, labels))))

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
+
+Advance = Callable[[str, int, int], object]
+"""Called with a word for what is verified, how many of its pieces are done, and how many there are."""
 
 
 class Check(Enum):
@@ -28,8 +32,19 @@ class Check(Enum):
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
     CONDITION = ("condition", "an orbit on a locus is on the verge of its bifurcation", 1e-5)
 
-    def __init__(self, word: str, sentence: str, bound: float) -> None:
-        self.word, self.sentence, self.bound = word, sentence, bound
+    sentence: str
+    bound: float
+
+    def __new__(cls, word: str, sentence: str, bound: float) -> Self:
+        """The check of a name; its value is the name."""
+        check = object.__new__(cls)
+        check._value_, check.sentence, check.bound = word, sentence, bound
+        return check
+
+    @property
+    def word(self) -> str:
+        """Its name."""
+        return self.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +187,23 @@ class Verification:
         return f"Verification({self.words})"
 
 
+def verification_of(plain: Any) -> Verification:
+    """The same back from plain JSON values; any of KeyError, TypeError, ValueError if they are damaged."""
+
+    def figure(check: Check, each: Any) -> Figure:
+        spot = Spot(str(each["branch"]), str(each["item"]), float(each["parameter"]))
+        size = math.inf if each["size"] is None else float(each["size"])
+        return Figure(check, spot, size, str(each["detail"] or ""))
+
+    summaries = [
+        Summary(Check(each["check"]), int(each["count"]), figure(Check(each["check"]), each["worst"]))
+        for each in plain["checks"]
+    ]
+    breaches = [figure(Check(each["check"]), each) for each in plain["breaches"]]
+    notes = tuple(str(note) for note in plain["notes"])
+    return Verification(tuple(summaries), tuple(breaches), notes, int(plain["points"]), int(plain["special_points"]))
+
+
 class Ledger:
     """Figures as they come in, and the verification that they add up to."""
 
@@ -199,7 +231,9 @@ class Ledger:
     @property
     def verification(self) -> Verification:
         """All that was entered."""
-        summaries = tuple(Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts)
+        summaries = tuple(
+            Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
+        )
         return Verification(summaries, tuple(self._breaches), tuple(self.notes), self.points, self.special_points)
 
 

@@ -1,4 +1,4 @@
-"""Commands on result files: ``show``, ``export``, ``compare``."""
+"""Commands on result files: ``show``, ``export``, ``compare``, ``verify``."""
 
 from __future__ import annotations
 
@@ -115,5 +115,29 @@ def compare(
 
         options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
         return compare_files(first, second, tolerance, **options)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=6)
+def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
+    """Check a result by other means than those that found it: orbits, gaps between them, special points, and counts.
+
+    The exit code is 0 if all of it stands, and 5 if something is wrong.
+
+    Parameters
+    ----------
+    result
+        The result file of a response, a diagram, a map or a family.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.verify import verify_file
+
+        return verify_file(result, json=json)
 
     return guard(job, json=json, debug=debug)

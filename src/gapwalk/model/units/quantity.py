@@ -164,15 +164,11 @@ def _normalised(unit: str) -> str:
 
 def _parsed(text: str) -> Any:
     """The unit that a text stands for."""
-    if (
-        len(text) > _LONGEST
-        or not re.fullmatch(r"[A-Za-zµμ_0-9 ^*/().-]+", text)
-        or re.search(r"\^-?\d{2}|\d{4}", text)
-    ):
+    if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
         raise ValueError("this is no unit")
     if re.search(r"/[^()/*]*[ *][^()/]", text):
         raise ValueError("what stands below the stroke needs brackets, as in N m/(rad s)")
-    for word in re.findall(r"[A-Za-zµμ_]+", text):
+    for word in re.findall(r"[A-Za-zµμ]+", text):
         if word not in _registry():
             raise ValueError(f"there is no unit {word!r} here" + (f"; {_HINTS[word]}" if word in _HINTS else ""))
     try:

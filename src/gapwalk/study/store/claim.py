@@ -10,7 +10,7 @@ import numpy as np
 from gapwalk.errors import StoreError
 from gapwalk.study.file import Study
 from gapwalk.study.reduced.before import as_before
-from gapwalk.study.store.database import APPLICATION, explained, tidy
+from gapwalk.study.store.database import APPLICATION, check_place, explained, tidy
 from gapwalk.study.store.stored import Stored, read
 
 
@@ -35,8 +35,7 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
         raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")
     if not os.path.lexists(name):
         return None
-    if os.path.isdir(name):
-        raise StoreError(f"{name} is a folder; name a file in it")
+    check_place(path)
     if resume:
         stored = read(path)
         _check_same(name, study, stored.study)

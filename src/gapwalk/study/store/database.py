@@ -106,6 +106,7 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
 
     It is an empty database beside the result: SQLite's own locks work on every system.
     """
+    check_place(path)
     name = f"{os.fspath(path)}-lock"
     with explained(path), _closed_on_error(sqlite3.connect(name, isolation_level=None, timeout=0)) as holder:
         holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
@@ -127,11 +128,19 @@ def remove(path: str | os.PathLike[str]) -> None:
 
 def check_readable(path: str | os.PathLike[str]) -> None:
     """A StoreError if there is no file of that name."""
+    check_place(path)
     name = os.fspath(path)
-    if os.path.isdir(name):
-        raise StoreError(f"{name} is a folder; name a result file in it")
     if not os.path.exists(name):
         raise StoreError(f"there is no file {name}; `gapwalk run FILE` writes a result")
+
+
+def check_place(path: str | os.PathLike[str]) -> None:
+    """A StoreError if something of that name is no file: who opens a pipe waits for ever, and a device has no end."""
+    name = os.fspath(path)
+    if os.path.isdir(name):
+        raise StoreError(f"{name} is a folder; name a file in it")
+    if os.path.exists(name) and not os.path.isfile(name):
+        raise StoreError(f"{name} is a pipe or a device, and no file; choose another name")
 
 
 @contextmanager
@@ -155,6 +164,7 @@ def transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) ->
             if connection.in_transaction:
                 connection.execute("ROLLBACK")
             raise
+        os.stat(path)  # SQLite goes on writing into a file that has been removed
 
 
 @contextmanager
@@ -204,6 +214,8 @@ def _explain(name: str, error: Exception) -> str:
         return f"{name} is being written by another run; wait for its end, or stop it"
     if not os.path.isdir(folder):
         return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
+    if isinstance(error, FileNotFoundError):
+        return f"{name} has been removed or moved while it was written; what a run finds now would be lost"
     if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
         if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):
             return f"{name} cannot be opened in a folder that cannot be written; copy it and {name}-wal to another one"
@@ -212,4 +224,9 @@ def _explain(name: str, error: Exception) -> str:
         return f"{name} cannot be opened; look at its permissions ({error})"
     if code == "SQLITE_FULL":
         return f"{name} cannot be written: the disk is full; all that was reported is in the file"
+    if code.startswith("SQLITE_IOERR"):
+        return (
+            f"{name} cannot be read or written ({error}): the disk may be full, a limit reached, or the disk gone; all "
+            "that was reported is in the file"
+        )
     return f"{name} cannot be read or written: {error}"

@@ -30,6 +30,7 @@ from gapwalk.study.store.plain_options import options_of
 from gapwalk.study.store.read_rows import Row, branch_rows
 from gapwalk.study.store.trust import checked_parts, undamaged
 from gapwalk.study.store.versions import check_not_newer
+from gapwalk.verification import Verification, verification_of
 
 
 class StoredWalk(NamedTuple):
@@ -90,16 +91,17 @@ Found = StoredWalk | StoredDiagram | StoredMap | StoredParts
 
 
 class Stored(NamedTuple):
-    """All that a result file holds: the study, what was found, the versions, and what a full system says of it."""
+    """All that a result file holds: the study, what was found, the versions, and what was said of it afterwards."""
 
     study: Study
     found: Found
     versions: dict[str, str]
     checks: tuple[FullCheck, ...] = ()
+    verification: Verification | None = None
 
     def result(self) -> Result:
         """The same as a user sees it."""
-        return replace(self._result(), checks=self.checks)
+        return replace(self._result(), checks=self.checks, verification=self.verification)
 
     def _result(self) -> Result:
         if isinstance(self.found, StoredMap):
@@ -157,7 +159,8 @@ def _read(connection: sqlite3.Connection, about: dict[str, Any]) -> Stored:
     )
     found = _found(connection, study, about)
     versions = {str(name): str(version) for name, version in about["versions"].items()}
-    return Stored(study, found, versions, checks_of(about.get("checks", ())))
+    verification = verification_of(about["verification"]) if "verification" in about else None
+    return Stored(study, found, versions, checks_of(about.get("checks", ())), verification)
 
 
 def _found(connection: sqlite3.Connection, study: Study, about: dict[str, Any]) -> Found:

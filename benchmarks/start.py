@@ -1,0 +1,60 @@
+"""How long a person waits for the command line: the help, the check of a file, and the first point of a walk."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.effort import Effort
+from benchmarks.row import Row, Target
+
+GROUP = "Start of a new process"
+_MODEL = Path(__file__).resolve().parents[1] / "examples" / "clutch.toml"
+_MOST = 5  # processes for each line
+
+# stops as soon as the first point is in the file, and would be on the screen
+_FIRST_POINT = """\
+import os, sys
+from gapwalk.cli import main, progress
+progress.WalkProgress.__call__ = lambda *_: os._exit(0)
+main(["run", sys.argv[1], "--output", sys.argv[2], "--force", "--quiet"])
+sys.exit("there was no point")
+"""
+
+
+def rows(effort: Effort) -> list[Row]:
+    """Measure all lines; compiled modules and flows are on disk from the first process on."""
+    repeats = min(effort.repeats, _MOST)
+    with tempfile.TemporaryDirectory() as folder:
+        output = str(Path(folder) / "clutch.gapwalk")
+        run = ["run", str(_MODEL), "--output", output, "--force", "--quiet"]
+        return [
+            Row(GROUP, "gapwalk --help", least(["-m", "gapwalk", "--help"], repeats), targets=(Target(0.3),)),
+            Row(GROUP, "gapwalk check, figure 13", least(["-m", "gapwalk", "check", str(_MODEL)], repeats)),
+            Row(
+                GROUP,
+                "gapwalk run, figure 13: first point",
+                least(["-c", _FIRST_POINT, str(_MODEL), output], repeats),
+                targets=(Target(2.0),),
+            ),
+            Row(GROUP, "gapwalk run, figure 13: all, with pictures", least(["-m", "gapwalk", *run], repeats)),
+        ]
+
+
+def least(words: list[str], repeats: int) -> float:
+    """CPU seconds of a process of Python with these words, its own children included; the least of some."""
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
+    found = []
+    for _ in range(repeats + 1):  # one more, that compiles
+        before = _children()
+        subprocess.run([sys.executable, *words], env=environment, check=True, stdout=subprocess.DEVNULL)
+        found.append(_children() - before)
+    return min(found[1:])
+
+
+def _children() -> float:
+    times = os.times()
+    return times.children_user + times.children_system

@@ -1,0 +1,79 @@
+"""Loci verified: a sample of the points of each, shot again, with the condition that holds on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.locus import Locus, LocusPoint
+from gapwalk.continuation.branch import Kind
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.verification.balanced import imbalance
+from gapwalk.verification.carry import Round, carry
+from gapwalk.verification.multipliers import distance, reshoot
+from gapwalk.verification.verification import Advance, Check, Ledger, Spot
+
+_MOST = 40  # points of a locus that are looked at
+
+
+def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Advance | None = None) -> None:
+    """Enter what there is to check of some loci, by their names."""
+    for done, (name, locus) in enumerate(loci):
+        if advance is not None:
+            advance("loci", done, len(loci))
+        numbers = sorted({round(place) for place in np.linspace(0, len(locus.points) - 1, _MOST)})
+        points = [
+            (Spot(name, f"point {number}", locus.points[number].values[0]), locus.points[number]) for number in numbers
+        ]
+        ledger.points += len(points)
+        if isinstance(locus.points[0].orbit, BalancedOrbit):
+            _verify_balanced(ledger, points)
+            ledger.note(
+                "of balanced loci the lines are verified, but not their condition, which holds up to the truncation"
+            )
+            continue
+        rounds = carry([point.orbit for _, point in points])
+        for (spot, point), around in zip(points, rounds, strict=True):
+            _verify_point(ledger, spot, locus, point, around)
+
+
+def _verify_balanced(ledger: Ledger, points: Sequence[tuple[Spot, LocusPoint]]) -> None:
+    for spot, point in points:
+        assert isinstance(point.orbit, BalancedOrbit)
+        ledger.enter(Check.LINES, spot, imbalance(point.orbit)[0])
+
+
+def _verify_point(ledger: Ledger, spot: Spot, locus: Locus, point: LocusPoint, around: Round) -> None:
+    try:
+        reshot = reshoot(point.orbit, 1, around.contraction)
+    except NumericalError as error:
+        ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
+        return
+    ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth)
+    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth)
+    ledger.enter(Check.MULTIPLIERS, spot, distance(reshot.multipliers, point.orbit.multipliers))
+    ledger.enter(Check.CONDITION, spot, _off(locus, point.orbit, reshot.multipliers))
+
+
+def _off(locus: Locus, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
+    """How far an orbit is from the verge of the bifurcation of a locus.
+
+    In a product of all factors, one that is smaller for another reason, as at a point of codimension two, does no harm.
+    """
+    match locus.kind:
+        case Kind.FOLD:
+            factors = multipliers - 1.0
+        case Kind.FLIP:
+            factors = multipliers + 1.0
+        case Kind.NEIMARK_SACKER:
+            first, second = np.triu_indices(len(multipliers), 1)
+            factors = multipliers[first] * multipliers[second] - 1.0
+        case _:
+            depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
+            return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
+    return float(np.prod(np.minimum(np.abs(factors), 1.0)))

@@ -1,0 +1,298 @@
+"""Readers given nonsense that resembles sense: whatever comes, an error of gapwalk's own, or none.
+
+The same few examples in each ordinary run; ``make fuzz`` tries others, as many of each as GAPWALK_FUZZ says.
+"""
+
+import copy
+import json
+import lzma
+import os
+import random
+import sqlite3
+import tomllib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+from starlette.testclient import TestClient
+
+import gapwalk as gw
+from gapwalk.errors import GapwalkError, StoreError
+from gapwalk.explorer.app import application
+from gapwalk.explorer.desk import Desk
+from gapwalk.model.source import Source, parse_source
+from gapwalk.model.units import QuantityKind, read_quantity
+from gapwalk.study.changes import parse_changes
+from gapwalk.study.file import check_studies
+from tests.explorer.conftest import ORIGIN, STOP
+from tests.faults.bad_input import MODELS
+from tests.study.jobs import MODELS as JOBS
+
+MORE = int(os.environ.get("GAPWALK_FUZZ", "0"))
+OLDER = Path(__file__).parents[1] / "data" / "older"
+GOOD = {**MODELS, **JOBS}
+
+
+def budget(count: int) -> settings:
+    return settings(
+        max_examples=MORE or count,
+        derandomize=not MORE,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+def told(call: Callable[[], object], kind: type[Exception] = GapwalkError, nothing: str = "nothing") -> str:
+    """What an error of the right kind says; any other goes on and fails the test."""
+    try:
+        call()
+    except kind as error:
+        return str(error).strip()
+    return nothing
+
+
+NUMBERS = st.sampled_from(
+    [0, -1, 1, 2, 3, 0.5, 1e-300, 1e300, -1e300, 5e-324, 2**63, -(10**30), float("nan"), float("inf"), 10**400]
+)
+TEXTS = st.sampled_from(
+    ["", " ", "x", "q1", "frequency", "3 deg", "0.14 kg m^2", "1e999 N m", "\0", "é", "a.b.c", "../x", "rest", "x'" * 9]
+) | st.text(max_size=8)
+VALUES = st.recursive(
+    NUMBERS | TEXTS | st.booleans() | st.none(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXTS, inner, max_size=3),
+    max_leaves=6,
+)
+
+
+def places(data: Any, path: tuple = ()) -> list[tuple]:
+    """The paths of everything in nested tables and lists."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    found = []
+    for key, value in items:
+        found += [(*path, key), *places(value, (*path, key))]
+    return found
+
+
+def mutate(data: Any, draw: Any) -> None:
+    """Change one place of nested tables: leave it out, give it another value or name, or repeat it."""
+    path = draw(st.sampled_from(places(data)))
+    table = data
+    for key in path[:-1]:
+        table = table[key]
+    how = draw(st.sampled_from(["value", "value", "delete", "rename", "double", "other"]))
+    if how == "delete":
+        del table[path[-1]]
+    elif how == "rename" and isinstance(table, dict):
+        table[draw(TEXTS)] = table.pop(path[-1])
+    elif how == "double" and isinstance(table, list):
+        table.append(copy.deepcopy(table[path[-1]]))
+    elif how == "other":
+        other = data
+        for key in draw(st.sampled_from(places(data))):
+            other = other[key]
+        table[path[-1]] = copy.deepcopy(other)
+    else:
+        table[path[-1]] = draw(VALUES)
+
+
+@given(st.data())
+@budget(150)
+def test_model_files_with_things_changed(data) -> None:
+    text = GOOD[data.draw(st.sampled_from(sorted(GOOD)))]
+    tables = tomllib.loads(text)
+    for _ in range(data.draw(st.integers(1, 3))):
+        if places(tables):
+            mutate(tables, data.draw)
+    assert told(lambda: check_studies(Source("m.toml", text, tables)))
+
+
+@given(st.sampled_from(sorted(GOOD)), st.randoms(use_true_random=False))
+@budget(100)
+def test_model_files_with_letters_changed(name, chance) -> None:
+    text = list(GOOD[name])
+    for _ in range(chance.randint(1, 6)):
+        place = chance.randrange(len(text))
+        text[place] = chance.choice(
+            ["", "\n", "[", "]", "=", '"', "'", "-", "9", ".", "e", "{", "#", "\0", text[place] * 2]
+        )
+    assert told(lambda: check_studies(parse_source("".join(text), "m.toml")))
+
+
+@given(
+    TEXTS | st.text(alphabet="0123456789.eE+-*/^() kgNmsradegHzrpm°²,_'", max_size=20), st.sampled_from(QuantityKind)
+)
+@budget(200)
+def test_texts_of_units(text, kind) -> None:
+    assert told(lambda: read_quantity(text, kind), ValueError)  # to which a model file adds its line
+
+
+@given(st.text(alphabet="study.stopclearance=frequency[]{}\"'-1e9,naif\n\0", max_size=30), VALUES)
+@budget(60)
+def test_changes(text, value) -> None:
+    for change in (text, f"stop.clearance={value}", f"study.walk={value}", f"study.to={value}"):
+        assert told(lambda text=change: check_studies(parse_source(MODELS["stop"], "m.toml"), parse_changes([text])))
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory) -> list[Path]:
+    """Good records, as text and as MAT files."""
+    folder = tmp_path_factory.mktemp("records")
+    time, acceleration = np.arange(30) * 0.1, np.sin(np.arange(30))
+    rows = "".join(f"{t},{a}\n" for t, a in zip(time, acceleration, strict=True))
+    (folder / "a.csv").write_text("time,acceleration\n" + rows)
+    for name, compressed in (("b.mat", False), ("c.mat", True)):
+        savemat(folder / name, {"time": time, "acceleration": acceleration}, do_compression=compressed)
+    return sorted(folder.glob("?.*"))
+
+
+@given(st.integers(0, 2), st.randoms(use_true_random=False))
+@budget(150)
+def test_records(records, which, chance) -> None:
+    path = records[which]
+    damaged = path.with_name(f"damaged{path.suffix}")
+    damaged.write_bytes(_damaged(path.read_bytes(), chance))
+    assert damaged.name in told(lambda: gw.read_measurement(damaged), nothing=damaged.name)
+
+
+@given(
+    st.sampled_from(["1a-half", "1c-half", "1f-settle", "1f-regimes", "0-sweep-chunks"]),
+    st.randoms(use_true_random=False),
+)
+@budget(80)
+def test_result_files_with_bytes_changed(tmp_path_factory, name, chance) -> None:
+    path = tmp_path_factory.getbasetemp() / f"{name}.gapwalk"
+    path.write_bytes(_damaged(lzma.decompress((OLDER / f"{name}.xz").read_bytes()), chance))
+    _load(path, name)
+
+
+@given(st.data())
+@budget(60)
+def test_result_files_with_values_changed(tmp_path_factory, data) -> None:
+    """What a program writes into tables that it may not know; checksums hide nothing here."""
+    name = data.draw(
+        st.sampled_from(["1a-response", "1c-diagram", "1e-map", "1f-settle", "1f-sweep", "0-sweep-chunks"])
+    )
+    path = tmp_path_factory.getbasetemp() / f"{name}.gapwalk"
+    path.write_bytes(lzma.decompress((OLDER / f"{name}.xz").read_bytes()))
+    connection = sqlite3.connect(path, isolation_level=None)
+    tables = sorted(each for (each,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'"))
+    table = data.draw(st.sampled_from(tables))
+    columns = [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+    rows = connection.execute(f"SELECT * FROM {table}").fetchall()
+    if rows:
+        place, column = data.draw(st.integers(0, len(rows) - 1)), data.draw(st.integers(0, len(columns) - 1))
+        old = rows[place][column]
+        value = data.draw(st.sampled_from([None, 0, -1, 2**62, 1e308, "", "x", "[]", "{}", "null", b"", b"\0" * 64]))
+        if isinstance(old, str) and old[:1] in ("[", "{") and data.draw(st.booleans()):
+            plain = json.loads(old)
+            if places(plain):
+                mutate(plain, data.draw)
+            value = json.dumps(plain)
+        condition = " AND ".join(f"{each} IS ?" for each in columns)
+        with suppress(sqlite3.IntegrityError):
+            connection.execute(
+                f"UPDATE OR REPLACE {table} SET {columns[column]} = ? WHERE {condition}", (value, *rows[place])
+            )
+    connection.close()
+    _load(path, name)
+
+
+def _load(path: Path, name: str) -> None:
+    load = gw.load_sweep if name.endswith("chunks") else gw.load
+    assert path.name in told(lambda: load(path), StoreError, nothing=path.name)
+
+
+def _damaged(content: bytes, chance: random.Random) -> bytes:
+    """Some bits turned, or a piece left out, cut off, or doubled."""
+    damaged = bytearray(content)
+    how = chance.choice(["bits", "bits", "cut", "hole", "double"])
+    first, last = sorted(chance.randrange(len(damaged)) for _ in range(2))
+    if how == "cut":
+        del damaged[first:]
+    elif how == "hole":
+        damaged[first:last] = bytes(last - first)
+    elif how == "double":
+        damaged[first:first] = damaged[first:last]
+    for _ in range(chance.choice((1, 30)) if how == "bits" else 0):
+        damaged[chance.randrange(len(damaged))] ^= 1 << chance.randrange(8)
+    return bytes(damaged)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """A page of a server whose jobs are not done: only requests are tried."""
+    desk = Desk(tmp_path_factory.mktemp("fuzzed"))
+    (desk.workspace.root / "model.toml").write_text(STOP, encoding="utf-8")
+    desk.jobs.add = lambda *_, **__: None
+    yield TestClient(application(desk), base_url=ORIGIN)
+    desk.close()
+
+
+PATHS = [
+    "about",
+    "curve",
+    "motion",
+    "details",
+    "export/table",
+    "export/model",
+    "export/script",
+    "export/x",
+    "files",
+    "x",
+]
+FIELDS = ["file", "result", "x", "y", "branch", "point", "special", "from", "signal", "tab", "parameter", "to"]
+
+
+@given(
+    st.sampled_from(PATHS),
+    st.dictionaries(st.sampled_from(FIELDS), TEXTS | NUMBERS.map(str), max_size=8),
+    st.booleans(),
+)
+@budget(120)
+def test_requests_to_read(page, path, query, knows) -> None:
+    answer = page.get(f"/api/{path}", params=query | ({"file": "model.toml"} if knows else {}))
+    assert answer.status_code in (200, 400, 404, 405, 409)
+
+
+@given(
+    st.sampled_from(["act", "job/stop", "job/pause", "job/resume", "job/x"]),
+    VALUES,
+    st.dictionaries(
+        st.sampled_from(["do", "start", "values", "parameter", "to", "low", "high", "study", "result", *FIELDS[:2]]),
+        VALUES,
+        max_size=6,
+    ),
+    st.binary(max_size=12),
+)
+@budget(80)
+def test_requests_to_act(page, path, anything, fields, raw) -> None:
+    headers = {"content-type": "application/json"}
+    for body in (_json(anything), _json({"file": "model.toml", "do": "compute"} | fields), raw):
+        answer = page.post(f"/api/{path}", content=body, headers=headers)
+        assert answer.status_code in (200, 400, 409, 413)
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["host", "origin", "cookie", "content-type", "content-length", "sec-fetch-site", "x"]),
+        st.text(alphabet=st.characters(min_codepoint=33, max_codepoint=126), max_size=30),
+        max_size=4,
+    ),
+    st.sampled_from(["GET", "POST", "PUT", "HEAD", "OPTIONS", "X"]),
+    st.text(max_size=10),
+)
+@budget(100)
+def test_headers_and_paths(page, headers, method, path) -> None:
+    answer = page.request(method, f"/{quote(path)}", headers=headers)
+    assert answer.status_code < 500
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value).encode()

@@ -1,0 +1,179 @@
+"""The campaign of kills: long jobs are killed at random moments, and come to the result of an undisturbed one.
+
+50 kills of each kind, or as many as GAPWALK_KILLS says: ``make campaign``.
+"""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.study.store.database import lock
+from gapwalk.study.store.stored import read
+from tests.study import diagrams, jobs, studies, sweeps
+from tests.study.same import assert_same_result
+
+pytestmark = pytest.mark.slow
+ROOT = Path(__file__).resolve().parents[2]
+KILLS = int(os.environ.get("GAPWALK_KILLS", "50"))
+
+
+class Job(NamedTuple):
+    """A program that writes a line for all that is safe, how much a file then holds, and what is to come out."""
+
+    code: str
+    stored: Callable[[Path], int]
+    assert_whole: Callable[[Path], None]
+
+
+def _points(path: Path) -> int:
+    return len(gw.load(path).branches[0].points) - 1
+
+
+def _last_result(folder: Path) -> Path:
+    """Of an exploration: a job that was killed before it had a result has left its number only."""
+    found = sorted((folder / "model.explorer").glob("*.gapwalk"))
+    return found[-1] if found else folder / "none"
+
+
+def _same_as(study: gw.Study) -> Callable[[Path], None]:
+    def check(path: Path) -> None:
+        assert_same_result(gw.load(path), gw.run(study))
+
+    return check
+
+
+def _same_finding(kind: str) -> Callable[[Path], None]:
+    def check(path: Path) -> None:
+        found = read(path)
+        again = path.with_name("undisturbed.gapwalk")
+        jobs_alone = f"from tests.study.jobs import main; main({kind!r}, {str(again)!r})"
+        subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
+        assert found.found.parts == read(again).found.parts  # byte for byte
+        again.unlink()
+
+    return check
+
+
+def _same_sweep(path: Path) -> None:
+    expected = gw.sweep(*sweeps.FOLDS, options=sweeps.options(workers=2))
+    found = gw.load_sweep(path)
+    assert found.complete
+    np.testing.assert_array_equal(found.sections, expected.sections)
+
+
+JOBS = {
+    "walk": Job("from tests.study.studies import main; main({path!r})", _points, _same_as(studies.long_study())),
+    "diagram": Job(
+        "from tests.study.diagrams import main; main({path!r}, '2')",
+        lambda path: len(gw.load(path).branches),
+        _same_as(diagrams.many_branches()),
+    ),
+    "sweep": Job(
+        "from tests.study.sweeps import main; main({path!r})",
+        lambda path: int((~np.isnan(gw.load_sweep(path).sections)).any(axis=(2, 3)).sum()) and 1,
+        _same_sweep,
+    ),
+    **{
+        kind: Job(
+            f"from tests.study.jobs import main; main({kind!r}, {{path!r}})",
+            lambda path: len(read(path).found.parts),
+            _same_finding(kind),
+        )
+        for kind in ("basins", "regimes")
+    },
+    "explorer": Job(
+        "from tests.faults.exploring import main; main({path!r})", _points, _same_as(studies.stop_study(end=1.2))
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", JOBS)
+def test_no_kill_loses_anything(tmp_path, kind, monkeypatch) -> None:
+    random.seed(1995)
+    for module, name, value in jobs.SMALL:  # as the programs have it
+        monkeypatch.setattr(module, name, value)
+    job, kills, rounds = JOBS[kind], 0, 0
+    while kills < KILLS:
+        folder = tmp_path / str(rounds)
+        folder.mkdir()
+        path, complete = folder / "job.gapwalk", False
+        if kind == "explorer":
+            path = folder / "none"
+        while not complete:
+            lines, was_killed = _run_and_kill(job.code.format(path=str(path)), kills < KILLS)
+            kills += was_killed
+            complete = "complete" in lines
+            path = _last_result(folder) if kind == "explorer" else path
+            _assert_nothing_is_left(path)
+            if kind in ("walk", "explorer") and path.exists():
+                reported = max((int(line) for line in lines if line.isdigit()), default=0)
+                assert job.stored(path) >= reported
+            elif lines and path.exists():
+                assert job.stored(path) >= len(set(lines)) - complete or kind == "sweep"
+        job.assert_whole(path)
+        assert path.name in os.listdir(path.parent)
+        assert not [name for name in os.listdir(path.parent) if name.endswith(("-wal", "-shm", "-lock", "-new"))]
+        rounds += 1
+    print(f"{kind}: {kills} kills, {rounds} times to the end")
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}", "MPLBACKEND": "Agg"}
+
+
+def _run_and_kill(code: str, may_kill: bool) -> tuple[list[str], bool]:
+    """The lines of a program that is killed at a random moment, if it is not at its end before."""
+    program = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=ROOT,
+        env=_environment(),
+        start_new_session=True,
+    )
+    assert program.stdout is not None
+    lines, was_killed = [], False
+    aim = random.choice((0, 1, 1, 2, 3, 5, 50, 300))  # lines; at 0 it is killed before the first
+    if may_kill and aim == 0:
+        time.sleep(random.uniform(0.0, 4.0))
+        was_killed = program.poll() is None
+        program.kill()
+    for line in program.stdout:
+        lines.append(line.strip())
+        if may_kill and not was_killed and len(lines) >= aim:
+            time.sleep(random.choice((0.0, random.uniform(0.0, 0.3))))
+            was_killed = program.poll() is None
+            program.kill()
+    program.stdout.close()
+    assert program.wait() == (-signal.SIGKILL if was_killed else 0)
+    _assert_group_ends(program.pid)
+    return lines, was_killed
+
+
+def _assert_group_ends(group: int) -> None:
+    """No worker outlives the program that it worked for."""
+    for _ in range(600):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    raise AssertionError("processes are left over")
+
+
+def _assert_nothing_is_left(path: Path) -> None:
+    """Nobody holds the file."""
+    if path.parent.is_dir():
+        with lock(path):
+            pass
