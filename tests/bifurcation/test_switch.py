@@ -1,11 +1,14 @@
 """Branch switching: doubled branches that close on their parents, broken symmetry, super- and subcritical flips."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
 from gapwalk.bifurcation import Trail, follow, switch, walk_out
+from gapwalk.bifurcation.detect import Detector
 from gapwalk.continuation import EndReason, Kind
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit import find_orbit
@@ -72,6 +75,54 @@ def test_orbits_of_a_doubled_branch_repeat_after_two_periods_and_not_after_one(p
         flow, coefficients = flow_of(point.orbit.system), coefficients_of(point.orbit.system)
         end = flow.integrate(coefficients, point.orbit.state, 0.0, 2 * PERIOD).state
         assert end == pytest.approx(point.orbit.state, abs=1e-8)
+
+
+@pytest.fixture(scope="module")
+def grazed_flip():
+    """A flip of figure 15, 3e-8 in W beside which the contact just touches: what is born there turns round at once."""
+    (flip,) = follow(find_orbit(case("15"), frequency=0.194), "frequency", to=0.192).special(Kind.FLIP)
+    return flip
+
+
+def test_a_branch_that_turns_within_a_millionth_of_its_beginning_has_its_fold(grazed_flip):
+    branch = follow(grazed_flip, "frequency", to=(0.15, 1.9))
+    graze, fold, *_ = branch.special_points
+    assert [graze.kind, fold.kind] == [Kind.GRAZING, Kind.FOLD]
+    assert fold.point.arclength < 1e-6
+    assert fold.value < graze.value < grazed_flip.value
+    assert fold.nature == "opens to higher values"
+    # unstable as it is born, for smaller W, and stable beyond the fold: seen without a walk, at one W beside it
+    (departure,) = switch(grazed_flip, "frequency", (0.15, 1.9))
+    between = 0.5 * (fold.value + graze.value)
+    stable = set()
+    for length in (5e-7, 8e-7):
+        x = departure.first.x + length * departure.first.tangent
+        correction = departure.corrector.at_value(x, between)
+        assert correction is not None
+        stable.add(departure.corrector.point(correction, departure.first.tangent, length).stable)
+    assert stable == {False, True}
+
+
+def test_both_arms_of_a_vertex_have_the_fold_that_is_close_to_it(grazed_flip):
+    """Beyond the vertex all comes again in reverse, as the same motions a forcing period later."""
+    (departure,) = switch(grazed_flip, "frequency", (0.15, 1.9))
+    corrector, tangent = departure.corrector, departure.first.tangent
+    arm, seen = [Kind.FOLD, Kind.GRAZING], []
+    for length in np.linspace(1.5e-6, 4e-6, 11):  # so close to a vertex rounding decides from where orbits can be held
+        ends = []
+        for way in (-length, length):
+            correction = corrector.correct(departure.first.x + way * tangent, tangent)
+            assert correction is not None
+            ends.append(corrector.point(correction, tangent, float(way)))
+        with suppress(NumericalError):
+            found = Detector(corrector).inspect(*ends)
+            if [each.kind for each in found] == [*arm, Kind.BRANCH_POINT, *reversed(arm)]:
+                seen.append(found)
+    assert seen
+    for found in seen:
+        values = [each.value for each in found]
+        assert values == pytest.approx(values[::-1], abs=1e-12)
+        assert [each.before.total for each in found] == [each.after.total for each in reversed(found)]
 
 
 def test_criticality_agrees_with_the_side_on_which_stable_doubled_motions_are(parent):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sqlite3
 from dataclasses import replace
@@ -154,6 +155,19 @@ def test_a_special_point_that_was_moved_is_found(branch):
     found = gw.verify(with_special(branch, index, replace(special, point=moved)))
     assert failed(found) == {("location", f"special point {index} (flip)")}
     assert "1e-06 away" in found.breaches[0].detail
+
+
+def test_what_could_not_be_located_a_second_time_is_told(branch):
+    index = place(branch, "flip")
+    unknown = replace(branch.special_points[index], uncertainty=math.inf)
+    found = gw.verify(with_special(branch, index, unknown))
+    assert found.ok
+    counts = {summary.check.word: summary.count for summary in found.summaries}
+    assert counts["location"] == len(branch.special_points) - 1
+    (note,) = found.notes
+    assert note.startswith("the location of one special point could not be computed a second time")
+    assert f"special point {index} (flip)" in note
+    assert gw.verify(branch).notes == ()
 
 
 def test_the_wrong_kind_is_found(branch):

@@ -204,10 +204,16 @@ def _crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing | No
 
 
 def _is_genuine(zero: _Zero, stretch: Stretch) -> bool:
-    """Whether a zero is a bifurcation of its own: no neutral saddle, and no fold that is the vertex of a pitchfork."""
-    if zero.kind is Kind.FOLD:
-        return not any(abs(zero.point.arclength - crossing.arclength) < _FINEST for crossing in stretch.crossings)
-    return is_genuine(zero.kind, zero.point)
+    """Whether a zero is a bifurcation of its own: no neutral saddle, and no fold that is the vertex of a pitchfork.
+
+    That one lies where the branch is interpolated through the crossing. Outside of there orbits are held, and however
+    near a fold is, it is one of its own: where a contact grazes beside the vertex, the branch may turn at once again.
+    """
+    if zero.kind is not Kind.FOLD:
+        return is_genuine(zero.kind, zero.point)
+    return not any(
+        abs(zero.point.arclength - crossing.arclength) < min(_FINEST, crossing.radius) for crossing in stretch.crossings
+    )
 
 
 def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:

@@ -22,6 +22,7 @@ from gapwalk.motion.unit import size_of
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
+_NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
 """A new point of a branch, and the special points between it and the one before."""
@@ -152,17 +153,33 @@ class Trail(Iterator[Step]):
         All test functions vanish where such a branch begins.
         """
         if first is self.first and self.departure.singular:
-            ahead = min(_AHEAD, 0.05 * point.arclength)
-            corrector = self.departure.corrector
-            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
-            if correction is None:
+            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
+            if beside is None:
                 return []
-            first, before = corrector.point(correction, first.tangent, ahead), None
+            first, before = beside, None
         neighbours = (first.value, point.value)
         parameter, method = self.departure.equation.parameter or "", self.departure.equation.options
         return [
             with_nature(each, parameter, neighbours, method) for each in self.detector.inspect(first, point, before)
         ]
+
+    def _beside_beginning(self, ahead: float) -> BranchPoint | None:
+        """A point just beyond the beginning of a branch that begins at another; None if there is none.
+
+        Where the contacts already close otherwise than at the beginning, one grazes between, and the branch may turn
+        there at once: so that nothing of it is missed, a nearer point is taken.
+        """
+        corrector, first = self.departure.corrector, self.first
+        beside = None
+        while ahead >= _NEAREST:
+            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
+            if correction is None:
+                break
+            beside = corrector.point(correction, first.tangent, ahead)
+            if beside.orbit.closings == first.orbit.closings:
+                break
+            ahead *= _NEARER
+        return beside
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

@@ -149,7 +149,9 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
         after = knots[place + 1] if place + 1 < len(knots) else None
         sides = look(opinions[size], special, before, after)
         ledger.enter(Check.SIDES, spot, float(len(sides.faults)), "; ".join(sides.faults))
-        if sides.value is not None:
+        if sides.value is None or not math.isfinite(special.uncertainty):
+            ledger.leave_unlocated(spot)
+        else:
             _enter_location(ledger, spot, special, sides.value)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
 
+_NAMED = 5  # special points that a note names
+
 Advance = Callable[[str, int, int], object]
 """Called with a word for what is verified, how many of its pieces are done, and how many there are."""
 
@@ -212,6 +214,7 @@ class Ledger:
         self._worst: dict[Check, Figure] = {}
         self._breaches: list[Figure] = []
         self.notes: list[str] = []
+        self._unlocated: list[Spot] = []
         self.points = self.special_points = 0
 
     def enter(self, check: Check, spot: Spot, size: float, detail: str = "") -> None:
@@ -228,13 +231,27 @@ class Ledger:
         if text not in self.notes:
             self.notes.append(text)
 
+    def leave_unlocated(self, spot: Spot) -> None:
+        """Tell that a special point could not be located a second time: its location is not verified."""
+        self._unlocated.append(spot)
+
     @property
     def verification(self) -> Verification:
         """All that was entered."""
+        notes = [*self.notes, *_tell_unlocated(self._unlocated)]
         summaries = tuple(
             Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
         )
-        return Verification(summaries, tuple(self._breaches), tuple(self.notes), self.points, self.special_points)
+        return Verification(summaries, tuple(self._breaches), tuple(notes), self.points, self.special_points)
+
+
+def _tell_unlocated(spots: list[Spot]) -> list[str]:
+    """One note for all special points that could not be located a second time; none if there are none."""
+    if not spots:
+        return []
+    points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
+    named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
+    return [f"the location of {points} could not be computed a second time, and is not verified: {named}"]
 
 
 def _plain(figure: Figure) -> dict[str, Any]:
