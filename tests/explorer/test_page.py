@@ -199,13 +199,14 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     page.click("#locus")
     until(page, f"gapwalk.page.results[{key + 1}]?.state === 'done' && gapwalk.curves.hasLoci")
     assert page.input_value("#y") == "harmonic1.amplitude"
+    assert page.locator("#legend .of-plane:visible").all_inner_texts() == ["locus of grazing"]
     x, y = page.evaluate("(() => { const c = gapwalk.curves.subject()[0]; return [[...c.x], [...c.y]]; })()")
     # the motion that just touches its stop, in closed form: amplitude 1 of the free oscillator
     exact = np.hypot(1.0 - np.square(x), 0.05 * np.array(x))
     np.testing.assert_allclose(y, exact, rtol=1e-6)
     page.evaluate("gapwalk.diagram.chosen({ curve: gapwalk.curves.subject()[0], index: 0 })")
     until(page, "gapwalk.motion.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
-    page.click("#results li:first-child button:text-is('Show')")  # back to the diagram
+    page.click(f"#results li:nth-child({key + 1}) button:text-is('Show')")  # back to the diagram
     until(page, "!gapwalk.curves.hasLoci && gapwalk.curves.all.size >= 1")
 
 

@@ -45,7 +45,7 @@ def budget(count: int) -> settings:
         max_examples=MORE or count,
         derandomize=not MORE,
         deadline=None,
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
     )
 
 

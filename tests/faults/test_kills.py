@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,9 +18,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.study.store.database import lock
-from gapwalk.study.store.stored import read
+from gapwalk.study.store.stored import StoredParts, read
 from tests.study import diagrams, jobs, studies, sweeps
-from tests.study.same import assert_same_result
+from tests.study.same import assert_same_branch, assert_same_result
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,6 +39,12 @@ def _points(path: Path) -> int:
     return len(gw.load(path).branches[0].points) - 1
 
 
+def _parts(path: Path) -> Mapping[int, bytes]:
+    found = read(path).found
+    assert isinstance(found, StoredParts)
+    return found.parts
+
+
 def _last_result(folder: Path) -> Path:
     """Of an exploration: a job that was killed before it had a result has left its number only."""
     found = sorted((folder / "model.explorer").glob("*.gapwalk"))
@@ -52,13 +58,19 @@ def _same_as(study: gw.Study) -> Callable[[Path], None]:
     return check
 
 
+def _same_as_the_model(path: Path) -> None:
+    """The explorer has a text of its own for the study, and the same branch."""
+    expected = gw.run(gw.read_study(path.parents[1] / "model.toml"))
+    assert_same_branch(gw.load(path).branches[0], expected.branches[0])
+
+
 def _same_finding(kind: str) -> Callable[[Path], None]:
     def check(path: Path) -> None:
-        found = read(path)
+        found = _parts(path)
         again = path.with_name("undisturbed.gapwalk")
         jobs_alone = f"from tests.study.jobs import main; main({kind!r}, {str(again)!r})"
         subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
-        assert found.found.parts == read(again).found.parts  # byte for byte
+        assert found == _parts(again)  # byte for byte
         again.unlink()
 
     return check
@@ -86,14 +98,12 @@ JOBS = {
     **{
         kind: Job(
             f"from tests.study.jobs import main; main({kind!r}, {{path!r}})",
-            lambda path: len(read(path).found.parts),
+            lambda path: len(_parts(path)),
             _same_finding(kind),
         )
         for kind in ("basins", "regimes")
     },
-    "explorer": Job(
-        "from tests.faults.exploring import main; main({path!r})", _points, _same_as(studies.stop_study(end=1.2))
-    ),
+    "explorer": Job("from tests.faults.exploring import main; main({path!r})", _points, _same_as_the_model),
 }
 
 
@@ -108,7 +118,7 @@ def test_no_kill_loses_anything(tmp_path, kind, monkeypatch) -> None:
         folder.mkdir()
         path, complete = folder / "job.gapwalk", False
         if kind == "explorer":
-            path = folder / "none"
+            path = folder / "model.explorer" / "none"
         while not complete:
             lines, was_killed = _run_and_kill(job.code.format(path=str(path)), kills < KILLS)
             kills += was_killed

@@ -169,8 +169,11 @@ class _Script:
             motion = self._motion(action.start)
             system, start = f"{motion}.system", f"{motion}.state"
         at = f", at={dict(action.values)!r}" if action.values else ""
+        settled = entry.settled()
+        # a motion without period was followed further while its kind was found
+        word = "classify" if settled is not None and settled.orbit is None else "settle"
         self._comment(entry)
-        self.lines += [f"{name} = gw.settle({system}, {start}{at})", ""]
+        self.lines += [f"{name} = gw.{word}({system}, {start}{at})", ""]
         return name
 
     def _base_system(self) -> str:

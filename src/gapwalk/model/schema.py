@@ -76,7 +76,7 @@ def validate(
         return model.model_validate(data, context=context()), []
     except ValidationError as error:
         errors = error.errors(include_url=False)
-    unknown = [_keys(error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
+    unknown = [_path_of(error) for error in errors if error["type"] == "extra_forbidden"]
     if unknown:  # pydantic checks a table as a whole only when it finds no unknown key in it
         try:
             model.model_validate(_without(data, unknown), context=context())
@@ -110,7 +110,7 @@ def _pruned(data: Any, path: Path) -> Any:
 
 def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem:
     kind, value = error["type"], error["input"]
-    path = _keys(error["loc"])
+    path = _path_of(error)
     if kind == "extra_forbidden":
         message = _unknown_key(str(path[-1]), _owner(model, path), model, at)
         return source.problem(message, (*at, *path))
@@ -134,9 +134,12 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
     return source.problem(message, (*at, *path))
 
 
-def _keys(path: Path) -> Path:
-    """A path without the tags of unions."""
-    return tuple(key for key in path if not (isinstance(key, str) and key.startswith(_TAG)))
+def _path_of(error: Any) -> Path:
+    """The path of an error without the tags of unions; an unknown key is what it is, whatever it looks like."""
+    path = error["loc"]
+    given = path[-1:] if error["type"] == "extra_forbidden" else ()
+    tagged = path[: len(path) - len(given)]
+    return (*(key for key in tagged if not (isinstance(key, str) and key.startswith(_TAG))), *given)
 
 
 def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path]:

@@ -1,6 +1,7 @@
 // The diagram: Plotly draws it, and this says what is drawn and what a click means.
 
 import { KINDS } from "./kinds.js";
+import { legible } from "./labels.js";
 import { Lines } from "./lines.js";
 
 const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
@@ -63,7 +64,7 @@ export class Diagram {
     const all = [...this.curves.all.values()];
     this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
     this.programmatic = true;
-    window.Plotly.react(this.place, this.marks(all), this.layout(view), {
+    window.Plotly.react(this.place, this.marks(all, view), this.layout(view), {
       responsive: false, scrollZoom: true, displayModeBar: false, doubleClick: false,
     });
     this.programmatic = false;
@@ -73,10 +74,13 @@ export class Diagram {
     this.drawTime = performance.now() - started;
   }
 
-  /** Thin the lines for another window; what Plotly draws stays as it is. */
+  /** Thin the lines for another window, and label what has room there now; the rest of what Plotly draws stays. */
   refine() {
     const { xaxis, yaxis } = this.place._fullLayout, view = { x: xaxis.range, y: yaxis.range };
-    this.lines.thin([...this.curves.all.values()], view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    const all = [...this.curves.all.values()];
+    this.lines.thin(all, view, this.place.clientWidth || 600, this.place.clientHeight || 400);
+    const labelled = this.marks(all, view).slice(0, -2);
+    window.Plotly.restyle(this.place, { text: labelled.map(({ text }) => text) }, labelled.map((_, i) => i));
     this.paint();
   }
 
@@ -84,8 +88,10 @@ export class Diagram {
     this.lines.paint(this.place._fullLayout, color, moving);
   }
 
-  marks(all) {
-    return [...this.specialPoints(all), this.codim2Points(all), this.settledPoints(), this.markTrace()];
+  marks(all, view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
+    const special = all.flatMap((curve) => curve.special.map((s) => ({ ...s, branch: curve.name, label: s.kind === "grazing" ? "" : s.label })));
+    const found = legible(special, view, width, height);
+    return [...this.specialPoints(found), this.codim2Points(found), this.settledPoints(), this.markTrace()];
   }
 
   layout(view, width = this.place.clientWidth || 600, height = this.place.clientHeight || 400) {
@@ -119,7 +125,7 @@ export class Diagram {
     }));
     const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };
     for (const name of ["xaxis", "yaxis"]) Object.assign(layout[name], { showgrid: true, gridcolor: color("--grid") });
-    const figure = { data: [...traces, ...this.marks([...this.curves.all.values()])], layout };
+    const figure = { data: [...traces, ...this.marks([...this.curves.all.values()], view, 1200, 720)], layout };
     const url = await window.Plotly.toImage(figure, { format, width: 1200, height: 720, scale: format === "png" ? 2 : 1 });
     const [head, body] = [url.slice(5, url.indexOf(",")), url.slice(url.indexOf(",") + 1)];
     const bytes = head.endsWith(";base64") ? Uint8Array.from(atob(body), (c) => c.charCodeAt(0)) : decodeURIComponent(body);
@@ -136,9 +142,9 @@ export class Diagram {
     return { x: pad(a, b), y: pad(c, d) };
   }
 
-  specialPoints(all) {
+  specialPoints(special) {
     return Object.entries(SYMBOLS).map(([kind, [symbol, shade, size]]) => {
-      const found = all.flatMap((curve) => curve.special.filter((s) => s.kind === kind).map((s) => ({ ...s, branch: curve.name })));
+      const found = special.filter((s) => s.kind === kind);
       return {
         type: "scatter", mode: kind === "grazing" ? "markers" : "markers+text", name: kind,
         x: found.map((s) => s.x), y: found.map((s) => s.y),
@@ -149,8 +155,8 @@ export class Diagram {
     });
   }
 
-  codim2Points(all) {
-    const found = all.flatMap((curve) => curve.special.filter((s) => s.kind.startsWith("codim2 ")).map((s) => ({ ...s, branch: curve.name })));
+  codim2Points(special) {
+    const found = special.filter((s) => s.kind.startsWith("codim2 "));
     const symbols = found.map((s) => CODIM2[s.kind.slice(7)]);
     return {
       type: "scatter", mode: "markers+text", name: "codimension two", x: found.map((s) => s.x), y: found.map((s) => s.y),
