@@ -114,7 +114,7 @@ def test_export_writes_tables_and_pictures(result, tmp_path, capsys) -> None:
     assert main(["export", result, "--format", "png"]) == 0
     assert (tmp_path / "stop.png").is_file()
     capsys.readouterr()
-    for words in (["--output", "x.pdf"], ["--measure", "max.x"], ["--output", result], ["--output", "nowhere/x.png"]):
+    for words in (["--output", "x.gif"], ["--measure", "max.x"], ["--output", result], ["--output", "nowhere/x.png"]):
         assert main(["export", result, *words]) == 2
         assert capsys.readouterr().err.startswith("gapwalk: ")
 

@@ -76,7 +76,7 @@ def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeyp
 
     def stopped_search(*arguments, **options):
         done = []
-        return search(*arguments, **options, report=done.append, stop=lambda: len(done) == 1)
+        return search(*arguments, **{**options, "report": done.append, "stop": lambda: len(done) == 1})
 
     with monkeypatch.context() as patch:
         patch.setattr(growing, "search", stopped_search)
