@@ -266,6 +266,9 @@ def test_the_deflated_step_is_that_of_the_deflated_equation():
     class Watched:
         period, tolerance = 1, equation.tolerance
 
+        def __init__(self):
+            self.system = system
+
         def evaluate(self, unknowns, value):
             taken.append(unknowns)
             return equation.evaluate(unknowns, value)

@@ -194,7 +194,7 @@ def test_work_of_the_main_job_does_not_grow():
     Flow.calls = 0
     branch = follow(orbit, "frequency", to=0.15)
     assert len(branch.points) < 340
-    assert Flow.calls < 1560
+    assert Flow.calls < 1560 + 6 * len(branch.special_points)  # each is computed a second time, for its error
 
 
 def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
@@ -215,5 +215,5 @@ def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     options = WalkOptions(largest_step=0.06)
     branch = follow(start, "frequency", to=0.15, method=Balance(10, error=1.0), walk=options)
     assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
-    assert counts["evaluations"] < 1265
-    assert counts["orbits"] < 520
+    assert counts["evaluations"] < 1265 + 2 * len(branch.special_points)  # each has its error
+    assert counts["orbits"] < 520 + len(branch.special_points)
