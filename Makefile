@@ -27,7 +27,7 @@ test: check browser  ## lint, types and tests
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-jobs test-engine
 
 # Two halves of about equal length, side by side.
-JOBS = tests/cli tests/docs tests/explorer tests/measurement tests/plot tests/study
+JOBS = tests/cli tests/docs tests/explorer tests/study
 
 # The tests start some hundred programs, each of which would compile its modules where this is set.
 test-jobs test-engine: export PYTHONDONTWRITEBYTECODE =

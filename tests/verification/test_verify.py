@@ -314,7 +314,7 @@ def test_a_result_without_branches_says_what_can_be_verified(tmp_path, capsys):
     example = os.path.join(os.path.dirname(__file__), "..", "..", "examples", "settle.toml")
     with open(example, encoding="utf-8") as file:
         model.write_text(file.read())
-    assert main(["run", str(model), "--quiet"]) == 0
+    assert main(["run", str(model), "--study", "three", "--quiet"]) == 0
     capsys.readouterr()
     assert main(["verify", str(next(tmp_path.glob("*.gapwalk")))]) == 2
     assert "responses, diagrams, maps and families" in capsys.readouterr().err
