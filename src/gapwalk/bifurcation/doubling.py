@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.orbit import Orbit
 
 MERGED = 1e-7
@@ -22,7 +22,7 @@ def halves_apart(orbit: Orbit) -> NDArray[np.float64]:
     branch passes through its parent.
     """
     half = orbit.strobes(orbit.period // 2 + 1)[-1]
-    return (half - orbit.state) / size_of(orbit.state, orbit.system)
+    return (half - orbit.state) / magnitude(orbit.state, orbit.system)
 
 
 def has_merged(point: BranchPoint) -> bool:

@@ -10,7 +10,7 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
@@ -32,7 +32,7 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
     if abs(value - wanted) > same * (1.0 + abs(wanted)):
         return False
     off = np.abs(stroboscopic(special.orbit) - orbit.state).max(axis=1)
-    return bool(off.min() <= same * size_of(orbit.state, orbit.system))
+    return bool(off.min() <= same * magnitude(orbit.state, orbit.system))
 
 
 def parent_flip(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:

@@ -13,7 +13,7 @@ from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
@@ -152,7 +152,7 @@ class Curve:
         return False
 
     def _size(self, place: NDArray[np.float64]) -> float:
-        return size_of(place, self.branch.system)
+        return magnitude(place, self.branch.system)
 
     def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Points of a segment's cubic at some shares of its length, and the slopes there (not of unit length)."""
@@ -202,7 +202,7 @@ def _knots(branch: Branch) -> list[BranchPoint]:
 
 
 def _distance(a: Orbit, b: Orbit) -> float:
-    return float(np.abs(a.state - b.state).max()) / size_of(b.state, b.system)
+    return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)
 
 
 def _space_of(branch: Branch, points: Sequence[BranchPoint]) -> Space:

@@ -18,7 +18,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
@@ -213,7 +213,7 @@ class Trail(Iterator[Step]):
         end = self.walk.end
         if end is None or end.reason is not EndReason.STEP:
             return
-        size = size_of(last.orbit.extremes[:, :2], last.orbit.system)
+        size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
             contact = describe_switch(last.orbit, depths.index(min(depths)))

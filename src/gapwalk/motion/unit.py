@@ -76,6 +76,6 @@ def smallness(system: System) -> float:
     return length if length < _LARGE else 1.0
 
 
-def size_of(state: NDArray[np.float64], system: System) -> float:
+def magnitude(state: NDArray[np.float64], system: System) -> float:
     """Size of a state of a system, never nothing: what distances between states are relative to."""
     return smallness(system) + float(np.abs(state).max())

@@ -12,7 +12,7 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
@@ -91,7 +91,7 @@ def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArr
     flow, coefficients = flow_of(system), coefficients_of(system)
     for _ in range(max(1, _TRANSIENT // period)):
         following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state
-        if np.abs(following - state).max() <= _SETTLED * size_of(following, system):
+        if np.abs(following - state).max() <= _SETTLED * magnitude(following, system):
             return following
         state = following
     return state

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.orbit import Orbit
 
 SAME = 1e-6
@@ -32,4 +32,4 @@ def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
 
 
 def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:
-    return np.abs(states - orbit.state).max(axis=1) / size_of(orbit.state, orbit.system)
+    return np.abs(states - orbit.state).max(axis=1) / magnitude(orbit.state, orbit.system)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import SpecialPoint
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.family.member import Place
@@ -54,4 +54,4 @@ def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, floa
 
 def _apart(states: NDArray[np.float64], orbit: Orbit) -> float:
     """Relative distance of two motions, which may begin at different forcing periods."""
-    return float(np.abs(states - orbit.state).max(axis=1).min() / size_of(orbit.state, orbit.system))
+    return float(np.abs(states - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system))

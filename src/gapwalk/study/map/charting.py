@@ -12,7 +12,7 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.system import System
-from gapwalk.motion.unit import size_of
+from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
@@ -247,4 +247,4 @@ def _are_alike(a: Orbit, b: Orbit) -> bool:
     """Whether two orbits of neighbouring systems may be the same motion, begun at different forcing periods perhaps."""
     states = stroboscopic(a)
     distance = float(np.abs(states - b.state).max(axis=1).min())
-    return distance <= _ALIKE * size_of(b.state, b.system)
+    return distance <= _ALIKE * magnitude(b.state, b.system)
