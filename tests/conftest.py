@@ -17,8 +17,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 @pytest.fixture(autouse=True, scope="session")
 def one_core():
-    """What takes all cores unless told otherwise takes one: each process of the tests has about one, and starting others
-    costs more than the work that tests give them."""
+    """What takes all cores takes one: the tests run on all of them, and starting a process costs more than their work."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
         yield
