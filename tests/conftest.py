@@ -20,10 +20,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def one_core():
-    """What takes all cores takes one: the tests keep them all busy, and starting processes costs more than it saves."""
+def one_core() -> Iterator[None]:
+    """Where several processes run the tests, what takes all cores takes one: starting others would cost more."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
+        if "PYTEST_XDIST_WORKER" in os.environ:
+            patch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
         yield
 
 
