@@ -85,7 +85,7 @@ def test_chaos_of_figure_15_agrees_with_scipy():
     state = settle(system).state
     found = lyapunov(system, state)
     strobes = Strobe(system).run(state, 3200)[::40].T
-    expected, error = largest_exponent(figure15(0.4), 0.4, strobes, 50, steps=100)
+    expected, error = largest_exponent(figure15(0.4), 0.4, strobes, 50, steps=150)
     assert abs(found.exponents[0] - expected) < 4 * np.hypot(error, found.errors[0])
     assert found.exponents[0] == pytest.approx(expected, rel=0.08)
     assert found.errors[0] < 0.05 * found.exponents[0]
