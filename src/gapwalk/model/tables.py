@@ -47,7 +47,10 @@ def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
     try:
         handler(tables)
     except ValidationError as error:
-        details: Any = [*error.errors(), {"type": "value_error", "input": tables, "ctx": {"error": ValueError(problem)}}]
+        details: Any = [
+            *error.errors(),
+            {"type": "value_error", "input": tables, "ctx": {"error": ValueError(problem)}},
+        ]
         raise ValidationError.from_exception_data(error.title, details) from None
     raise ValueError(problem)
 
