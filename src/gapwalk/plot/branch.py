@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.path import Path
+from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -201,6 +202,7 @@ def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64
             sizes=[_TICK**2],
             offsets=places,
             offset_transform=ax.transData,
+            transform=IdentityTransform(),
             edgecolors=style["markeredgecolor"],
             linewidths=style["markeredgewidth"],
             zorder=4,
