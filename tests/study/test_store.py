@@ -19,7 +19,7 @@ from gapwalk.study.store import walk_store
 from gapwalk.study.store.database import APPLICATION, SCHEMA, lock
 from gapwalk.study.store.stored import read
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
-from tests.study.studies import long_study, stop_study
+from tests.study.studies import long_result, long_study, stop_study
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,7 +37,7 @@ def written(path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> gw.Result:
-    return gw.run(long_study())
+    return long_result()
 
 
 @pytest.fixture
@@ -173,7 +173,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
             env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
         )
         assert program.stdout is not None
-        last, aim = "", known + random.randint(1, 350)
+        last, aim = "", known + random.randint(1, 600)
         for last in program.stdout:
             if last.strip().isdigit() and int(last) >= aim and random.random() < 0.2:
                 time.sleep(random.uniform(0.0, 0.04))  # so that it dies at any place, not just after a report
