@@ -82,6 +82,19 @@ def test_check_says_what_is_wrong_in_words_and_in_json(model, capsys) -> None:
     assert document["system"]["parameters"]["stop.clearance"] == 0.5
 
 
+def test_a_table_of_the_other_method_is_said_not_to_be_used(model, capsys) -> None:
+    words = ["--set", "study.method=harmonic-balance", "--set", "study.shooting.segments=4"]
+    told = "not used: [study.shooting], for method is harmonic-balance"
+    assert main(["check", str(model), *words]) == 0
+    assert told in capsys.readouterr().out
+    assert main(["check", str(model), *words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["unused"] == ["study.shooting"]
+    assert main(["run", str(model), *words]) == 0
+    assert told in capsys.readouterr().out
+    assert main(["check", str(model), *words[2:]]) == 0
+    assert "not used" not in capsys.readouterr().out
+
+
 def test_a_bug_is_1_and_says_so(result, monkeypatch, capsys) -> None:
     def fail(*_: object, **__: object) -> int:
         raise ZeroDivisionError("by nothing")

@@ -1,5 +1,7 @@
 import os
+import shutil
 import signal
+import sqlite3
 import time
 
 import pytest
@@ -84,6 +86,24 @@ def test_the_death_of_the_process_costs_one_job(client, desk, long) -> None:
     growing(client, long, again)
     job(client, "stop", long, again)
     assert wait(client, long, again)["state"] == "stopped"
+
+
+def test_a_job_that_was_killed_after_its_last_point_leaves_one_file(client, desk, model) -> None:
+    key = begin(client, model)
+    count = wait(client, model, key)["branches"][0]["points"]
+    path = desk.workspace.exploration(desk.workspace.path(model)) / f"{key}.gapwalk"
+    (desk.workspace.root / "again.toml").write_text(STOP, encoding="utf-8")
+    again = desk.workspace.exploration(desk.workspace.root / "again.toml") / path.name
+    again.parent.mkdir()
+    shutil.copy(path.with_suffix(".json"), again.parent)
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("UPDATE result SET value = value")
+    for side in ("", "-wal"):  # as they lie there when the writer dies
+        shutil.copy(f"{path}{side}", f"{again}{side}")
+    connection.close()
+    assert result_of(client, "again.toml", key)["branches"][0]["points"] == count
+    assert sorted(file.name for file in again.parent.iterdir()) == [again.name, f"{key}.json"]
 
 
 def test_points_of_an_unfinished_branch_lead_nowhere(client, long) -> None:

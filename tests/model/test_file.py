@@ -200,8 +200,8 @@ BAD = [
     ('side = "both"', 'side = "postive"', 16, "contact[0].side", ["did you mean positive?"]),
     ('"viscous"', '"hunt-crosley"', 22, "contact[1].damping", ['is "hunt-crosley"', "did you mean hunt-crossley"]),
     ('"120 deg"', '"120 degrees"', 42, "harmonic[1].phase", ['a text such as "120 deg"']),
-    ("clearance = 2.0", "clearance = 0.5", 19, "contact[1]", ["stages out of order on the negative side"]),
-    ("clearance = 2.0", "clearance = 1.0", 19, "contact[1]", ["stages out of order"]),
+    ("clearance = 2.0", "clearance = 0.5", 24, "contact[1].stage", ["is out of order on the negative side"]),
+    ("clearance = 2.0", "clearance = 1.0", 24, "contact[1].stage", ["is out of order"]),
     ('name = "hard"', 'name = "stage1"', 19, "contact[1]", ["need names that differ"]),
     ("stiffness = 3.0", "stiffness = -3.0", 19, "contact[1]", ["the slope of the force falls to -1.0"]),
     ("order = 2", "order = 1.5", 40, "harmonic[1].order", ["is 1.5", "not periodic", "orders 2 and 3"]),
@@ -334,8 +334,8 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path: Path) -> None:
         (21, "contact[1].deflection"),
         (22, "contact[1].colour"),
         (24, "contact[1].stage[0].clearance"),
-        (27, "contact[2]"),  # its stages are out of order, which is seen although it has an unknown key
         (30, "contact[2].colour"),
+        (31, "contact[2].stage"),  # they are out of order, which is seen although the contact has an unknown key
         (39, "harmonic[0].order"),
         (40, "harmonic[0].amplitude"),
         (47, "harmonic[2].name"),

@@ -123,6 +123,8 @@ def test_repr_says_what_it_is() -> None:
         ({"stiffness": [[1.0]]}, "stiffness has shape (1, 1); it must be (2, 2)"),
         ({"damping": [[1.0, 2.0], [3.0]]}, "damping is [[1.0, 2.0], [3.0]]; it must be a matrix"),
         ({"mass": [[1.0, 2.0], [2.0, 4.0]]}, "mass is singular (its rows are [[1.0, 2.0], [2.0, 4.0]])"),
+        ({"mass": [[1.0, 0.0], [0.0, -2.0]]}, "mass gives q3 the inertia -2; it must be > 0"),
+        ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass is not positive definite (its rows are [[1.0, 2.0], [2.0, 1.0]])"),
         ({"stiffness": [[1.0, np.nan], [0.0, 1.0]]}, "stiffness.q1.q3 is nan; it must be a finite number"),
         ({"mean": {"q2": 1.0}}, "mean names 'q2', which is no coordinate; they are q1, q3"),
         ({"mean": {"q1": np.inf}}, "mean.q1 is inf"),
@@ -141,6 +143,14 @@ def test_what_cannot_be_is_refused(changes, message: str) -> None:
     with pytest.raises(ModelError) as error:
         make(**changes)
     assert message in str(error.value)
+
+
+def test_a_mass_is_that_of_a_kinetic_energy_or_of_mixed_equations() -> None:
+    energy = np.array([[1.0, -0.5], [-0.5, 1.0]])
+    assert (make(mass=energy).matrix("mass") == energy).all()
+    for mass in (energy[::-1] * [[1.0], [2.0]], -2.0 * np.array([[1.0, 0.1], [0.0, 1.0]]), 1e-200 * energy):
+        assert (make(mass=mass).matrix("mass") == mass).all()  # rows exchanged; multiplied by -2; in another unit
+    assert (make(mass=[1e-12, 1e12] * np.eye(2)).matrix("mass") == np.diag([1e-12, 1e12])).all()
 
 
 def test_all_reasons_are_given_at_once() -> None:
@@ -166,6 +176,7 @@ def test_a_large_singular_mass_is_not_printed() -> None:
         ({"stage2.clearance": np.nan}, "it must be a finite number"),
         ({"stage2.clearance": 10**400}, "too large"),
         ({"mass.q1.q1": 0.0}, "mass is singular"),
+        ({"mass.q1.q1": -1.0}, "mass gives q1 the inertia -1; it must be > 0"),
         ({"frequency": -1.0}, "frequency is -1.0; it must be > 0"),
     ],
 )

@@ -150,6 +150,17 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     assert reported == resumed.branches[0].values[1:].tolist()
 
 
+def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(path, monkeypatch) -> None:
+    with monkeypatch.context() as earlier:
+        earlier.setattr("gapwalk.continuation.scales._CLEARANCES", 3.0)
+        stop = iter([signal.SIGINT])
+        gw.run(stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
+    content = path.read_bytes()
+    with pytest.raises(StoreError, match="variables were scaled otherwise"):
+        gw.run(stop_study(), path, resume=True)
+    assert path.read_bytes() == content
+
+
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undisturbed) -> None:
     random.seed(1995)
     whole, known, kills = undisturbed.branches[0], 0, 0

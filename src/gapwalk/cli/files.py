@@ -28,6 +28,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Say what a model file describes."""
     from gapwalk.cli.console import console
     from gapwalk.cli.modes import train_lines
+    from gapwalk.cli.run import unused_words
     from gapwalk.study.changes import parse_changes
     from gapwalk.study.file import read_studies
     from gapwalk.study.reduced.origin import plain_reduced
@@ -44,6 +45,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
                 "system": plain_system(study.system),
                 "study": plain_options(study.options),
                 **({"reduction": plain_reduced(study.reduced)} if study.reduced else {}),
+                "unused": list(study.unused),
             }
             for study in studies
         ]
@@ -62,6 +64,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         *([f"  units: {units.words}"] if units else []),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
+        *dict.fromkeys(f"  {words}" for study in studies for words in unused_words(study)),
         "nothing is wrong with it",
     ]
     screen.print("\n".join(lines), soft_wrap=True)

@@ -185,9 +185,16 @@ def say_why_it_failed(result: Result) -> None:
 
 
 def print_heading(screen, study: Study) -> None:
-    """Print the title of a study."""
+    """Print the title of a study, and what of its file was not used."""
     if study.title:
         screen.print(printable(study.title), style="bold", soft_wrap=True)
+    for words in unused_words(study):
+        screen.print(words, soft_wrap=True)
+
+
+def unused_words(study: Study) -> list[str]:
+    """What of the file of a study is not used, and why; only studies of branches have anything of the kind."""
+    return [f"not used: [{table}], for method is {study.walked.method.name}" for table in study.unused]
 
 
 def print_files(screen, files: Sequence[Path | str]) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from gapwalk.attractor.settled import Settled
 from gapwalk.continuation.branch import Branch, SpecialPoint
-from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.action import Action, Place, plain_action, read_action
 from gapwalk.explorer.entry import Entry, Line, State
 from gapwalk.explorer.news import Progress
@@ -18,6 +19,7 @@ from gapwalk.explorer.task import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.file import Study, read_studies
+from gapwalk.study.store.database import tidy
 from gapwalk.study.store.stored import load
 
 
@@ -162,6 +164,9 @@ class Board:
                 self.read(entry)
                 if entry.result is not None and not entry.result.complete:
                     entry.state = State.STOPPED
+                elif entry.result is not None:  # nobody goes on with it, so nobody else would tidy up after a kill
+                    with suppress(StoreError):
+                        tidy(path)
 
     def resumed(self, entry: Entry) -> Task:
         """The task that goes on with a result that was stopped; one that had found nothing begins again.

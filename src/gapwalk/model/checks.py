@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +34,7 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
         yield from _clearance_problems(structure, values)
         return
     n = structure.size
-    mass = values[structure.block("mass", n, n)]
-    if not _is_regular(mass):
-        yield (
-            f"mass is singular{f' (its rows are {mass.tolist()})' if n < 4 else ''}; every coordinate needs "
-            "an inertia. A system that can turn as a whole is written in relative coordinates"
-        )
+    yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
     for contact in structure.contacts:
         if not values[structure.block(f"{contact.name}.deflection", n)].any():
             yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
@@ -62,13 +57,37 @@ def _clearance_problems(structure: Structure, values: NDArray[np.float64]) -> It
                 inner = clearance
 
 
-def _is_regular(mass: NDArray[np.float64]) -> bool:
+def mass_problems(coordinates: Sequence[str], mass: NDArray[np.float64]) -> Iterator[str]:
+    """What is wrong with a finite mass matrix.
+
+    A symmetric one is that of the kinetic energy, so it is positive definite. Of equations that were mixed with one
+    another afterwards, whose matrix is not symmetric, nothing can be said but that they can be solved.
+    """
+    rows = f" (its rows are {mass.tolist()})" if len(mass) < 4 else ""
+    inertia = np.diagonal(mass)
     sizes = np.abs(mass).max(axis=1)
-    if not sizes.all():
-        return False
-    if np.count_nonzero(mass) == np.count_nonzero(np.diagonal(mass)):
-        return True
+    symmetric = np.allclose(mass, mass.T, rtol=1e-9, atol=1e-12 * sizes.min())
+    if symmetric and inertia.min() < 0:
+        lowest = int(inertia.argmin())
+        yield (
+            f"mass gives {coordinates[lowest]} the inertia {inertia[lowest]:g}; it must be > 0. Write equations in "
+            "which M q'' has the sign of K q"
+        )
+        return
     # scaled first, so that a small inertia beside a large one is not taken for none
-    scaled = mass / np.sqrt(np.outer(sizes, sizes))
-    singular = np.linalg.svd(scaled, compute_uv=False)
-    return bool(singular[-1] > 1e-13 * singular[0])
+    unit = np.sqrt(np.where(sizes > 0, sizes, 1.0))
+    scaled = mass / np.outer(unit, unit)
+    if np.count_nonzero(mass) == np.count_nonzero(inertia):
+        values = np.diagonal(scaled)
+    else:
+        values = np.linalg.eigvalsh(scaled) if symmetric else np.linalg.svd(scaled, compute_uv=False)
+    if np.abs(values).min() <= 1e-13 * np.abs(values).max():
+        yield (
+            f"mass is singular{rows}; every coordinate needs an inertia. A system that can turn as a whole is written "
+            "in relative coordinates"
+        )
+    elif symmetric and values.min() < 0:
+        yield (
+            f"mass is not positive definite{rows}, so that some motions had a negative kinetic energy; look at the "
+            "signs and sizes of what stands beside its diagonal"
+        )

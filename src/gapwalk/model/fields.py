@@ -12,10 +12,10 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WrapValidator
 
+from gapwalk.model.checks import mass_problems
 from gapwalk.model.excitation import check_order
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import by_shape, tagged
-from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 
 MAX_COORDINATES = 1000
@@ -156,8 +156,8 @@ def _square(matrix: list, info: ValidationInfo[Names]) -> list[list[float]]:
 def _regular(mass: list[list[float]], info: ValidationInfo[Names]) -> list[list[float]]:
     if not info.context.coordinates:
         return mass
-    n = len(mass)
-    System([f"q{i}" for i in range(n)], stiffness=np.zeros((n, n)), mass=mass)  # refuses a singular one
+    for problem in mass_problems(info.context.coordinates, np.array(mass)):
+        raise ValueError(problem.removeprefix("mass "))
     return mass
 
 

@@ -31,7 +31,7 @@ from gapwalk.model.problem import ModelFileError, Problem, given
 from gapwalk.model.schema import Part, refusal, validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
-from gapwalk.model.tables import HarmonicPart, SideName, StagePart, study_tables
+from gapwalk.model.tables import HarmonicPart, SideName, StagePart, Stages, study_tables
 from gapwalk.model.train.file import TrainPart, describes_train, train_problems
 
 _LawName = Annotated[DampingLaw, BeforeValidator(one_of(DampingLaw))]
@@ -51,7 +51,7 @@ class ContactPart(Part):
     name: Name = Field(description="its parameters are called by it, as in stage2.clearance")
     deflection: Direction = Field(description="write by which coordinates it deflects, as in { q1 = 1.0 }")
     force: Vector | None = None
-    stage: list[StagePart] | None = Field(default=None, min_length=1)
+    stage: Annotated[Stages, Field(min_length=1)] | None = None
     clearance: NonNegative | None = Field(default=None, validate_default=True)
     stiffness: Number | None = Field(default=None, validate_default=True)
     cubic: Number | None = Field(default=None, validate_default=True)

@@ -134,8 +134,9 @@ def _reason(name: str, error: Exception) -> str:
             there = [file.name for file in folder.iterdir() if file.suffix == ".toml"]
         except OSError:
             return f"there is no folder {str(folder)!r}"
-        near = difflib.get_close_matches(FilePath(name).name, there, n=3)
-        hint = f"did you mean {' or '.join(near)}?" if near else _BEGIN
+        stems = {file.removesuffix(".toml").casefold(): file for file in there}  # the ending is common to all
+        near = difflib.get_close_matches(FilePath(name).name.removesuffix(".toml").casefold(), stems, n=3)
+        hint = f"did you mean {' or '.join(stems[stem] for stem in near)}?" if near else _BEGIN
         return f"there is no such file; {hint}"
     if isinstance(error, IsADirectoryError):
         return "this is a folder; name a file in it"

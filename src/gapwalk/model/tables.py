@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, WrapValidator, field_validator
 
 from gapwalk.model.contact import Side
 from gapwalk.model.excitation import Harmonic
@@ -36,6 +37,41 @@ class StagePart(Part):
     stiffness: Stiffness = Field(description="it is what this spring adds to the slope of the force")
     cubic: CubicStiffness = 0.0
     side: SideName = Side.BOTH
+
+
+def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
+    """Look at the order of the stages too where some of them are wrong, so that all is told at once."""
+    problem = _order_problem(tables)
+    if problem is None:
+        return handler(tables)
+    try:
+        handler(tables)
+    except ValidationError as error:
+        details: Any = [
+            *error.errors(),
+            {"type": "value_error", "input": tables, "ctx": {"error": ValueError(problem)}},
+        ]
+        raise ValidationError.from_exception_data(error.title, details) from None
+    raise ValueError(problem)
+
+
+def _order_problem(tables: object) -> str | None:
+    """What is wrong with the order of those stages whose clearance is a plain number."""
+    stages = [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
+    for side in (Side.POSITIVE, Side.NEGATIVE):
+        met = [table.get("clearance") for table in stages if table.get("side", Side.BOTH) in (Side.BOTH, side)]
+        numbers = [value for value in met if isinstance(value, int | float) and not isinstance(value, bool)]
+        for inner, outer in pairwise(value for value in numbers if value >= 0):
+            if outer <= inner:
+                return (
+                    f"is out of order on the {side.value} side: clearance {outer} follows {inner}; list the stages "
+                    "from the inside out"
+                )
+    return None
+
+
+Stages = Annotated[list[StagePart], WrapValidator(_in_order)]
+"""The stages of a contact, from the inside out."""
 
 
 class HarmonicPart(Part):

@@ -119,19 +119,25 @@ def change_system(
         system.at(values)
     except ModelError as error:
         return system, list(_own_problems(source, own, error))
-    problems = []
-    for name, value in changes.items():
-        try:
-            system.structure.place(name)
-            values[name] = value
-        except ModelError as error:
-            problems.append(Problem(str(error), file=source.name))
+    problems = unknown_names(system, source, changes)
+    values |= {name: value for name, value in changes.items() if name in system.structure.names}
     try:
         _check_units(system, values)
         system = system.at(values)
     except ModelError as error:
         problems += [Problem(line, file=source.name) for line in dict.fromkeys(str(error).splitlines())]
     return system, problems
+
+
+def unknown_names(system: System, source: Source, changes: Mapping[str, object]) -> list[Problem]:
+    """The changes from outside of a file that name no parameter."""
+    problems = []
+    for name in changes:
+        try:
+            system.structure.place(name)
+        except ModelError as error:
+            problems.append(Problem(str(error), file=source.name))
+    return problems
 
 
 def _check_units(system: System, values: Mapping[str, Any]) -> None:

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gapwalk.errors import ModelError
-from gapwalk.model.fields import Names
 from gapwalk.model.file import ModelPart, check_system, gives_pace, in_order
-from gapwalk.model.large import expand
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
-from gapwalk.study.changes import change_source, change_system, study_changes, study_tables, walked_parameters
+from gapwalk.study.changes import (
+    Change,
+    change_source,
+    change_system,
+    study_changes,
+    study_tables,
+    unknown_names,
+    walked_parameters,
+)
 from gapwalk.study.kinds import KINDS, all_keys, part_of
 from gapwalk.study.measure.table import check_measurement
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.reduced.origin import ReducedFrom, reduce_for
 from gapwalk.study.reduced.table import ReductionPart, reduction_part
+from gapwalk.study.sketch import Sketch, sketch_of
 from gapwalk.study.tables import StudyPart, Surroundings
 
 
@@ -44,6 +51,8 @@ class Study:
         What tells it from the other studies of its file; may be empty.
     reduced
         What the system was reduced from, if the file says so.
+    unused
+        Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
     """
 
     system: System
@@ -53,6 +62,7 @@ class Study:
     changes: tuple[tuple[str, object], ...] = ()
     name: str = ""
     reduced: ReducedFrom | None = None
+    unused: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def walked(self) -> BranchOptions:
@@ -102,7 +112,8 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
     problems += found
     reduction, found = reduction_part(source)
     problems += found
-    system = part.system() if part else _sketch(source)
+    sketch = Sketch(part.system()) if part else sketch_of(source)
+    system = sketch.system if sketch else None
     if reduction and system and system.units:
         message = "reduces equations without units; write the numbers of this file without units"
         problems.append(source.problem(message, ("reduction",)))
@@ -111,10 +122,10 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
     if source.data.get("study") is None:
         example = 'add [study] with kind = "response", parameter, from and to'
         problems.append(source.problem(f"is missing; {example}", ("study",)))
-        problems += change_system(system, source, {}, rest)[1] if system else []
+        problems += _changed(sketch, source, {}, rest)[1]
     studies = []
     for at in tables:
-        study, found = _check_table(source, at, None if problems else part, system, rest, asked, reduction)
+        study, found = _check_table(source, at, None if problems else part, sketch, rest, asked, reduction)
         studies.append(study)
         problems += found
     if part is None or problems:
@@ -126,35 +137,48 @@ def _check_table(
     source: Source,
     at: Path,
     part: ModelPart | None,
-    system: System | None,
+    sketch: Sketch | None,
     changes: Mapping[str, object],
     asked: Mapping[str, object],
     reduction: ReductionPart | None,
 ) -> tuple[Study | None, list[Problem]]:
     """The study of one table; None if something is wrong with it."""
-    own, problems = study_changes(source, at, system)
-    if system:
-        # what is given from outside of the file has the last word
-        system, found = change_system(system, source, {key: own[key] for key in own if key not in asked}, changes)
-        problems += found
-    reduced = None
+    own, problems = study_changes(source, at, sketch.system if sketch else None)
+    # what is given from outside of the file has the last word
+    sketch, found = _changed(sketch, source, {key: own[key] for key in own if key not in asked}, changes)
+    problems += found
+    system, reduced = sketch.system if sketch else None, None
     if reduction and part and system and not problems:
         reduced, problems = reduce_for(source, at, reduction, system)
         system = reduced.reduction.system if reduced and reduced.reduction else system
+        sketch = Sketch(system)
     has_frequency = gives_pace(source) or any(name in own for name in PACES)
-    table, found = _validated(source, at, system, has_frequency)
+    table, found = _validated(source, at, sketch, has_frequency)
     problems += found
     if not has_frequency:
-        problems += _frequency_problems(source, at)
+        problems += _frequency_problems(source, at, system)
     if part is None or system is None or table is None or problems:
         return None, problems
     title = table.title or (f"{part.title}: {table.name}" if part.title and table.name else part.title)
     options, changed = table.options(system), tuple(asked.items())
-    return Study(table.system(system), options, title, source.text, changed, table.name or "", reduced), []
+    study = Study(table.system(system), options, title, source.text, changed, table.name or "", reduced, table.unused)
+    return study, []
+
+
+def _changed(
+    sketch: Sketch | None, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
+) -> tuple[Sketch | None, list[Problem]]:
+    """With other values, as far as they are allowed; where the numbers mean nothing, only names are looked at."""
+    if sketch is None:
+        return None, []
+    if sketch.guessed:
+        return sketch, unknown_names(sketch.system, source, changes)
+    system, problems = change_system(sketch.system, source, own, changes)
+    return Sketch(system), problems
 
 
 def _validated(
-    source: Source, at: Path, system: System | None, has_frequency: bool
+    source: Source, at: Path, sketch: Sketch | None, has_frequency: bool
 ) -> tuple[StudyPart | None, list[Problem]]:
     tables = study_tables(source)
     kind = tables[at].get("kind")
@@ -162,7 +186,8 @@ def _validated(
         return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
     places = list(tables)
     earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
-    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys)
+    system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed)
     return validate(part_of(kind), tables[at], source, at, lambda: surroundings)
 
 
@@ -175,14 +200,15 @@ def _kind_problem(table: Mapping[str, object]) -> str:
     return f"is {given(kind)}; it must be one of {known}" + (f"; {hint}" if hint.endswith("?") else "")
 
 
-def _frequency_problems(source: Source, at: Path) -> Iterator[Problem]:
-    """A frequency may be left out only where the study gives one."""
+def _frequency_problems(source: Source, at: Path, system: System | None) -> Iterator[Problem]:
+    """A frequency may be left out only where the study gives one; a misspelt parameter may be meant for it."""
     table = study_tables(source)[at]
     walked = walked_parameters(table)
     kind = table.get("kind")
     if isinstance(kind, str) and kind in KINDS and "parameter" not in part_of(kind).model_fields:
         yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
-    if walked and not any(name in walked for name in PACES):
+    known = [name for name in walked if system is None or name in system.structure.names]
+    if known == walked and walked and not any(name in walked for name in PACES):
         message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
         yield source.problem(message, ("frequency",))
 
@@ -198,14 +224,3 @@ def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
     if name:
         raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
     raise ModelError(f"{file} has {len(studies)} studies, so name the one that is meant: {', '.join(known)}")
-
-
-def _sketch(source: Source) -> System | None:
-    """A system with the parameters of the file, where only their values are wrong: the study can be checked."""
-    source, _ = expand(source)
-    names = {key: source.data[key] for key in ("coordinates", "contact", "harmonic") if key in source.data}
-    coordinates = Names.of(source.data).coordinates or []
-    names["stiffness"] = [0.0] * len(coordinates)
-    bare = Source(source.name, source.text, names)
-    part, _ = check_system(bare)
-    return part.system() if part else None

@@ -46,6 +46,8 @@ class Surroundings:
         Names of the studies before it.
     all_keys
         Gives the keys of all kinds of study: none of them can name one.
+    guessed
+        Whether the numbers of the system mean nothing: then values of parameters are not looked at.
     """
 
     system: System | None
@@ -53,6 +55,7 @@ class Surroundings:
     alone: bool = True
     taken: tuple[str, ...] = ()
     all_keys: Callable[[], frozenset[str]] = frozenset
+    guessed: bool = False
 
 
 class WalkPart(Part):
@@ -138,7 +141,7 @@ def check_parameter(parameter: str, surroundings: Surroundings) -> str:
 
 def check_value(value: float, parameter: str | None, surroundings: Surroundings) -> float:
     """Refuse a value that a parameter cannot have; nothing is said of a parameter that is wrong itself."""
-    system = surroundings.system
+    system = None if surroundings.guessed else surroundings.system
     if system is None and parameter in PACES:
         system, parameter = System(["q"], [[1.0]]), "frequency"  # any has one
     if system and parameter:
@@ -194,6 +197,11 @@ class StudyPart(Part):
             raise ValueError(f"is {given(name)}, which is taken already; choose another name")
         return name
 
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of tables that stand in it and change nothing."""
+        return ()
+
     def system(self, system: System) -> System:
         """The system at the beginning of the study."""
         return system
@@ -229,7 +237,7 @@ class RangePart(StudyPart):
     @classmethod
     def _differs_from_the_beginning(cls, end: float, info: ValidationInfo[Surroundings]) -> float:
         begin, parameter, system = info.data.get("begin"), info.data.get("parameter"), info.context.system
-        if begin is None and "begin" in info.data and parameter and system:
+        if begin is None and "begin" in info.data and parameter and system and not info.context.guessed:
             begin = system[parameter]
         if begin == end:
             raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
@@ -247,9 +255,9 @@ class BranchPart(RangePart):
     start: StartOrState = Start.SETTLE
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)
-    method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] = MethodName.SHOOTING
-    shooting: ShootingPart = Field(default_factory=ShootingPart)  # that of the other method is not used: so one word
-    balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)  # in a file changes the method
+    method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] | None = None
+    shooting: ShootingPart = Field(default_factory=ShootingPart)  # both may stand, so that one word changes the method
+    balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)
     verify: bool = False
 
     @field_validator("measure")
@@ -268,7 +276,7 @@ class BranchPart(RangePart):
 
     @field_validator("method")
     @classmethod
-    def _has_contacts(cls, method: MethodName, info: ValidationInfo[Surroundings]) -> MethodName:
+    def _has_contacts(cls, method: MethodName | None, info: ValidationInfo[Surroundings]) -> MethodName | None:
         system = info.context.system
         if method is MethodName.BALANCE and system and not system.structure.contacts:
             raise ValueError(
@@ -277,12 +285,28 @@ class BranchPart(RangePart):
             )
         return method
 
+    @field_validator("balance", mode="before")
+    @classmethod
+    def _is_meant(cls, balance: object, info: ValidationInfo[Surroundings]) -> object:
+        if isinstance(balance, Mapping) and info.data.get("method", "") is None:
+            raise ValueError(
+                f"is for harmonic balance, but no method is named, which means {given(MethodName.SHOOTING.value)}; "
+                f"write method = {given(MethodName.BALANCE.value)} in the study, or leave the table out"
+            )
+        return balance
+
     @field_validator("balance")
     @classmethod
     def _suits_the_excitation(cls, balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
         if info.context.system and info.data.get("method") is MethodName.BALANCE:
             balance.options().pose(info.context.system)
         return balance
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """The table of the other method, if there is one."""
+        other = "shooting" if self.method is MethodName.BALANCE else "balance"
+        return (f"study.{other}",) if other in self.model_fields_set else ()
 
     def given(self, system: System) -> dict[str, Any]:
         """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""

@@ -103,7 +103,7 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ("ratio = 2.5", "", "gear[0].ratio is missing; it is the speed of the first inertia divided by that of the"),
         ('name = "pair"', 'name = "clutch"', "m.toml:31: gear[0] has the name of another part; give each a name"),
         ("stiffness = 70.0", "", "gear[0] has a clearance, but no stiffness beyond it; write stiffness = ..."),
-        ("clearance = 0.1", "clearance = 0.5", "shaft[0] is refused: stages out of order"),
+        ("clearance = 0.1", "clearance = 0.5", "shaft[0].stage is out of order on the positive side"),
         ("mean = { engine = 3.0 }", "mean = { motor = 3.0 }", "mean.motor names no inertia; they are engine, hub"),
         ("acts_on = { engine = 1.0 }", "acts_on = { q = 1.0 }", "acts_on.q names no inertia"),
         ('reaction = "load"', 'reaction = "road"', "m.toml:4: reaction is 'road', which is no inertia"),

@@ -27,7 +27,7 @@ from gapwalk.model.problem import Path, Problem
 from gapwalk.model.schema import Part
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
-from gapwalk.model.tables import HarmonicPart, StagePart, study_tables
+from gapwalk.model.tables import HarmonicPart, Stages, study_tables
 from gapwalk.model.train.parts import Gear, Inertia, Shaft
 from gapwalk.model.train.train import Train
 from gapwalk.model.units import Quantity, QuantityKind
@@ -65,7 +65,7 @@ class LinkPart(Part):
     cubic: CubicStiffness = 0.0
     impact_damping: _PerRate | None = None
     viscous_damping: _Damping | None = None
-    stage: list[StagePart] = Field(default=[])
+    stage: Stages = Field(default=[])
 
     def springs(self) -> dict[str, Any]:
         """All but the name and the ends, as `Shaft` and `Gear` have it."""

@@ -90,7 +90,7 @@ class Over:
         """The values of the parameters of one member, from 0."""
         return {name: values[number] for name, values in self.moved}
 
-    def check(self, system: System, parameter: str) -> None:
+    def check(self, system: System, parameter: str, *, names_only: bool = False) -> None:
         """A ModelError if the members of a family of a system along a parameter cannot have these values."""
         for name in self.names:
             try:
@@ -104,7 +104,7 @@ class Over:
             raise ModelError(
                 f"over has {pace} beside other parameters; it can stand there alone: everything is scaled by it"
             )
-        for number in range(len(self.axis)):
+        for number in () if names_only else range(len(self.axis)):
             try:
                 system.at(self.at(number))
             except ModelError as error:

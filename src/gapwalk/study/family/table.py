@@ -44,7 +44,7 @@ class FamilyPart(BranchPart):
     def _makes_a_family(cls, over: dict[str, list[float]], info: ValidationInfo[Surroundings]) -> Any:
         given = Over.of(over, info.data.get("called", ""), info.data.get("values", ()))
         if info.context.system and info.data.get("parameter"):
-            given.check(info.context.system, info.data["parameter"])
+            given.check(info.context.system, info.data["parameter"], names_only=info.context.guessed)
         return over
 
     @field_validator("kinds")
