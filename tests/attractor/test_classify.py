@@ -146,6 +146,32 @@ def test_a_long_period_is_found_after_all(fig15):
     assert (found.kind, found.period) == (AttractorKind.PERIODIC, 3)
 
 
+@pytest.mark.slow
+def test_a_period_of_256_is_that_of_a_doubling():
+    # two masses that collide (docs/gallery/collide.md): a band of 16 curves that locked has doubled four times
+    pair = gw.System(
+        ["a", "b"],
+        stiffness=[[1.0, 0.0], [0.0, 4.0]],
+        damping=[[0.05, 0.0], [0.0, 0.1]],
+        contacts=[gw.stop("gap", {"a": 1.0, "b": -1.0}, clearance=0.5, stiffness=30.0, impact_damping=0.1)],
+        harmonics=[gw.Harmonic(0.3, {"a": 1.0})],
+    )
+    before, found = (classify(pair, frequency=frequency) for frequency in (0.9429, 0.94285))
+    assert (before.kind, before.period) == (AttractorKind.PERIODIC, 128)
+    assert (found.kind, found.period) == (AttractorKind.PERIODIC, 256)
+    assert before.orbit is not None
+    assert found.orbit is not None
+    assert found.orbit.stable
+    # seen without any transient: on its way there the orbit of half the period loses its stability in a flip
+    walk = gw.WalkOptions(max_points=40)
+    branch = gw.follow(before.orbit, "frequency", to=0.9427, walk=walk)
+    (flip,) = branch.special(gw.Kind.FLIP)
+    assert 0.94285 < flip.value < 0.9429
+    halves = np.array(found.strobes).reshape(2, 128, -1)
+    apart = np.abs(halves[1] - halves[0]).max(axis=1)
+    assert 1e-5 < apart.max() < 0.01  # two motions that were one, not a torus that happens to return
+
+
 def test_what_is_too_short_to_tell_is_undecided(fig15):
     options = ClassifyOptions(lyapunov=LyapunovOptions(max_periods=256), errors=1e6)
     found = classify(fig15, "rest", options, frequency=0.4)

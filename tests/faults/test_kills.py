@@ -47,8 +47,9 @@ def _parts(path: Path) -> Mapping[int, bytes]:
 
 def _last_result(folder: Path) -> Path:
     """Of an exploration: a job that was killed before it had a result has left its number only."""
-    found = sorted((folder / "model.explorer").glob("*.gapwalk"))
-    return found[-1] if found else folder / "none"
+    results = folder / "model.explorer"
+    found = sorted(results.glob("*.gapwalk"))
+    return found[-1] if found else results / "none"
 
 
 def _same_as(study: gw.Study) -> Callable[[Path], None]:

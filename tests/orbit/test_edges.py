@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from gapwalk import Contact, DampingLaw, Harmonic, Side, Stage, System, find_orbit, follow
+from gapwalk.continuation import EndReason
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import flow_of
@@ -190,9 +193,9 @@ def values_of(branch) -> list[tuple[str, float]]:
     return [(each.kind.value, each.value) for each in branch.special_points]
 
 
-def agree(one: list[tuple[str, float]], other: list[tuple[str, float]]) -> bool:
+def agree(one: list[tuple[str, float]], other: list[tuple[str, float]], error: float = 1e-11) -> bool:
     return [kind for kind, _ in one] == [kind for kind, _ in other] and [value for _, value in one] == pytest.approx(
-        [value for _, value in other], abs=1e-11
+        [value for _, value in other], abs=error
     )
 
 
@@ -241,3 +244,30 @@ def test_a_load_that_grows_by_a_factor_of_a_thousand_million():
     branch = follow(find_orbit(oscillator(size=1e-6, mean=0.0, gap=1e12)), "harmonic1.amplitude", to=1e3)
     assert len(branch.points) < 150
     assert max(linear_error(point.orbit, 1.0, 0.1) for point in branch.points) < 1e-9
+
+
+def test_walks_go_round_the_corners_at_a_stop_10000_times_stiffer():
+    # past a graze the branch turns within a depth of some 1 / stiff^2 of the gap, and there is a fold in that
+    ends = ((1.6, 0.8), (0.8, 1.6))
+    down, up = (follow(find_orbit(oscillator(stiff=1e4, frequency=a)), "frequency", to=b) for a, b in ends)
+    assert (down.points[-1].value, up.points[-1].value) == (0.8, 1.6)
+    assert Counter(kind for kind, _ in values_of(down)) == {"flip": 6, "grazing": 4, "fold": 4}
+    assert agree(sorted(values_of(down)), sorted(values_of(up)), 1e-10)
+
+
+def test_a_walk_beside_a_stop_a_million_times_stiffer_beside_closed_forms():
+    branch = follow(find_orbit(oscillator(stiff=1e6, side=Side.POSITIVE, frequency=1.6)), "frequency", to=0.8)
+    assert branch.points[-1].value == 0.8
+    for point in branch.points[::50]:
+        assert by_pieces(point.orbit.system, point.orbit.state) == pytest.approx(point.orbit.state, abs=1e-9)
+
+
+def test_a_corner_too_sharp_for_rounding_is_refused_with_the_contact_that_makes_it():
+    branch = follow(find_orbit(oscillator(stiff=1e6, frequency=1.6)), "frequency", to=0.8)
+    assert branch.ends[-1].reason is EndReason.STEP
+    assert "gap - grazes, and the branch turns there too sharply to be followed: begin beyond" in str(branch.ends[-1])
+    last = branch.points[-1].orbit
+    assert min(map(abs, last.turning_depths[1].values)) < 1e-12  # it stands at the graze
+    # beyond, it can be begun
+    beyond = follow(find_orbit(last.system, frequency=0.8), "frequency", to=0.9)
+    assert beyond.points[-1].value == 0.9

@@ -51,6 +51,9 @@ def test_text_in_svg_and_pdf_is_text(branch, tmp_path) -> None:
     assert width is not None
     assert float(width[1]) / 72.0 * _INCH == pytest.approx(85.0, abs=0.01)
     pdf = (tmp_path / "a.pdf").read_bytes()
+    plot.save_picture(branch, pdf=tmp_path / "b.pdf", size="column")
+    assert (tmp_path / "b.pdf").read_bytes() == pdf
+    assert b"CreationDate" not in pdf  # which is all that would differ a second later
     assert b"/FontFile2" in pdf  # letters of a font, not outlines
     assert b"/Type3" not in pdf
 

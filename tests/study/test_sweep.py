@@ -27,6 +27,8 @@ from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
 from tests.systems import clutch, linear
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]["13"]
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,21 +14,23 @@ from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 
 _REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
+_FAST = 1.0 / 16.0  # share of the highest frequency of a range by which velocities are measured at least
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
     """Scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
 
-    A parameter is measured in widths of its range, and the unknowns as `unknown_scales` does. They should not depend on
-    the end of the range at which a walk begins, for the motion may be a million times larger at the other: so a length
-    is that of the largest motion to be expected (`linear_growth`), and velocities go by the highest frequency.
+    A parameter is measured in widths of its range, and the unknowns as `unknown_scales` does. But the motion may be a
+    million times larger at the other end of the range: so a length is that of the largest motion to be expected
+    (`linear_growth`), and velocities go by a good part of the highest frequency at least.
     """
     parameter = equation.parameter or ""
     length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))
     place = orbit.system.structure.place(parameter)
     fastest = max(System.beside(orbit.system, place, bound).frequency for bound in (within.low, within.high))
-    return powers_of_two(np.append(equation.scales(_CLEARANCES * length, fastest), within.width))
+    frequency = max(orbit.system.frequency, _FAST * fastest)
+    return powers_of_two(np.append(equation.scales(_CLEARANCES * length, frequency), within.width))
 
 
 def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:

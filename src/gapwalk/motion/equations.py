@@ -40,6 +40,18 @@ class Equations:
     pattern: NDArray[np.bool_]
     varying: tuple[NDArray[np.intp], ...] = ()
 
+    @property
+    def text(self) -> str:
+        """What tells these equations from others, whatever things are called."""
+        structure = self.layout.structure
+        contacts = [
+            (form.damping.value, form.reciprocal, *(stage.side.value for stage in form.stages))
+            for form in structure.contacts
+        ]
+        orders = [form.order for form in structure.harmonics]
+        slots = [np.flatnonzero(self.pattern).tolist(), *(slots.tolist() for slots in self.varying)]
+        return f"{structure.size} {contacts} {orders} {slots}"
+
     @cached_property
     def active(self) -> NDArray[np.intp]:
         """Slots of the coefficients that take part, in the order of their run-time parameters."""

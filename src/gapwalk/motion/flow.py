@@ -20,6 +20,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.motion.equations import Equations
+from gapwalk.motion.flow_cache import kept
 from gapwalk.motion.switching import COOLDOWN, ContactEvent, Switchboard
 from gapwalk.motion.unit import LengthUnit
 
@@ -121,15 +122,16 @@ class Flow:
             hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
             for index, switch in enumerate(equations.switches)
         ]
-        self._integrator = hy.taylor_adaptive(
-            right_hand_sides,
-            state=np.zeros(len(right_hand_sides)),
-            pars=np.zeros(equations.n_parameters),
-            t_events=events,
-            nt_events=[hy.nt_event(rate, self._note(k)) for k, (_, rate) in enumerate(equations.turning) if survey],
-            tol=_TOLERANCE,
-            compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
-        )
+        with kept(f"{equations.text} transition={transition} survey={survey}"):
+            self._integrator = hy.taylor_adaptive(
+                right_hand_sides,
+                state=np.zeros(len(right_hand_sides)),
+                pars=np.zeros(equations.n_parameters),
+                t_events=events,
+                nt_events=[hy.nt_event(rate, self._note(k)) for k, (_, rate) in enumerate(equations.turning) if survey],
+                tol=_TOLERANCE,
+                compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
+            )
         self._state, self._parameters = self._integrator.state, self._integrator.pars
         self._coefficients = self._parameters[equations.first_coefficient :]
         self._components = self._parameters[: equations.first_switch]

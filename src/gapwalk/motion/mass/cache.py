@@ -7,11 +7,10 @@ loaded as code, so only a folder that nobody else can write to is trusted, and o
 from __future__ import annotations
 
 import hashlib
-import os
-import stat
-import tempfile
 from contextlib import suppress
 from pathlib import Path
+
+from gapwalk.motion.cache_folder import cache_folder, is_private, write_whole
 
 _MOST = 200
 """Kernels that are kept; beyond that those that were made longest ago go."""
@@ -28,17 +27,17 @@ def kernel_file(text: str, *, folder: Path | None = None) -> Path | None:
         Where; by default ``gapwalk/kernels`` in ``$XDG_CACHE_HOME`` or ``~/.cache``.
     """
     try:
-        folder = _user_folder() if folder is None else folder
+        folder = cache_folder("kernels") if folder is None else folder
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not all(is_private(each) for each in (folder, folder / "__pycache__") if each.exists()):
             return None
         file = folder / f"k{hashlib.sha256(text.encode()).hexdigest()[:32]}.py"
         if not file.exists() or file.read_text(encoding="utf-8") != text:  # new, or damaged
-            _write_whole(file, text)
+            write_whole(file, text.encode())
             _forget_oldest(folder)
         elif not _is_sealed(file):
             forget(file)
-            _write_whole(file, text)
+            write_whole(file, text.encode())
         return file
     except (OSError, RuntimeError, UnicodeDecodeError):  # RuntimeError: there is no home
         return None
@@ -48,7 +47,7 @@ def seal(file: Path) -> None:
     """Note what the machine code of a kernel is; without that, or if it changes, it is not loaded any more."""
     with suppress(OSError):  # then it will be compiled again
         if not _is_sealed(file):
-            _write_whole(_seal_of(file), _checksum(file))
+            write_whole(_seal_of(file), _checksum(file).encode())
 
 
 def forget(file: Path) -> None:
@@ -56,18 +55,6 @@ def forget(file: Path) -> None:
     with suppress(OSError):
         for each in (_seal_of(file), file, *_machine_code(file)):
             each.unlink(missing_ok=True)
-
-
-def is_private(folder: Path) -> bool:
-    """Whether a folder is the user's own, and writable for nobody else."""
-    about = folder.stat()
-    is_mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
-    return is_mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-
-
-def _user_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "gapwalk" / "kernels"
 
 
 def _machine_code(file: Path) -> list[Path]:
@@ -89,18 +76,6 @@ def _checksum(file: Path) -> str:
     for each in _machine_code(file):
         digest.update(each.name.encode() + each.read_bytes())
     return digest.hexdigest()
-
-
-def _write_whole(file: Path, text: str) -> None:
-    """Write a file that another process sees whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=file.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.replace(name, file)
-    except BaseException:
-        os.unlink(name)
-        raise
 
 
 def _forget_oldest(folder: Path) -> None:
