@@ -6,10 +6,12 @@ STAMP := $(VENV)/.installed
 UV    ?= uv
 # Another interpreter: make PYTHON=/path/to/python test
 PYTHON ?=
+# Processes of the tests; each keeps one core busy.
+WORKERS ?= 2
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs screenshots explore browser test test-jobs test-engine check lint types bench campaign dense fuzz lock clean
+.PHONY: help demo docs screenshots explore browser test kernels check lint types bench campaign dense fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -23,20 +25,13 @@ explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)
 	@cp -n examples/*.toml examples/*.mtx examples/*.csv out/ || true
 	$(VENV)/bin/gapwalk explore out/clutch.toml
 
-test: check browser  ## lint, types and tests
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-jobs test-engine
+# The kernels of harmonic balance are compiled beside the look at types: each process of the tests would do it anew.
+test: browser  ## lint, types and tests (WORKERS=4: the tests in as many processes)
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target check kernels
+	MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider --numprocesses=$(WORKERS) --dist=worksteal
 
-# Two halves of about equal length, side by side.
-JOBS = tests/cli tests/docs tests/explorer tests/study
-
-# The tests start some hundred programs, each of which would compile its modules where this is set.
-test-jobs test-engine: export PYTHONDONTWRITEBYTECODE =
-
-test-jobs: $(STAMP)
-	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider $(JOBS)
-
-test-engine: $(STAMP)
-	MPLBACKEND=Agg $(PY) -m pytest -p no:cacheprovider tests $(JOBS:%=--ignore=%)
+kernels: $(STAMP)
+	@$(PY) -c "import gapwalk.orbit.balance.kernels"
 
 # The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
 browser:

@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _groups() -> dict[str, Callable]:
-    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, period, start
+    from benchmarks import balance, branch, compiling, diagram, growth, jobs, mass, paper, period, start
 
     return {
         "period": period.rows,
@@ -74,6 +74,7 @@ def _groups() -> dict[str, Callable]:
         "mass": mass.rows,
         "balance": balance.rows,
         "jobs": jobs.rows,
+        "paper": paper.rows,
     }
 
 

@@ -46,13 +46,15 @@ def rows(effort: Effort) -> list[Row]:
 
 def least(words: list[str], repeats: int) -> float:
     """CPU seconds of a process of Python with these words, its own children included; the least of some."""
+    return min([once(words) for _ in range(repeats + 1)][1:])  # one more, that compiles
+
+
+def once(words: list[str]) -> float:
+    """CPU seconds of one process of Python with these words, its own children included."""
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-    found = []
-    for _ in range(repeats + 1):  # one more, that compiles
-        before = _children()
-        subprocess.run([sys.executable, *words], env=environment, check=True, stdout=subprocess.DEVNULL)
-        found.append(_children() - before)
-    return min(found[1:])
+    before = _children()
+    subprocess.run([sys.executable, *words], env=environment, check=True, stdout=subprocess.DEVNULL)
+    return _children() - before
 
 
 def _children() -> float:

@@ -1,8 +1,14 @@
 """Settings that all tests share."""
 
+import os
 import signal
+from collections.abc import Callable, Iterator
 
+import pytest
 from hypothesis import settings
+
+from gapwalk.study.work import workers
+from gapwalk.study.work.processes import Processes
 
 # the same examples each time: a check that fails once in a hundred runs says nothing to whoever broke it
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -11,3 +17,49 @@ settings.load_profile("repeatable")
 # what a shell runs in the background does not see Ctrl-C, which many tests are about
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_core() -> Iterator[None]:
+    """Where several processes run the tests, what takes all cores takes one: starting others would cost more."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "PYTEST_XDIST_WORKER" in os.environ:
+            patch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
+        yield
+
+
+class Kept(Processes):
+    """Processes that wait for the next who hires as many, unless they had to be stopped at once."""
+
+    def __init__(self, count: int, idle: list[Processes]) -> None:
+        super().__init__(count)
+        self.idle = idle
+
+    def close(self, *, at_once: bool) -> None:
+        if at_once:
+            super().close(at_once=True)
+        else:
+            self.idle.append(self)
+
+
+@pytest.fixture(scope="session")
+def hire() -> Iterator[Callable[[int], Processes]]:
+    """Makes processes, or finds some that another test has done with."""
+    idle: list[Processes] = []
+
+    def find(count: int) -> Processes:
+        found = next((each for each in idle if each.size == count), None)
+        if found is None:
+            return Kept(count, idle)
+        idle.remove(found)
+        return found
+
+    yield find
+    for each in idle:
+        Processes.close(each, at_once=True)
+
+
+@pytest.fixture
+def kept_processes(hire, monkeypatch) -> None:
+    """For tests of work by several processes in which it does not matter that they have worked before."""
+    monkeypatch.setattr(workers, "Processes", hire)

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.spatial import KDTree
 
 import gapwalk as gw
 from gapwalk.attractor import (
+    Attractor,
     AttractorKind,
     ClassifyOptions,
     LyapunovOptions,
@@ -33,6 +35,12 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 @pytest.fixture(scope="module")
 def fig15() -> System:
     return gw.paper.case("15")
+
+
+@cache
+def from_rest(frequency: float) -> Attractor:
+    """What figure 15 comes to from rest, at its default options."""
+    return classify(gw.paper.case("15"), frequency=frequency)
 
 
 def undamped(ratio: float) -> System:
@@ -71,8 +79,8 @@ def test_the_duffing_oscillator_where_its_kinds_are_known():
 
 
 @pytest.mark.parametrize("frequency", [0.45, 0.82])
-def test_figure_15_period_three(fig15, frequency):
-    found = classify(fig15, frequency=frequency)
+def test_figure_15_period_three(frequency):
+    found = from_rest(frequency)
     assert (found.kind, found.period) == (AttractorKind.PERIODIC, 3)
     assert found.strobes.shape == (3, 4)
     assert found.lyapunov is not None
@@ -80,8 +88,8 @@ def test_figure_15_period_three(fig15, frequency):
 
 
 @pytest.mark.parametrize(("frequency", "curves"), [(0.855, 3), (1.12, 2)])
-def test_figure_15_tori_agree_with_scipy(fig15, frequency, curves):
-    found = classify(fig15, frequency=frequency)
+def test_figure_15_tori_agree_with_scipy(frequency, curves):
+    found = from_rest(frequency)
     assert found.kind is AttractorKind.QUASI_PERIODIC
     assert found.period == curves
     assert found.rotation is not None
@@ -98,8 +106,8 @@ def test_figure_15_tori_agree_with_scipy(fig15, frequency, curves):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("frequency", "curves"), [(0.855, 3), (1.12, 2)])
-def test_figure_15_tori_by_scipy_alone(fig15, frequency, curves):
-    found = classify(fig15, frequency=frequency)
+def test_figure_15_tori_by_scipy_alone(frequency, curves):
+    found = from_rest(frequency)
     independent = strobes(figure15(frequency), frequency, found.strobes[-1], 260 * curves, max_step=0.2)
     assert KDTree(found.strobes).query(independent)[0].max() < 0.02
     again = rotation(independent, curves)
@@ -122,8 +130,8 @@ def test_a_young_torus_turns_with_the_angle_of_its_pair(fig15):
 
 
 @pytest.mark.parametrize("frequency", [0.2, 0.4])
-def test_figure_15_chaos(fig15, frequency):
-    found = classify(fig15, frequency=frequency)
+def test_figure_15_chaos(frequency):
+    found = from_rest(frequency)
     assert found.kind is AttractorKind.CHAOTIC
     assert found.lyapunov is not None
     assert found.lyapunov.exponents[0] > 30 * found.lyapunov.errors[0]
@@ -136,6 +144,32 @@ def test_a_long_period_is_found_after_all(fig15):
     options = ClassifyOptions(SettleOptions(max_period=2), LyapunovOptions(max_periods=1024))
     found = classify(fig15, "rest", options, frequency=0.45)
     assert (found.kind, found.period) == (AttractorKind.PERIODIC, 3)
+
+
+@pytest.mark.slow
+def test_a_period_of_256_is_that_of_a_doubling():
+    # two masses that collide (docs/gallery/collide.md): a band of 16 curves that locked has doubled four times
+    pair = gw.System(
+        ["a", "b"],
+        stiffness=[[1.0, 0.0], [0.0, 4.0]],
+        damping=[[0.05, 0.0], [0.0, 0.1]],
+        contacts=[gw.stop("gap", {"a": 1.0, "b": -1.0}, clearance=0.5, stiffness=30.0, impact_damping=0.1)],
+        harmonics=[gw.Harmonic(0.3, {"a": 1.0})],
+    )
+    before, found = (classify(pair, frequency=frequency) for frequency in (0.9429, 0.94285))
+    assert (before.kind, before.period) == (AttractorKind.PERIODIC, 128)
+    assert (found.kind, found.period) == (AttractorKind.PERIODIC, 256)
+    assert before.orbit is not None
+    assert found.orbit is not None
+    assert found.orbit.stable
+    # seen without any transient: on its way there the orbit of half the period loses its stability in a flip
+    walk = gw.WalkOptions(max_points=40)
+    branch = gw.follow(before.orbit, "frequency", to=0.9427, walk=walk)
+    (flip,) = branch.special(gw.Kind.FLIP)
+    assert 0.94285 < flip.value < 0.9429
+    halves = np.array(found.strobes).reshape(2, 128, -1)
+    apart = np.abs(halves[1] - halves[0]).max(axis=1)
+    assert 1e-5 < apart.max() < 0.01  # two motions that were one, not a torus that happens to return
 
 
 def test_what_is_too_short_to_tell_is_undecided(fig15):
@@ -169,8 +203,8 @@ def test_matching(fig15):
 
 
 def test_matching_of_tori_and_chaos():
-    at = gw.paper.case("15").at(frequency=1.12)
-    torus, random = classify(at), np.random.default_rng(0)
+    torus, random = from_rest(1.12), np.random.default_rng(0)
+    at = torus.system
     starts = (settle(at, start) for start in random.normal(size=(20, 4)))
     orbit = next(identify(each) for each in starts if each.period)
     assert (torus.label, orbit.label) == ("2 x torus", "P1")
@@ -181,7 +215,7 @@ def test_matching_of_tori_and_chaos():
     assert match([], later) is None
     with pytest.raises(ModelError, match="must be"):
         match([torus], np.zeros(3))
-    chaos = classify(at.at(frequency=0.4))
+    chaos = from_rest(0.4)
     assert match([chaos], settle(chaos.system, [2.0, 1.0, 0.0, 0.0])) == 0
     assert match([chaos], chaos.strobes + np.array([0.3, 0, 0, 0])) is None
 

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial.distance import pdist, squareform
 
-from gapwalk.attractor.rotation import rotation
+from gapwalk.attractor.rotation import _least_length, rotation
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -71,6 +73,14 @@ def test_a_rotation_that_has_not_gone_round_is_not_guessed():
     # so near to 1/3 that the strobes cover less than the whole curve
     assert rotation(bent((1 / 3 + 1e-5) * np.arange(4096))) is None
     assert rotation(bent((1 / 2 - 2e-5) * np.arange(4096))) is None
+
+
+@pytest.mark.parametrize(("count", "size"), [(2, 1), (257, 2), (300, 6)])
+def test_the_shortest_tree_is_that_of_scipy(count, size):
+    states = np.random.default_rng(count).normal(size=(count, size))
+    expected = minimum_spanning_tree(squareform(pdist(states))).sum()
+    assert _least_length(states) == pytest.approx(expected, rel=1e-12)
+    assert _least_length(np.repeat(states, 3, axis=0)) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_cloud_has_none():

@@ -16,7 +16,7 @@ from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.paper import case
-from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, nearest, response
+from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, locus, nearest, response
 from tests.bifurcation.test_many_degrees import rod
 from tests.systems import viscous_stop
 
@@ -76,8 +76,7 @@ def test_balanced_loci_pass_through_the_special_points_of_balanced_branches(kind
 
 
 def test_a_closed_balanced_locus_has_the_corners_and_cusps_of_shooting():
-    special = response().special(Kind.FOLD)[4]
-    exact = follow_locus(special, "frequency", "mean.q1", WIDE)
+    special, exact = response().special(Kind.FOLD)[4], locus(Kind.FOLD, 4)
     errors = []
     for harmonics in (10, 30):
         found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(harmonics))
@@ -104,8 +103,7 @@ def test_the_islands_of_figures_27_and_28_lie_on_one_balanced_fold_locus():
 
 
 def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
-    special = response().special(Kind.NEIMARK_SACKER)[0]
-    exact = follow_locus(special, "frequency", "mean.q1", WIDE)
+    special, exact = response().special(Kind.NEIMARK_SACKER)[0], locus(Kind.NEIMARK_SACKER, 0)
     found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
     assert found.is_closed
     assert [point.kind for point in found.codim2_points] == [Codim2.RESONANCE_1_3] * 2
@@ -115,8 +113,7 @@ def test_a_neimark_sacker_locus_has_the_resonances_of_shooting():
 
 
 def test_a_grazing_locus_has_the_points_of_shooting_and_no_echo_of_its_own_touch():
-    special = response().special(Kind.GRAZING)[4]
-    exact = follow_locus(special, "frequency", "mean.q1", WIDE)
+    special, exact = response().special(Kind.GRAZING)[4], locus(Kind.GRAZING, 4)
     found = follow_locus(special, "frequency", "mean.q1", WIDE, walk=COARSE, method=balance(20))
     assert [point.kind for point in found.codim2_points] == [point.kind for point in exact.codim2_points]
     assert apart(exact, found) < 3e-4  # of the degenerate point, which is least sure
@@ -210,12 +207,13 @@ def test_a_trail_goes_on_bit_for_bit_from_its_state():
     counts = [step.point.orbit.harmonics for step in whole]
     grown = counts.index(max(counts))
     assert 0 < grown < len(whole) - 2
+    trail, steps = LocusTrail(departure, COARSE), []
     for count in (grown, grown + 1):
-        trail = LocusTrail(departure, COARSE)
-        steps = list(itertools.islice(trail, count))
-        steps += LocusTrail(departure, COARSE, resume=pickle.loads(pickle.dumps(trail.state)))
-        assert [step.point.values for step in steps] == [step.point.values for step in whole]
-        assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole]
+        steps += itertools.islice(trail, count - len(steps))
+        rest = LocusTrail(departure, COARSE, resume=pickle.loads(pickle.dumps(trail.state)))
+        again = [*steps, *rest]
+        assert [step.point.values for step in again] == [step.point.values for step in whole]
+        assert [len(step.codim2) for step in again] == [len(step.codim2) for step in whole]
 
 
 def test_another_method_is_refused():

@@ -319,12 +319,13 @@ def test_derivatives_agree_with_differences(kind):
 def test_a_trail_goes_on_bit_for_bit_from_its_state():
     departure = depart_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE)[0]
     whole = list(LocusTrail(departure))
-    for count in (20, 60, 100):
-        trail = LocusTrail(departure)
-        steps = list(itertools.islice(trail, count))
-        steps += LocusTrail(departure, resume=pickle.loads(pickle.dumps(trail.state)))
-        assert [step.point.values for step in steps] == [step.point.values for step in whole]
-        assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole]
+    resume, at = None, 0
+    for count in (20, 60, 100, len(whole) + 1):  # each goes on where the one before was left, and the last to the end
+        trail = LocusTrail(departure, resume=resume)
+        steps = list(itertools.islice(trail, count - at))
+        assert [step.point.values for step in steps] == [step.point.values for step in whole[at:count]]
+        assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole[at:count]]
+        resume, at = pickle.loads(pickle.dumps(trail.state)), count
     reported = []
     follow_locus(
         response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE, report=lambda *step: reported.append(step)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 from gapwalk.bifurcation import follow
 from gapwalk.continuation import EndReason, Kind, WalkOptions
-from gapwalk.model import Contact, Harmonic, Stage, System
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit import Orbit, find_orbit
@@ -124,6 +124,45 @@ def test_a_pair_of_grazing_points_within_one_step_is_found():
     assert len(pair) == 2
     assert abs(pair[0].value - pair[1].value) < 2e-4
     assert abs(pair[0].point.arclength - pair[1].point.arclength) < WalkOptions().largest_step / 4
+
+
+FREQUENCY, PHASE = 0.5, 0.3
+
+
+def two_lines(theta: float, second: float, derivative: int = 0) -> float:
+    """A linear motion under a load of two harmonics, the second of any amplitude, or its derivatives by theta."""
+    orders = np.array([1.0, 2.0])
+    loads = np.array([1.0, second * np.exp(1j * PHASE)])
+    lines = loads / (1.0 - (orders * FREQUENCY) ** 2 + 0.1j * orders * FREQUENCY)
+    return float((lines * (1j * orders) ** derivative * np.exp(1j * orders * theta)).real.sum())
+
+
+def graze_of_two_lines(theta: float, second: float, depth: float) -> float:
+    """The amplitude of the second harmonic at which an extreme is at a depth: by Newton's method on the closed form."""
+    found, _, is_found, _ = fsolve(
+        lambda v: [two_lines(v[0], v[1], 1), two_lines(v[0], v[1]) - depth],
+        [theta, second],
+        xtol=1e-13,
+        full_output=True,
+    )
+    assert is_found == 1
+    return float(found[1])
+
+
+@pytest.mark.parametrize("aside", [1e-4, 1e-5])
+def test_a_pair_that_grazes_as_soon_as_its_extremes_are_there_is_found(aside):
+    # with growing second harmonic a pair of extremes is born; a breakpoint beside that place changes next to nothing
+    theta, second = fsolve(lambda v: [two_lines(v[0], v[1], 1), two_lines(v[0], v[1], 2)], [4.49, 0.064], xtol=1e-13)
+    depth = two_lines(theta, second) + aside
+    spring = Contact("gap", {"x": 1.0}, (Stage(-depth, 1e-14, side=Side.NEGATIVE),))
+    loads = [Harmonic(1.0, {"x": 1.0}), Harmonic(0.01, {"x": 1.0}, order=2, phase=PHASE)]
+    system = System(("x",), [[1.0]], [[0.1]], contacts=[spring], harmonics=loads, frequency=FREQUENCY)
+    branch = follow(find_orbit(system), "harmonic2.amplitude", to=0.2)
+    starts = [(theta + turn, second + more) for turn in (-0.15, -0.01, 0.01, 0.15) for more in (1e-5, 1e-3)]
+    found = {round(graze_of_two_lines(*start, depth), 13) for start in starts}
+    assert len(found) == 3
+    assert [each.kind for each in branch.special_points] == [Kind.GRAZING] * 3
+    assert [each.value for each in branch.special_points] == pytest.approx(sorted(found), abs=1e-11)
 
 
 AMPLITUDE = "harmonic1.amplitude"

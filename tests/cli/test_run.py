@@ -12,8 +12,10 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import StoreError
 from gapwalk.study.changes import parse_changes
+from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_result
 
+# So many points that there is time to interrupt the walk.
 SLOWLY = ("--set", "study.walk.initial_step=0.001", "--set", "study.walk.largest_step=0.001")
 
 
@@ -77,7 +79,15 @@ def test_a_start_that_is_not_found_is_3(model, capsys) -> None:
     assert not Path("stop.gapwalk").exists()
 
 
-def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command) -> None:
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> gw.Result:
+    """What a slow run comes to where nothing interrupts it."""
+    path = tmp_path_factory.mktemp("undisturbed") / "stop.toml"
+    path.write_text(MODEL)
+    return gw.run(gw.read_study(path, parse_changes(SLOWLY[1::2])))
+
+
+def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
     wait_for_points("a.gapwalk", 60)
     first.send_signal(signal.SIGINT)
@@ -88,15 +98,15 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command) -> None:
     stopped = gw.load("a.gapwalk")
     assert not stopped.complete
     assert sorted(os.listdir()) == ["a.gapwalk", "stop.toml"]
-    resume_and_compare(model, stopped)
+    resume_and_compare(model, stopped, undisturbed)
 
 
-def test_kill_then_resume_equals_an_undisturbed_run(model, command) -> None:
+def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
     wait_for_points("a.gapwalk", 60)
     first.kill()
     first.communicate()
-    resume_and_compare(model, gw.load("a.gapwalk"))
+    resume_and_compare(model, gw.load("a.gapwalk"), undisturbed)
 
 
 def test_ctrl_c_with_json_is_still_one_document(model, command) -> None:
@@ -126,9 +136,8 @@ def wait_for_points(path: str, count: int) -> None:
     pytest.fail(f"no {count} points within 30 s")
 
 
-def resume_and_compare(model: Path, stopped: gw.Result) -> None:
+def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) -> None:
     assert main(["run", str(model), *SLOWLY, "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
-    changes = parse_changes(SLOWLY[1::2])
-    resumed, undisturbed = gw.load("a.gapwalk"), gw.run(gw.read_study(model, changes))
+    resumed = gw.load("a.gapwalk")
     assert 60 <= len(stopped.branches[0].points) < len(undisturbed.branches[0].points)
     assert_same_result(resumed, undisturbed)

@@ -16,7 +16,7 @@ from gapwalk.cli import main
 from gapwalk.errors import StoreError
 from gapwalk.study.export import write_whole
 from tests.study.same import assert_same_branch, assert_same_result
-from tests.study.studies import long_study, stop_study
+from tests.study.studies import long_result, long_study, stop_study
 from tests.study.sweeps import FOLDS, options
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,7 +52,7 @@ def test_a_walk_whose_disk_is_full_keeps_what_it_reported_and_goes_on(tmp_path) 
     assert "all that was reported is in the file" in message
     assert len(gw.load(path).branches[0].points) > int(reported)
     resumed = gw.run(long_study(), path, resume=True)
-    assert_same_branch(resumed.branches[0], gw.run(long_study()).branches[0])
+    assert_same_branch(resumed.branches[0], long_result().branches[0])
     assert os.listdir(tmp_path) == [path.name]
 
 
@@ -103,7 +103,7 @@ def test_a_real_full_disk(tmp_path) -> None:
             gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
         filler.unlink()
         gw.sweep(*FOLDS, options=options(), output=disk / "y.sweep")
-    assert_same_result(gw.run(long_study(), elsewhere, resume=True), gw.run(long_study()))
+    assert_same_result(gw.run(long_study(), elsewhere, resume=True), long_result())
 
 
 @pytest.mark.skipif(shutil.which("mount") is None or os.geteuid() != 0, reason="only root mounts disks")

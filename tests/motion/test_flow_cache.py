@@ -126,3 +126,14 @@ def test_several_processes_may_compile_at_once(folder: Path) -> None:
     assert [program.wait() for program in programs] == [0, 0, 0]
     assert not compiles()
     assert len([*folder.iterdir()]) == 1
+
+
+def test_what_a_killed_process_left_is_cleared_away(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left, *used = (tmp_path / f"gapwalk-flow-{owner}" for owner in (f"{ended.pid}-x", f"{os.getpid()}-x", "x"))
+    for desk in (left, *used):
+        desk.mkdir()
+        (desk / "cache.db").write_bytes(b"copy")
+    flow_cache._clear_away(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(used)

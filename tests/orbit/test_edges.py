@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from gapwalk import Contact, DampingLaw, Harmonic, Side, Stage, System, find_orbit, follow
+from gapwalk.continuation import EndReason
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import flow_of
 from gapwalk.orbit import Orbit
+
+ENDS = ((100.0, 0.01), (0.01, 100.0))
 
 
 def oscillator(
@@ -182,3 +187,87 @@ def test_200_contacts_at_once_move_like_each_alone():
         alone = oscillator(gap=gaps[k], mean=0.0)
         expected = flow_of(alone).integrate(coefficients_of(alone), rest[:2]).state
         assert state[[k, count + k]] == pytest.approx(expected, abs=1e-11)
+
+
+def values_of(branch) -> list[tuple[str, float]]:
+    return [(each.kind.value, each.value) for each in branch.special_points]
+
+
+def agree(one: list[tuple[str, float]], other: list[tuple[str, float]], error: float = 1e-11) -> bool:
+    return [kind for kind, _ in one] == [kind for kind, _ in other] and [value for _, value in one] == pytest.approx(
+        [value for _, value in other], abs=error
+    )
+
+
+@pytest.mark.parametrize(("start", "end"), ENDS)
+@pytest.mark.parametrize("gap", [1e12, 8.0])
+def test_a_range_of_frequencies_of_10000_beside_the_closed_form(start, end, gap):
+    # at W = 100 the motion is 100,000 times smaller than at its resonance, by which it has to be measured
+    branch = follow(find_orbit(oscillator(gap=gap, frequency=start)), "frequency", to=end)
+    assert branch.points[-1].value == end
+    assert len(branch.points) < 250
+    assert max(linear_error(point.orbit, 1.0, 0.1) for point in branch.points) < 1e-5  # multipliers a step aside
+    for point in branch.points[::10]:
+        again = find_orbit(point.orbit.system, start=point.orbit.state)
+        assert linear_error(again, 1.0, 0.1) < 1e-11
+        assert np.abs(point.orbit.state - again.state).max() < 1e-9 * np.ptp(again.extremes[0, :2])
+    peak = 0.5 / (0.1 * np.sqrt(1.0 - 0.1**2 / 4.0))
+    assert branch.measure("half.x").max() > 0.995 * peak  # it was not stepped over
+
+
+def test_a_range_of_frequencies_of_10000_with_a_gap_that_only_the_resonance_uses_up():
+    down, up = (follow(find_orbit(oscillator(gap=3.0, frequency=a)), "frequency", to=b) for a, b in ENDS)
+    assert agree(values_of(down), values_of(up)[::-1])
+    assert max(len(branch.points) for branch in (down, up)) < 250
+
+    def beyond_the_gap(frequency: float) -> float:
+        return 0.1 + 0.5 / abs(1.0 - frequency**2 + 0.1j * frequency) - 3.0
+
+    # the first and the last graze are those of the linear motion
+    grazes = [value for kind, value in values_of(up) if kind == "grazing"]
+    assert grazes[0] == pytest.approx(brentq(beyond_the_gap, 0.5, 0.99, xtol=1e-15), abs=1e-11)
+    assert grazes[-1] == pytest.approx(brentq(beyond_the_gap, 1.0, 2.0, xtol=1e-15), abs=1e-11)
+
+
+@pytest.mark.slow
+def test_a_range_of_frequencies_of_10000_of_a_motion_with_contacts_throughout():
+    down, up = (follow(find_orbit(oscillator(frequency=a)), "frequency", to=b) for a, b in ENDS)
+    assert agree(values_of(down), values_of(up)[::-1])
+    pieces = []  # in ranges that are hardly wider than what happens in them
+    for high, low in ((100.0, 2.5), (2.5, 0.8), (0.8, 0.5), (0.5, 0.3), (0.3, 0.1), (0.1, 0.05), (0.05, 0.01)):
+        pieces += values_of(follow(find_orbit(oscillator(frequency=high)), "frequency", to=low))
+    assert len(pieces) > 40
+    assert agree(pieces, values_of(down))
+
+
+def test_a_load_that_grows_by_a_factor_of_a_thousand_million():
+    branch = follow(find_orbit(oscillator(size=1e-6, mean=0.0, gap=1e12)), "harmonic1.amplitude", to=1e3)
+    assert len(branch.points) < 150
+    assert max(linear_error(point.orbit, 1.0, 0.1) for point in branch.points) < 1e-9
+
+
+def test_walks_go_round_the_corners_at_a_stop_10000_times_stiffer():
+    # past a graze the branch turns within a depth of some 1 / stiff^2 of the gap, and there is a fold in that
+    ends = ((1.6, 0.8), (0.8, 1.6))
+    down, up = (follow(find_orbit(oscillator(stiff=1e4, frequency=a)), "frequency", to=b) for a, b in ends)
+    assert (down.points[-1].value, up.points[-1].value) == (0.8, 1.6)
+    assert Counter(kind for kind, _ in values_of(down)) == {"flip": 6, "grazing": 4, "fold": 4}
+    assert agree(sorted(values_of(down)), sorted(values_of(up)), 1e-10)
+
+
+def test_a_walk_beside_a_stop_a_million_times_stiffer_beside_closed_forms():
+    branch = follow(find_orbit(oscillator(stiff=1e6, side=Side.POSITIVE, frequency=1.6)), "frequency", to=0.8)
+    assert branch.points[-1].value == 0.8
+    for point in branch.points[::50]:
+        assert by_pieces(point.orbit.system, point.orbit.state) == pytest.approx(point.orbit.state, abs=1e-9)
+
+
+def test_a_corner_too_sharp_for_rounding_is_refused_with_the_contact_that_makes_it():
+    branch = follow(find_orbit(oscillator(stiff=1e6, frequency=1.6)), "frequency", to=0.8)
+    assert branch.ends[-1].reason is EndReason.STEP
+    assert "gap - grazes, and the branch turns there too sharply to be followed: begin beyond" in str(branch.ends[-1])
+    last = branch.points[-1].orbit
+    assert min(map(abs, last.turning_depths[1].values)) < 1e-12  # it stands at the graze
+    # beyond, it can be begun
+    beyond = follow(find_orbit(last.system, frequency=0.8), "frequency", to=0.9)
+    assert beyond.points[-1].value == 0.9

@@ -72,8 +72,8 @@ def test_multipliers_of_an_impacting_orbit_by_differences_of_an_independent_inte
     h = 1e-4
     columns = [
         (
-            reference(orbit.system, orbit.state + h * e, max_step=0.01)
-            - reference(orbit.system, orbit.state - h * e, max_step=0.01)
+            reference(orbit.system, orbit.state + h * e, max_step=0.03)
+            - reference(orbit.system, orbit.state - h * e, max_step=0.03)
         )
         / (2 * h)
         for e in np.eye(4)

@@ -139,7 +139,7 @@ def test_a_parameter_of_a_kept_coordinate_has_its_own_value_in_the_full_system()
     full = rod(20, 1, load=0.3).at({f"mean.q{k}": 0.002 for k in range(20)})
     reduction = reduce(full, error=2e-2, up_to=0.25)
     name = "mean.q10"
-    begin, wide = reduction.system[name], 0.2
+    begin, wide = reduction.system[name], 0.06
     assert begin > 5.0 * full[name]
     ours = response(reduction.system, name, begin + wide)
     theirs = response(full, name, full[name] + wide)

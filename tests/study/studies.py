@@ -1,8 +1,9 @@
 """Studies that are walked in a moment, and a program that runs one of them so that it can be killed."""
 
 import sys
+from functools import cache
 
-from gapwalk import Contact, DampingLaw, Harmonic, ResponseOptions, Side, Stage, Study, System, WalkOptions, run
+from gapwalk import Contact, DampingLaw, Harmonic, ResponseOptions, Result, Side, Stage, Study, System, WalkOptions, run
 
 
 def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study:
@@ -18,6 +19,12 @@ def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study
 def long_study() -> Study:
     """The same in many small steps, so that there is time to interrupt it."""
     return stop_study(largest_step=0.0015)
+
+
+@cache
+def long_result() -> Result:
+    """What that study comes to where nothing interrupts it."""
+    return run(long_study())
 
 
 def main(path: str) -> None:

@@ -152,7 +152,7 @@ def test_a_run_that_is_killed_comes_to_the_same_result(growing, tmp_path) -> Non
     random.seed(5)
     while True:
         code = f"from tests.study.balances import main; main({str(path)!r})"
-        lines = killed_after(reported + random.randint(2, 20), code, longest_wait=0.01)
+        lines = killed_after(reported + random.randint(2, 60), code, longest_wait=0.01)
         if "complete" in lines:
             break
         kills += 1

@@ -18,6 +18,8 @@ from tests.study.killing import killed_after
 from tests.study.maps import balanced_map, clutch_map
 from tests.study.same import assert_same_locus, assert_same_result
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 
 @pytest.fixture(scope="module")
 def undisturbed() -> gw.Result:

@@ -16,6 +16,8 @@ from gapwalk.study.work.workers import workers
 from tests.independent import integrate
 from tests.systems import linear
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 HALF_A_CELL = 4.0 / 31.0
 WELLS = {"x": (-2.0, 2.0), "x'": (-2.0, 2.0)}
 

@@ -11,6 +11,8 @@ from gapwalk.paper import case
 from gapwalk.study.diagram.diagram import DiagramOptions, diagram
 from tests.bifurcation.test_special_points import symmetric
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 RANGE = (0.6, 0.85)
 
 

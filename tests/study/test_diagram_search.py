@@ -21,6 +21,8 @@ from tests.study.diagrams import islands
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_result
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 
 @pytest.fixture
 def path(tmp_path) -> Path:

@@ -18,6 +18,8 @@ from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import stop_study
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 
 @pytest.fixture
 def path(tmp_path) -> Path:

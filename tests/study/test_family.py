@@ -14,6 +14,8 @@ from tests.study.families import second_resonance
 from tests.study.same import assert_same_branch
 from tests.systems import clutch
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 LOADS = (0.25, 0.35, 0.5)
 ONE = gw.FamilyOptions(workers=1)
 

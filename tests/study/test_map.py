@@ -11,6 +11,8 @@ from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.study.map import MapOptions, bifurcation_map
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 PLANE = ((-0.1, 0.8), (0.23, 0.28))
 
 

@@ -19,6 +19,8 @@ from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 
 @pytest.fixture
 def path(tmp_path) -> Path:

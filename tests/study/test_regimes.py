@@ -13,6 +13,8 @@ from gapwalk.study.regimes.store import load_regimes
 from gapwalk.study.work.workers import workers
 from tests.systems import linear
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 SET_15 = case("15")
 PLANE = {"frequency": (0.63, 0.91), "harmonic1.amplitude": (0.2, 0.8)}
 

@@ -19,7 +19,7 @@ from gapwalk.study.store import walk_store
 from gapwalk.study.store.database import APPLICATION, SCHEMA, lock
 from gapwalk.study.store.stored import read
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
-from tests.study.studies import long_study, stop_study
+from tests.study.studies import long_result, long_study, stop_study
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,7 +37,7 @@ def written(path) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed() -> gw.Result:
-    return gw.run(long_study())
+    return long_result()
 
 
 @pytest.fixture
@@ -150,6 +150,17 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
     assert reported == resumed.branches[0].values[1:].tolist()
 
 
+def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(path, monkeypatch) -> None:
+    with monkeypatch.context() as earlier:
+        earlier.setattr("gapwalk.continuation.scales._CLEARANCES", 3.0)
+        stop = iter([signal.SIGINT])
+        gw.run(stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
+    content = path.read_bytes()
+    with pytest.raises(StoreError, match="variables were scaled otherwise"):
+        gw.run(stop_study(), path, resume=True)
+    assert path.read_bytes() == content
+
+
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undisturbed) -> None:
     random.seed(1995)
     whole, known, kills = undisturbed.branches[0], 0, 0
@@ -162,7 +173,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
             env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
         )
         assert program.stdout is not None
-        last, aim = "", known + random.randint(1, 350)
+        last, aim = "", known + random.randint(1, 600)
         for last in program.stdout:
             if last.strip().isdigit() and int(last) >= aim and random.random() < 0.2:
                 time.sleep(random.uniform(0.0, 0.04))  # so that it dies at any place, not just after a report

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from tests.study.killing import killed_after
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
 from tests.systems import clutch, linear
+
+pytestmark = pytest.mark.usefixtures("kept_processes")
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]["13"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -301,3 +304,24 @@ def test_progress_in_words() -> None:
     assert str(Pace(6, 8, 4, 100.0)) == "6 of 8, 50 s each, 1 min 40 s left"
     assert str(Pace(1, 100, 0, 100.0)) == "1 of 100, 100 s each, 2 h 45 min left"
     assert Pace(4, 8, 4, 3.0).rate is None
+
+
+def test_section_points_are_in_memory_once() -> None:
+    asked = gw.SweepOptions(steps=400, ways="up", points=500)
+    driver = Driver(light(), "frequency", (0.3, 1.2), asked)  # the first one brings what is kept for good
+
+    def stretch(number: int) -> stretches.Stretch:
+        sections = np.full((BLOCK, 500, 4), float(number))
+        return stretches.Stretch(0, number, sections, np.ones(BLOCK, int), np.ones(BLOCK, bool), ("period 1",) * BLOCK)
+
+    tracemalloc.start()
+    try:
+        driver = Driver(light(), "frequency", (0.3, 1.2), asked)
+        driver.take(stretch(number) for number in range(400 // BLOCK))
+        found = driver.sweep()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert found.complete
+    assert found.sections[0, -1, 0, 0] == 400 // BLOCK - 1
+    assert peak < 1.3 * found.sections.nbytes

@@ -118,13 +118,16 @@ def _way_round(states: NDArray[np.float64], turns: NDArray[np.floating]) -> floa
 
 
 def _least_length(states: NDArray[np.float64]) -> float:
-    """Length of the shortest tree that joins all strobes."""
-    from scipy.sparse.csgraph import minimum_spanning_tree  # imported late: it takes long
-    from scipy.spatial.distance import pdist, squareform
-
-    distances = pdist(states)
-    distances = np.maximum(distances, 1e-9 * distances.max())  # to a graph a distance of 0 is no edge at all
-    return float(minimum_spanning_tree(squareform(distances)).sum())
+    """Length of the shortest tree that joins all strobes, which Prim's method joins one by one."""
+    outside, latest, length = states[1:].T.copy(), states[0], 0.0
+    nearest = np.full(outside.shape[1], np.inf)  # square of the distance of each to the tree
+    for _ in range(len(nearest)):
+        np.minimum(nearest, ((outside - latest[:, None]) ** 2).sum(axis=0), out=nearest)
+        place = int(np.argmin(nearest))
+        length, latest = length + float(np.sqrt(nearest[place])), outside[:, place].copy()
+        outside[:, place], nearest[place] = outside[:, -1], nearest[-1]
+        outside, nearest = outside[:, :-1], nearest[:-1]
+    return length
 
 
 def _refine(states: NDArray[np.float64], number: float) -> tuple[float, float]:

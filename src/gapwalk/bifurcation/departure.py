@@ -9,7 +9,8 @@ import numpy as np
 
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import Range, check_range, scales_of
+from gapwalk.continuation.range import Range, check_range
+from gapwalk.continuation.scales import scales_of
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.newton import solve
@@ -61,7 +62,7 @@ def depart(
         If the orbit is none, to the tolerance of the method.
     """
     start = orbit.system[parameter]
-    within = check_range(start, to)
+    within = check_range(start, to).along(parameter, orbit.system)
     for bound in (within.low, within.high):
         orbit.system.at({parameter: bound})
     return _leave((method or Shooting()).pose(orbit.system, parameter, orbit.period), orbit, within, direction)

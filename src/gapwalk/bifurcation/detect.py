@@ -27,7 +27,7 @@ from gapwalk.errors import NumericalError
 
 _DOUBT = 1.0  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 # between equal ends; unequal ones count with their geometric mean, as a dip to zero has to leave the larger one too
-_FINEST = 1e-6  # arclength below which two zeros are not told apart
+_VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 _CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
 _BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
@@ -150,7 +150,7 @@ class Detector:
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
         changes = at_a * at_b < 0.0
         bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
-        if not changes and (length < _FINEST or math.sqrt(at_a * at_b) > _DOUBT * bend):
+        if not changes and (length < stretch.finest or math.sqrt(at_a * at_b) > _DOUBT * bend):
             return []
         if max(abs(value(kind, a)), abs(value(kind, b))) < _NOISE:
             return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
@@ -212,7 +212,7 @@ def _is_genuine(zero: _Zero, stretch: Stretch) -> bool:
     if zero.kind is not Kind.FOLD:
         return is_genuine(zero.kind, zero.point)
     return not any(
-        abs(zero.point.arclength - crossing.arclength) < min(_FINEST, crossing.radius) for crossing in stretch.crossings
+        abs(zero.point.arclength - crossing.arclength) < min(_VERTEX, crossing.radius) for crossing in stretch.crossings
     )
 
 

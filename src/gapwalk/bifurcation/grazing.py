@@ -14,8 +14,10 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns, apart
 
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
-_BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down
-_FINEST = 1e-6  # arclength below which a pair of changes that undo each other is not told apart
+_BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down in any case
+_NEAR = 0.02  # of all extremes, how near is near
+_LONELY = 0.05  # angle from an extreme to the nearest of another motion beyond which it was not there
+_DRIFT = 4.0  # times the change of other extremes by which a pair may have moved since it appeared
 _TOUCH = 1e-6  # depth of a graze, relative to those at the ends of its bracket, that is nothing but rounding
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
@@ -41,7 +43,8 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
     length = last.arclength - first.arclength
     if number and length < _SMALLEST:
         return [Graze(last, switch, _touch(last.orbit, switch), length) for switch in np.flatnonzero(changes).tolist()]
-    if number < 2 and not _is_doubtful(before, first, last, changes):
+    is_doubtful = length > stretch.finest and _is_doubtful(before, first, last, changes)
+    if number < 2 and not is_doubtful:
         if not number:
             return []
         graze = _locate(stretch, first, last, int(np.flatnonzero(changes)[0]))
@@ -54,8 +57,6 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
 def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
     """Whether grazing points that undo each other may hide between two points with these changes of the pattern."""
     length = last.arclength - first.arclength
-    if length <= _FINEST:
-        return False
     full = PERIOD * first.orbit.period
     for switch, change in enumerate(changes):
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
@@ -63,7 +64,7 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
             return True
         if change:
             continue
-        if length > _BIRTH and _is_born_near_contact(now, then, full):
+        if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
             return True
         if before is not None and _may_touch(before, first, last, switch):
             return True
@@ -87,18 +88,23 @@ def _crossings(now: Turns, then: Turns, full: float) -> int:
     return count
 
 
-def _is_born_near_contact(now: Turns, then: Turns, full: float) -> bool:
-    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint."""
+def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> bool:
+    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint, and may have passed it since.
+
+    Near is this share of the way between all extremes, or as far as others moved meanwhile. The shorter the time, the
+    nearer is that: so a pair that passes a breakpoint just after it appeared is found, however soon.
+    """
     fewer, more = sorted((now, then), key=lambda turns: len(turns.thetas))
     if len(more.thetas) < len(fewer.thetas) + 2:
         return False
-    lonely = [depth for theta, depth in zip(*more, strict=True) if _is_lonely(theta, fewer, full)]
-    return bool(lonely) and min(map(abs, lonely)) < 0.02 * (max(more.values) - min(more.values))
-
-
-def _is_lonely(theta: float, turns: Turns, full: float) -> bool:
-    """Whether no turning point is near an angle."""
-    return not turns.thetas or apart(turns.thetas[turns.nearest(theta, full)], theta, full) > 0.05
+    lonely, drift = [], 0.0
+    for theta, depth in zip(*more, strict=True):
+        nearest = fewer.nearest(theta, full) if fewer.thetas else None
+        if nearest is None or apart(fewer.thetas[nearest], theta, full) > _LONELY:
+            lonely.append(depth)
+        else:
+            drift = max(drift, abs(depth - fewer.values[nearest]))
+    return bool(lonely) and min(map(abs, lonely)) < max(near * (max(more.values) - min(more.values)), _DRIFT * drift)
 
 
 def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:

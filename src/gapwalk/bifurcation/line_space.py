@@ -12,7 +12,7 @@ from gapwalk.bifurcation.space import Knot, orbit_of
 from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import powers_of_two
+from gapwalk.continuation.scales import powers_of_two
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.balance.equation import BalanceEquation
 from gapwalk.orbit.balance.kernels import from_real_form, real_form

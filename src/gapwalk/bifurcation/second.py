@@ -34,8 +34,10 @@ class SecondOpinion:
     def __init__(self, corrector: Corrector) -> None:
         self._equation = cast("OrbitEquation", corrector.equation)
         self._other = self._equation.otherwise()
-        scales = self._other.scales(1.0)
-        scales *= corrector.scales[0] / scales[0]  # lengths along the branch are the same in both
+        known = corrector.scales[:-1]
+        velocity = known[min(self._equation.system.size, len(known) - 1)]  # by harmonic balance there is none
+        scales = self._other.scales(1.0, velocity / known[0])
+        scales *= known[0] / scales[0]  # lengths along the branch are the same in both
         self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
 
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:

@@ -10,6 +10,9 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
 
+_FINEST = 1e-6  # arclength below which two zeros are not told apart
+_SHARE = 1e-4  # the same as a share of a short step: the walk goes in such where the branch bends as sharply
+_ROUNDING = 1e-11  # arclength below which lengths are made of rounding
 _ASTRAY = 0.3  # cosine of the angle between a chord and a tangent between its ends; beyond, it turned unseen
 
 
@@ -18,7 +21,8 @@ class Stretch:
 
     Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected on a
     plane across their chord, so points grow cheaper as they grow denser. Close to a crossing with another branch,
-    which is entered in `crossings` when it is found, they are interpolated instead.
+    which is entered in `crossings` when it is found, they are interpolated instead. Two zeros less than `finest` apart
+    are not told apart.
     """
 
     def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
@@ -26,6 +30,7 @@ class Stretch:
         self._points = [first, last]
         self._lengths = [first.arclength, last.arclength]
         self.crossings: list[Crossing] = []
+        self.finest = min(_FINEST, max(_ROUNDING, _SHARE * (last.arclength - first.arclength)))
 
     @property
     def points(self) -> list[BranchPoint]:

@@ -12,7 +12,8 @@ from gapwalk.bifurcation.departure import Departure
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import Range, check_range, scales_of
+from gapwalk.continuation.range import Range, check_range
+from gapwalk.continuation.scales import scales_of
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.orbit import Orbit
@@ -49,7 +50,7 @@ def switch(
     ModelError
         If no other branch leaves a special point of this kind, or the range does not hold it.
     """
-    within = check_range(special.value, to)
+    within = check_range(special.value, to).along(parameter, special.orbit.system)
     if special.kind is Kind.FLIP:
         return [_from_flip(special, parameter, within, method or Shooting())]
     if special.kind is Kind.BRANCH_POINT:

@@ -45,6 +45,14 @@ class _Work(NamedTuple):
         return tuple(dict.fromkeys([*keys, *(key for claim in self.claims for key in claim.jobs)]))
 
 
+class _Piece(NamedTuple):
+    """A figure to draw, and of which of its jobs the tables are to be written."""
+
+    figure: Figure
+    tables: tuple[str, ...]
+    folder: Path
+
+
 class _Found(NamedTuple):
     """What has come of it."""
 
@@ -138,8 +146,17 @@ def _draw_all(work: _Work, found: _Found, folder: Path, *, force: bool, show: bo
             drawn[figures[index].name] = names
             progress(figures[index].name, len(drawn), len(whole))
 
-        hands.run(_draw, [(figure, folder) for figure in figures], accept, in_order=False)
+        hands.run(_draw, _pieces(figures, folder), accept, in_order=False)
     return drawn
+
+
+def _pieces(figures: Sequence[Figure], folder: Path) -> list[_Piece]:
+    """The figures to draw, each with the jobs that no other one has before it: their tables are written with it."""
+    pieces, seen = [], set[str]()
+    for figure in figures:
+        pieces.append(_Piece(figure, tuple(key for key in figure.jobs if key not in seen), folder))
+        seen.update(figure.jobs)
+    return pieces
 
 
 def _names(figure: Figure) -> list[str]:
@@ -161,15 +178,15 @@ def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
     return min(path.stat().st_mtime for path in pictures) > max(changed, newest)
 
 
-def _draw(piece: tuple[Figure, Path]) -> list[str]:
-    """Write the pictures of a figure and the tables of its jobs, and return the names of the pictures."""
+def _draw(piece: _Piece) -> list[str]:
+    """Write the pictures of a figure and tables of jobs, and return the names of the pictures."""
     from gapwalk.plot.paper import draw_paper_figure  # only now: nothing else needs matplotlib
     from gapwalk.plot.sheet import sheet_bytes
 
-    figure, folder = piece
+    figure, tables, folder = piece
     results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
     picture = draw_paper_figure(figure, results)
-    for key, result in results.items():
+    for key, result in ((key, results[key]) for key in tables):
         export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
     for name, form in zip(_names(figure), _FORMS, strict=True):
         write_whole(folder / name, sheet_bytes(picture, form))

@@ -3,6 +3,7 @@
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import End, EndReason, Range, Walk
+from gapwalk.continuation.range import Range
+from gapwalk.continuation.walk import End, EndReason, Walk
 
 __all__ = ["Branch", "BranchPoint", "End", "EndReason", "Kind", "Range", "SpecialPoint", "Walk", "WalkOptions"]

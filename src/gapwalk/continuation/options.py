@@ -27,7 +27,7 @@ class WalkOptions:
     """
 
     initial_step: float = 0.002
-    smallest_step: float = 1e-9
+    smallest_step: float = 1e-13
     largest_step: float = 0.01
     largest_turn: float = 0.35
     iterations: int = 3

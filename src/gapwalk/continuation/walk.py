@@ -18,15 +18,13 @@ from gapwalk.continuation.corrector import TRUST, Correction, Corrector, length_
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import ahead
+from gapwalk.continuation.range import Range
 from gapwalk.continuation.step import next_step, shorter_step
-from gapwalk.errors import ModelError
-from gapwalk.orbit.equation import Equation, OrbitEquation
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
+_BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
-_REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
-_CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the whole range of the parameter
 
 
 class EndReason(Enum):
@@ -67,21 +65,6 @@ class End:
     def __str__(self) -> str:
         text = f"{self.reason.value}, at {self.value:.8g}"
         return f"{text} ({self.detail})" if self.detail else text
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """The values of the parameter between which a branch is followed."""
-
-    low: float
-    high: float
-
-    def __contains__(self, value: object) -> bool:
-        return isinstance(value, float) and self.low <= value <= self.high
-
-    def bound(self, value: float) -> float:
-        """The end of the range that a value beyond it has passed."""
-        return self.low if value < self.low else self.high
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +115,7 @@ class Walk(Iterator[BranchPoint]):
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
-        state = resume or WalkState(None, first, options.first_step, 0)
+        state = resume or WalkState(None, first, self._bounded(first, options.first_step), 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
@@ -183,14 +166,22 @@ class Walk(Iterator[BranchPoint]):
                 return self._closing_point()
             if point.value not in self.within:
                 return self._last_point(point)
-            self.step = next_step(self.step, correction, _angle(self.point.tangent, point.tangent), self.options)
+            step = next_step(self.step, correction, _angle(self.point.tangent, point.tangent), self.options)
+            self.step = self._bounded(point, step)
             return point
+
+    def _bounded(self, point: BranchPoint, step: float) -> float:
+        """A step from a point, as far as the parameter may change there: see `Range.nearness`."""
+        along = abs(float(point.tangent[-1]))
+        longest = self.options.largest_step * self.within.nearness(point.value)
+        return longest / along if step * along > longest else step
 
     def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
         """The correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
+        trust = self.trust * min(1.0, self.step / _BENT)
         for guess in ahead(self.previous, self.point, self.step):
-            correction = self.corrector.correct(guess, self.point.tangent, self.trust)
+            correction = self.corrector.correct(guess, self.point.tangent, trust)
             if correction is None:
                 continue
             point = self._accepted(correction)
@@ -250,50 +241,6 @@ class Walk(Iterator[BranchPoint]):
         if length == 0.0:
             return None
         return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
-
-
-def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,): see `unknown_scales`, and of the range."""
-    return powers_of_two(np.append(unknown_scales(equation, orbit), within.high - within.low))
-
-
-def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
-    """Scales of the unknowns of an equation near an orbit, shape (N,).
-
-    A parameter is measured in widths of its range. Positions in largest clearances (the natural length of a system
-    with gaps), or in amplitudes of the first orbit if that is larger or no gap is within its reach; velocities in that
-    times the frequency. Both are divided among the unknowns and set against the parameter so that an orbit that
-    changes by a tenth of that length counts as 1 % of the range.
-    """
-    return equation.scales(_CLEARANCES * _length(orbit))
-
-
-def _length(orbit: Orbit) -> float:
-    """The largest clearance within reach of an orbit, or its amplitude if that is larger."""
-    system = orbit.system
-    clearances = [
-        system[f"{contact.stage_prefix(stage)}.clearance"]
-        for contact in system.structure.contacts
-        for stage in contact.stages
-    ]
-    amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
-    reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
-    return max([amplitude, *(clearance for clearance in clearances if clearance <= reach)]) or 1.0
-
-
-def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scales that round nothing: a walk from 2.0 begins at 2.0, not at 1.9999999999999998."""
-    return np.exp2(np.round(np.log2(scales)))
-
-
-def check_range(start: float, to: float | tuple[float, float]) -> Range:
-    """The range from the start to `to`, or the range given; a ModelError if it does not hold the start."""
-    low, high = sorted((start, to) if isinstance(to, int | float) else to)
-    if not low < high:
-        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: there is no way to go")
-    if not low <= start <= high:
-        raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
-    return Range(float(low), float(high))
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

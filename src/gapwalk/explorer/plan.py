@@ -9,7 +9,7 @@ from typing import Protocol
 
 from gapwalk.attractor.settled import Settled
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
-from gapwalk.continuation.walk import check_range
+from gapwalk.continuation.range import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
 from gapwalk.explorer.entry import Line

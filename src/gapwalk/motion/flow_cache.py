@@ -27,6 +27,7 @@ _MOST_BYTES = 500_000_000
 """Of all databases together; beyond that those that were used longest ago go."""
 
 _NAME = "cache.db"  # as heyoka calls it
+_DESK = "gapwalk-flow-"
 _one_at_a_time = RLock()  # where heyoka's database stands is known to the process as a whole
 
 
@@ -90,10 +91,23 @@ def _trusted(folder: Path | None) -> Path | None:
 
 def _desk() -> Path | None:
     """A folder for heyoka's copy, in memory where that is to be had: its database waits for the disk at each change."""
-    for place in ("/dev/shm", None):
+    for place in ("/dev/shm", tempfile.gettempdir()):
         with suppress(OSError):
-            return Path(tempfile.mkdtemp(prefix="gapwalk-", dir=place))
+            _clear_away(Path(place))
+            return Path(tempfile.mkdtemp(prefix=f"{_DESK}{os.getpid()}-", dir=place))
     return None
+
+
+def _clear_away(place: Path) -> None:
+    """Remove what processes that were killed while they compiled have left."""
+    for desk in place.glob(f"{_DESK}*"):
+        owner = desk.name.removeprefix(_DESK).partition("-")[0]
+        try:
+            os.kill(int(owner), 0)
+        except ProcessLookupError:
+            shutil.rmtree(desk, ignore_errors=True)
+        except (OSError, OverflowError, ValueError):  # it lives, and is somebody else's; or the folder is none of ours
+            pass
 
 
 def _lay_out(folder: Path, stem: str, copy: Path) -> None:

@@ -94,8 +94,11 @@ class OrbitEquation(Equation, Protocol):
         """The way in which it is posed; it poses other systems, parameters and periods alike."""
         ...
 
-    def scales(self, length: float) -> NDArray[np.float64]:
-        """How large a change of each unknown weighs as much as a motion of one length; shape (N,)."""
+    def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
+        """How large a change of each unknown weighs as much as a motion of one length; shape (N,).
+
+        Velocities count as lengths times a frequency, by default the system's.
+        """
         ...
 
     def doubt(self, orbit: Orbit) -> str:

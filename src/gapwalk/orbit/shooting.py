@@ -122,10 +122,10 @@ class ShootingEquation:
             return orbit.state.copy()
         return self.spread(orbit.state, orbit.system)
 
-    def scales(self, length: float) -> NDArray[np.float64]:
+    def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Positions in lengths, velocities in that times the frequency, divided among the degrees of freedom."""
         size, segments = self.system.size, self.options.segments
-        unit = np.repeat([length, length * self.system.frequency], size)
+        unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
         return np.tile(unit, segments) * np.sqrt(size * segments)
 
     def doubt(self, orbit: Orbit) -> str:

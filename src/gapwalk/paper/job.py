@@ -80,6 +80,8 @@ class BranchJob(Job):
         As in `DiagramOptions`.
     search_values
         Values at which branches are sought that hang together with no other.
+    short_search
+        The same where only period 1 is looked at in another reading (`shortest`); None: as `search_values`.
     """
 
     parameter: str = "frequency"
@@ -88,11 +90,13 @@ class BranchJob(Job):
     max_period: int = 4
     max_branches: int = 40
     search_values: int | tuple[float, ...] = 0
+    short_search: tuple[float, ...] | None = None
 
     @property
     def shortest(self) -> BranchJob:
         """The same without motions of longer periods: enough for what is said of period 1 in another reading."""
-        return replace(self, name=f"{self.name or self.case}{PERIOD_1}", max_period=1)
+        values = self.search_values if self.short_search is None else self.short_search
+        return replace(self, name=f"{self.name or self.case}{PERIOD_1}", max_period=1, search_values=values)
 
     # Islands of period 1: Newton's method finds them whether they attract or not, and transients need not wait long.
     _SEARCH: ClassVar = SearchOptions(starts=8, periods=2, newton_starts=24, newton_periods=(1,), patience=64)

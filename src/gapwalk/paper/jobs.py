@@ -15,7 +15,14 @@ _AMPLITUDE = "harmonic1.amplitude"
 # Islands away from 0 come in pairs, since the sign of Te1 is a shift by half a period: for their extents one will do.
 _POSITIVE = tuple(round(0.025 + 0.05 * place, 3) for place in range(16))
 _OVER_AMPLITUDE = BranchJob(
-    case="27", parameter=_AMPLITUDE, begins=-0.8, ends=0.8, max_period=2, search_values=32, effort=10.0
+    case="27",
+    parameter=_AMPLITUDE,
+    begins=-0.8,
+    ends=0.8,
+    max_period=2,
+    search_values=32,
+    short_search=_POSITIVE,
+    effort=10.0,
 )
 
 # The place nearest to the printed numbers of figures 5 and 6 that was found to have both of their motions, with all

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.markers import MarkerStyle
-from matplotlib.transforms import Affine2D
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path
+from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -18,7 +19,7 @@ from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
-from gapwalk.plot.sheet import open_window
+from gapwalk.plot.sheet import make_layout, open_window
 from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
@@ -81,7 +82,7 @@ def plot_branches(
     with mpl.rc_context(rc()):
         ax = open_window(SIZE).add_subplot() if ax is None else ax
         finish = begin_branches(branches, measure, ax, labels=labels, legend=legend, closeup=closeup, within=within)
-        ax.figure.canvas.figure.draw_without_rendering()
+        make_layout(ax)
         finish()
     return ax
 
@@ -155,11 +156,14 @@ class _Drawing:
 
     def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
         """Draw the symbols, and labels but for those in a region."""
-        for special, x, y in self.special_points:
-            if special.kind is Kind.GRAZING:
-                _draw_tick(ax, x, y, self.curve)
+        for kind in SYMBOLS:
+            places = np.array([(x, y) for special, x, y in self.special_points if special.kind is kind])
+            if not len(places):
+                continue
+            if kind is Kind.GRAZING:
+                _draw_ticks(ax, places, self.curve)
             else:
-                ax.plot(x, y, zorder=5, **symbol_options(special.kind))
+                ax.plot(*places.T, zorder=5, **symbol_options(kind))
         if labels:
             inside = Region(*ax.get_xlim(), *ax.get_ylim())
             texts = [
@@ -182,11 +186,26 @@ def _draw_piece(ax: Axes, piece: Piece) -> None:
     ax.plot(piece.x, piece.y, zorder=order, markevery=_MARKERS if marked else None, **line_options(piece.label))
 
 
-def _draw_tick(ax: Axes, x: float, y: float, curve: NDArray[np.float64]) -> None:
-    """A short tick across the curve."""
+def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:
+    """Short ticks across the curve, all as one: each has a direction of its own."""
     pixels = ax.transData.transform(curve)
-    here = int(np.argmin(np.hypot(*(pixels - ax.transData.transform((x, y))).T)))
-    before, after = pixels[max(here - 1, 0)], pixels[min(here + 1, len(pixels) - 1)]
-    across = MarkerStyle("|", transform=Affine2D().rotate(np.arctan2(*(after - before)[::-1])))
-    options = symbol_options(Kind.GRAZING) | {"marker": across, "markersize": _TICK}
-    ax.plot(x, y, zorder=4, **options)
+    ticks = []
+    for place in ax.transData.transform(places):
+        here = int(np.argmin(np.hypot(*(pixels - place).T)))
+        along = pixels[min(here + 1, len(pixels) - 1)] - pixels[max(here - 1, 0)]
+        across = np.array([-along[1], along[0]]) / (float(np.hypot(*along)) or 1.0)
+        ticks.append(Path([-0.5 * across, 0.5 * across]))
+    style = symbol_options(Kind.GRAZING)
+    ax.add_collection(
+        PathCollection(
+            ticks,
+            sizes=[_TICK**2],
+            offsets=places,
+            offset_transform=ax.transData,
+            transform=IdentityTransform(),
+            edgecolors=style["markeredgecolor"],
+            linewidths=style["markeredgewidth"],
+            zorder=4,
+        ),
+        autolim=False,
+    )

@@ -27,7 +27,7 @@ from gapwalk.plot.map_style import (
     codim2_options,
     locus_options,
 )
-from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.sheet import make_layout, new_sheet, open_window
 from gapwalk.plot.size import takes_size
 from gapwalk.plot.style import SIZE, rc
 from gapwalk.plot.words import parameter_words
@@ -78,7 +78,7 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
             ax.plot(*place, zorder=5, **LOST)
         if legend:
             _draw_legend(ax, chart, points)
-        ax.figure.canvas.figure.draw_without_rendering()  # labels are placed in the final layout
+        make_layout(ax)  # labels are placed in it
         if labels:
             _name(ax, chart, points)
     return ax

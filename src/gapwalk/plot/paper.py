@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -65,8 +66,9 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
             pad = None if panel.view in _LEGEND_INSIDE else _ABOVE
             ax.set_title(f"{panel.letter}  {panel.title}".strip(), fontsize="small", weight="bold", pad=pad)
+        shown = {key: _Shown(results[key]) for key in figure.jobs}
         finish: list[Finish] = [
-            _DRAWERS[panel.view](ax, panel, [results[figure.key(key)] for key in panel.jobs])
+            _DRAWERS[panel.view](ax, panel, [shown[figure.key(key)] for key in panel.jobs])
             for ax, panel in zip(axes.flat, figure.panels, strict=False)
         ]
         lay_out(picture)  # names are placed for the final layout, so after everything else
@@ -75,16 +77,36 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
     return picture
 
 
-def _draw_response(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
-    branches = _shortest(results[0])
+@dataclass(frozen=True)
+class _Shown:
+    """A result, of which several panels of a figure may show the same."""
+
+    result: Result
+
+    @cached_property
+    def shortest(self) -> list[Branch]:
+        """The branches of the shortest period."""
+        branches = self.result.branches
+        shortest = min(branch.period for branch in branches)
+        return [branch for branch in branches if branch.period == shortest]
+
+    @cached_property
+    def strobes(self) -> Strobes:
+        """All motions, once every forcing period."""
+        assert self.result.diagram is not None
+        return Strobes(self.result.diagram, "q1")
+
+
+def _draw_response(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
+    branches = shown[0].shortest
     return begin_branches(branches, MEASURE, ax, legend="above", closeup=panel.within is None, within=panel.within)
 
 
-def _draw_balance(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
+def _draw_balance(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """The response by shooting, and points by harmonic balance on it, spread evenly along the branch."""
-    shot, balanced = results
-    finish = begin_branches(_shortest(shot), MEASURE, ax, labels=False, legend="above", within=panel.within)
-    other = balanced.branches[0]
+    shot, balanced = shown
+    finish = begin_branches(shot.shortest, MEASURE, ax, labels=False, legend="above", within=panel.within)
+    other = balanced.result.branches[0]
     style = {"linestyle": "none", "marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": GREEN}
     ax.plot(other.values, other.measure(MEASURE), markevery=0.03, zorder=6, **style)
     # A legend beside the one above the axes, which has to stay the legend of the axes: the layout leaves room for it.
@@ -92,11 +114,10 @@ def _draw_balance(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
     return finish
 
 
-def _draw_loops(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
+def _draw_loops(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """All motions once every forcing period; what it returns writes the names of the branches."""
-    diagram = results[0].diagram
-    assert diagram is not None
-    strobes = Strobes(diagram, "q1")
+    strobes = shown[0].strobes
+    diagram = strobes.diagram
     strobes.draw(ax)
     ax.set_xlabel(parameter_words(diagram.parameter))
     ax.set_ylabel(state_words("q1"))
@@ -114,12 +135,12 @@ def _meets(branch: Branch, left: float, right: float) -> bool:
     return bool(((branch.values >= left) & (branch.values <= right)).any())
 
 
-def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
+def _draw_overlay(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """Branches of period 1, a line for each result; where they are unstable, the line is thin."""
     handles, heights = [], []
-    for name, result, (color, dashes) in zip(panel.names, results, _OVERLAY, strict=False):
+    for name, each, (color, dashes) in zip(panel.names, shown, _OVERLAY, strict=False):
         style = {"color": color, "linestyle": dashes}
-        for branch in _shortest(result):
+        for branch in each.shortest:
             for piece in pieces_of(branch, MEASURE):
                 ax.plot(piece.x, piece.y, linewidth=1.7 if piece.label == "stable" else 0.7, **style)
                 inside = _inside(piece.x, panel.within)
@@ -130,13 +151,13 @@ def _draw_overlay(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
         low, high = min(heights), max(heights)
         pad = 0.06 * (high - low)
         ax.set(xlim=panel.within, ylim=(low - pad, high + pad))
-    ax.set_xlabel(parameter_words(results[0].walked.parameter))
+    ax.set_xlabel(parameter_words(shown[0].result.walked.parameter))
     ax.set_ylabel(measure_words(MEASURE))
     ax.legend(handles=handles, loc="best")
     return None
 
 
-def _draw_hysteresis(ax: Axes, panel: Panel, results: list[Result]) -> Finish:
+def _draw_hysteresis(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """Loops of contact force over deflection, in closed form."""
     plot_hysteresis([LOOPS[name] for name in panel.names], panel.names, ax=ax)
     return None
@@ -146,13 +167,7 @@ def _inside(x, within: tuple[float, float] | None):
     return slice(None) if within is None else (x >= within[0]) & (x <= within[1])
 
 
-def _shortest(result: Result) -> list[Branch]:
-    """The branches of the shortest period."""
-    shortest = min(branch.period for branch in result.branches)
-    return [branch for branch in result.branches if branch.period == shortest]
-
-
-_DRAWERS: dict[View, Callable[[Axes, Panel, list[Result]], Finish]] = {
+_DRAWERS: dict[View, Callable[[Axes, Panel, list[_Shown]], Finish]] = {
     View.RESPONSE: _draw_response,
     View.BALANCE: _draw_balance,
     View.LOOPS: _draw_loops,

@@ -8,6 +8,7 @@ from matplotlib.ticker import MultipleLocator
 
 from gapwalk.attractor.spectrum import Spectrum
 from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.sheet import make_layout
 from gapwalk.plot.style import BLACK
 from gapwalk.plot.words import signal_words
 
@@ -49,7 +50,7 @@ def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels
     ax.set_xlabel("multiples of the excitation frequency Ω")
     ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
     if labels:
-        ax.figure.draw_without_rendering()  # type: ignore[union-attr]
+        make_layout(ax)
         named = [
             Label(peak.name.replace("W", "Ω"), peak.order, peak.amplitude)
             for peak in found.peaks(_NAMED, _NOTABLE)

@@ -16,7 +16,7 @@ from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.pieces import Piece, cut
+from gapwalk.plot.pieces import Piece, cut, joined
 from gapwalk.plot.style import birth_options, period_options
 
 _NAMED = 16  # names that a picture may hold
@@ -53,15 +53,23 @@ class Strobes:
 
     def draw(self, ax: Axes) -> None:
         """Draw all curves, short periods over long ones, and where branches are born."""
-        for limb, pieces in sorted(self.pieces, key=lambda each: -each[0].period):
-            rank = self.periods.index(limb.period)
-            for piece in pieces:
-                stable = piece.label == "stable"
-                ax.plot(piece.x, piece.y, zorder=(4 if stable else 3) - 0.1 * rank, **period_options(rank, stable))
-        for birth in self.births:
-            rank = self.periods.index(birth.period)
-            values = np.full(len(birth.states), birth.value)
-            ax.plot(values, birth.states, zorder=5 - 0.1 * rank, **birth_options(rank))
+        for rank, period in reversed(list(enumerate(self.periods))):
+            for stable in (False, True):
+                curves = [
+                    (piece.x, y)
+                    for limb, pieces in self.pieces
+                    for piece in pieces
+                    for y in piece.y.T
+                    if limb.period == period and (piece.label == "stable") == stable
+                ]
+                if curves:
+                    options = period_options(rank, stable)
+                    ax.plot(*joined(curves), zorder=(4 if stable else 3) - 0.1 * rank, **options)
+            births = [birth for birth in self.births if birth.period == period]
+            if births:
+                values = np.repeat([birth.value for birth in births], period)
+                states = np.concatenate([birth.states for birth in births])
+                ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
 
     def draw_names(self, ax: Axes, without: tuple[float, float] | None = None) -> None:
         """Write the names of the branches of the two shortest periods beside them, but in a range of the parameter."""
@@ -97,8 +105,8 @@ class Strobes:
     @cached_property
     def _curve(self) -> NDArray[np.float64]:
         """All curves as one, with rows of nan between them, shape (points, 2)."""
-        parts = [np.column_stack((piece.x, y)) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
-        return np.vstack([row for part in parts for row in (part, np.full((1, 2), np.nan))])
+        curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
+        return np.column_stack(joined(curves))
 
     def _label(
         self, limb: Limb, pieces: Sequence[Piece], shown: tuple[float, float], without: tuple[float, float] | None

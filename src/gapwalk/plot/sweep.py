@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from gapwalk.errors import ModelError
 from gapwalk.plot.regime_colors import legend_words, regime_color
-from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.sheet import make_layout, new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.style import BLACK, BLUE, VERMILLION, rc
 from gapwalk.plot.words import parameter_words, state_words
@@ -173,10 +173,8 @@ def _lane_words(sweep: Sweep, lane: int, *, whole: bool) -> str:
 
 def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
     """Write into each band that is wide enough what it is: nothing is said by colour alone."""
-    figure = ax.figure
-    if isinstance(figure, Figure):
-        figure.draw_without_rendering()  # only the final layout tells which bands are wide enough
-    width = ax.get_window_extent().width / figure.dpi * 72.0
+    make_layout(ax)  # it tells which bands are wide enough
+    width = ax.get_window_extent().width / ax.figure.dpi * 72.0
     span = sweep.values[-1] - sweep.values[0]
     for row, lane in enumerate(shown):
         for band in sweep.bands(lane):

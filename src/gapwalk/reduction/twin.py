@@ -14,7 +14,7 @@ from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import Range, scales_of
+from gapwalk.continuation.scales import powers_of_two, unknown_scales
 from gapwalk.errors import NumericalError
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.orbit import Orbit
@@ -56,7 +56,7 @@ class Twin:
     @cached_property
     def scales(self) -> NDArray[np.float64]:
         """Scales of the unknowns and of the parameter."""
-        return scales_of(self.pair.reduced, self.orbit, Range(0.0, self.width))
+        return powers_of_two(np.append(unknown_scales(self.pair.reduced, self.orbit), self.width))
 
     @cached_property
     def reduced(self) -> Corrector:

@@ -8,6 +8,8 @@ import threading
 from contextlib import AbstractContextManager, nullcontext
 from types import FrameType
 
+import numpy as np
+
 from gapwalk.bifurcation import Trail, TrailState, depart, directions, resumed_trail
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
@@ -52,7 +54,9 @@ def _set_out(
         assert isinstance(walk, StoredWalk)  # the study is the same
         if walk.is_complete:
             return walk, None, earlier.versions
-        return walk, _trail(study, walk.start, _state(walk)), versions(earlier.versions)
+        trail = _trail(study, walk.start, _state(walk))
+        _check_scales(walk, trail)
+        return walk, trail, versions(earlier.versions)
     options = study.walked
     start = find_orbit(study.system, options.period, options.start, method=options.method)
     trail = _trail(study, start)
@@ -88,15 +92,26 @@ def _state(walk: StoredWalk) -> TrailState | None:
     if walk.progress is None and len(walk.points) == 1:
         return None
     if walk.progress is None:
-        raise StoreError(
-            f"the result holds the first {len(walk.points)} points of a walk by an older gapwalk, whose variables were "
-            "scaled otherwise, so it cannot be gone on with; walk it anew into another file (--output), or over this "
-            "one (--force)"
-        )
+        raise _scaled_otherwise(walk)
     if walk.progress.count != len(walk.points) - 1:
         raise StoreError(f"the result has {len(walk.points)} points, but the walk had {walk.progress.count + 1}")
     previous, point = walk.points[-2:]
     return TrailState(WalkState(previous, point, walk.progress.step, walk.progress.count), walk.progress.detector)
+
+
+def _check_scales(walk: StoredWalk, trail: Trail) -> None:
+    """Refuse to go on with points in other variables than those in which the walk would begin today."""
+    stored, first = walk.points[0].x, trail.first.x
+    if len(stored) == len(first) and not np.allclose(stored, first, rtol=1e-6, atol=1e-9):
+        raise _scaled_otherwise(walk)
+
+
+def _scaled_otherwise(walk: StoredWalk) -> StoreError:
+    return StoreError(
+        f"the result holds the first {len(walk.points)} points of a walk by an older gapwalk, whose variables were "
+        "scaled otherwise, so it cannot be gone on with; walk it anew into another file (--output), or over this "
+        "one (--force)"
+    )
 
 
 def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> StoredWalk:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import powers_of_two
+from gapwalk.continuation.scales import powers_of_two
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.orbit import Orbit

@@ -12,7 +12,7 @@ from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality, smalles
 from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
 from gapwalk.continuation.branch import Kind
-from gapwalk.continuation.walk import unknown_scales
+from gapwalk.continuation.scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.balance.equation import BalanceEquation, Evidence

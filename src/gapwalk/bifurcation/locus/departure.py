@@ -18,7 +18,8 @@ from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
 from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import Range, powers_of_two
+from gapwalk.continuation.range import Range
+from gapwalk.continuation.scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names

@@ -12,7 +12,7 @@ from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality
 from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
 from gapwalk.continuation.branch import Kind
-from gapwalk.continuation.walk import unknown_scales
+from gapwalk.continuation.scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of

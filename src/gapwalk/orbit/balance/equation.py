@@ -196,7 +196,7 @@ class BalanceEquation:
         lines[:, 0] *= 0.5
         return real_form(linear_of(self._parts.layout, coefficients_of(self.system)).deflections @ lines).ravel()
 
-    def scales(self, length: float) -> NDArray[np.float64]:
+    def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """How much of each unknown counts as one length."""
         contacts = len(self._parts.layout.contacts)
         return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +15,20 @@ from gapwalk.errors import ModelError, WorkError
 from gapwalk.model.system import System
 from gapwalk.motion.motion import check_state
 from gapwalk.study.sweep.options import SweepOptions, Way
-from gapwalk.study.sweep.record import Lane, Sweep, assemble, places_of, stretches_of
+from gapwalk.study.sweep.record import Lane, Sweep, blank_sweep, enter, places_of, stretches_of
 from gapwalk.study.sweep.stretch import Stretch, Task, sweep_stretch
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers
 
 Report = Callable[[Stretch, Pace], object]
 """Called with each stretch when it is done, and how far the sweep has come."""
+
+
+class _Done(NamedTuple):
+    """What is remembered of a stretch besides what stands in the sweep: what failed, and where it ended."""
+
+    note: str
+    last: NDArray[np.float64]
 
 
 class Driver:
@@ -48,7 +57,9 @@ class Driver:
         self.lanes = tuple(
             Lane(way, number, state) for way in options.each_way() for number, state in enumerate(starts, start=1)
         )
-        self._done: dict[tuple[int, int], Stretch] = {}
+        self._sweep = blank_sweep(system, parameter, self.values, self.lanes, options.points)
+        self._done: dict[tuple[int, int], _Done] = {}
+        self._never = 0  # stretches after the end of a lane that could not be carried on
 
     @property
     def total(self) -> int:
@@ -67,7 +78,7 @@ class Driver:
                 len(stretch.regimes) == len(stretch.transients) == len(stretch.settled) == count
             ):
                 raise ModelError(f"stretch {number} of lane {lane} has another size than those of this sweep")
-            self._done[lane, number] = stretch
+            self._keep(stretch)
 
     def drive(self, hands: Workers, report: Report | None = None) -> None:
         """Do all that has not been done yet; a lane that is carried over becomes a chain of tasks."""
@@ -75,9 +86,9 @@ class Driver:
         begun, before = time.monotonic(), self._count()
 
         def accept(index: int, stretch: Stretch) -> None:
-            self._done[stretch.lane, stretch.number] = stretch
+            self._keep(stretch)
             if self.lanes[stretch.lane].way is not Way.AFRESH:
-                tasks.extend(self._next_task(stretch))
+                tasks.extend(self._next_task(stretch.lane, stretch.number))
             if report is not None:
                 report(stretch, Pace(self._count(), self.total, before, time.monotonic() - begun))
 
@@ -89,18 +100,8 @@ class Driver:
 
     def sweep(self) -> Sweep:
         """The sweep, as far as it has been driven."""
-        lanes, steps, size = len(self.lanes), self.options.steps, 2 * self.system.size
-        empty = Sweep(
-            self.system,
-            self.parameter,
-            self.values,
-            self.lanes,
-            np.full((lanes, steps, self.options.points, size), np.nan),
-            np.zeros((lanes, steps), dtype=np.intp),
-            np.zeros((lanes, steps), dtype=bool),
-            np.full((lanes, steps), "", dtype="<U16"),
-        )
-        return assemble(empty, list(self._done.values()), complete=self.is_complete)
+        notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
+        return replace(self._sweep, complete=self.is_complete, notes=notes)
 
     @property
     def is_complete(self) -> bool:
@@ -108,13 +109,16 @@ class Driver:
         return self._count() == self.total
 
     def _count(self) -> int:
-        """Stretches that are done; those after the end of a lane that could not be carried on are not to be done."""
-        last = stretches_of(self.options.steps) - 1
-        ended = sum(last - stretch.number for stretch in self._done.values() if self._ends(stretch))
-        return len(self._done) + ended
+        """Stretches that are done, or not to be done."""
+        return len(self._done) + self._never
 
-    def _ends(self, stretch: Stretch) -> bool:
-        return bool(stretch.note) and self.lanes[stretch.lane].way is not Way.AFRESH
+    def _keep(self, stretch: Stretch) -> None:
+        self._done[stretch.lane, stretch.number] = _Done(enter(self._sweep, stretch), stretch.last.copy())
+        if self._ends(stretch.lane, stretch.number):
+            self._never += stretches_of(self.options.steps) - 1 - stretch.number
+
+    def _ends(self, lane: int, number: int) -> bool:
+        return bool(self._done[lane, number].note) and self.lanes[lane].way is not Way.AFRESH
 
     def _first_tasks(self) -> list[Task]:
         tasks = []
@@ -123,19 +127,18 @@ class Driver:
                 numbers = range(stretches_of(self.options.steps))
                 tasks += [self._task(index, n, lane.state) for n in numbers if (index, n) not in self._done]
                 continue
-            known = [stretch for (owner, _), stretch in self._done.items() if owner == index]
+            known = [number for owner, number in self._done if owner == index]
             if not known:
                 tasks.append(self._task(index, 0, lane.state))
             else:
-                tasks += self._next_task(max(known, key=lambda each: each.number))
+                tasks += self._next_task(index, max(known))
         return tasks
 
-    def _next_task(self, stretch: Stretch) -> list[Task]:
+    def _next_task(self, lane: int, number: int) -> list[Task]:
         """What follows a stretch of a lane that is carried over; nothing at its end."""
-        number = stretch.number + 1
-        if self._ends(stretch) or number == stretches_of(self.options.steps):
+        if self._ends(lane, number) or number + 1 == stretches_of(self.options.steps):
             return []
-        return [self._task(stretch.lane, number, stretch.last)]
+        return [self._task(lane, number + 1, self._done[lane, number].last)]
 
     def _task(self, index: int, number: int, state: NDArray[np.float64]) -> Task:
         lane, options = self.lanes[index], self.options

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -130,29 +129,38 @@ class Sweep(Shown):
         return f"Sweep({self.parameter} from {low:g} to {high:g}, {len(self.lanes)} lanes, {state})"
 
 
-def assemble(empty: Sweep, stretches: Sequence[Stretch], *, complete: bool) -> Sweep:
-    """A sweep of the stretches that have been done."""
-    parts = [np.array(part) for part in (empty.sections, empty.transients, empty.settled, empty.regimes)]
-    notes = []
-    for stretch in sorted(stretches, key=lambda each: (each.lane, each.number)):
-        lane = empty.lanes[stretch.lane]
-        places = places_of(lane.way, len(empty.values), stretch.number)
-        found = (stretch.sections, stretch.transients, stretch.settled, np.array(stretch.regimes))
-        for part, new in zip(parts, found, strict=True):
-            part[stretch.lane, places] = new
-        if stretch.note:
-            ends = "" if lane.way is Way.AFRESH else " and was not carried on"
-            notes.append(f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {stretch.note}")
-    sections, transients, settled, regimes = parts
-    return replace(
-        empty,
-        sections=sections,
-        transients=transients,
-        settled=settled,
-        regimes=regimes,
-        complete=complete,
-        notes=tuple(notes),
+def blank_sweep(
+    system: System, parameter: str, values: NDArray[np.float64], lanes: tuple[Lane, ...], points: int
+) -> Sweep:
+    """A sweep in which nothing has been done yet; its arrays are there to be filled by `enter`."""
+    count, steps, size = len(lanes), len(values), 2 * system.size
+    return Sweep(
+        system,
+        parameter,
+        values,
+        lanes,
+        np.full((count, steps, points, size), np.nan),
+        np.zeros((count, steps), dtype=np.intp),
+        np.zeros((count, steps), dtype=bool),
+        np.full((count, steps), "", dtype="<U16"),
     )
+
+
+def enter(sweep: Sweep, stretch: Stretch) -> str:
+    """Write a stretch into the arrays of a sweep; a sentence on what could not be done, or an empty text.
+
+    So the section points are in memory once, however many there are.
+    """
+    lane = sweep.lanes[stretch.lane]
+    places = places_of(lane.way, len(sweep.values), stretch.number)
+    sweep.sections[stretch.lane, places] = stretch.sections
+    sweep.transients[stretch.lane, places] = stretch.transients
+    sweep.settled[stretch.lane, places] = stretch.settled
+    sweep.regimes[stretch.lane, places] = stretch.regimes
+    if not stretch.note:
+        return ""
+    ends = "" if lane.way is Way.AFRESH else " and was not carried on"
+    return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {stretch.note}"
 
 
 def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:

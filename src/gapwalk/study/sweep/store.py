@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any
@@ -44,10 +44,10 @@ class SweepStore:
         self._count = stretches_of(driver.options.steps)
         self._store = open_chunks(path, plain_sweep(driver))
 
-    def known(self) -> list[Stretch]:
-        """The stretches that are in the file; a StoreError if it is damaged."""
+    def known(self) -> Iterator[Stretch]:
+        """The stretches that are in the file, one by one; a StoreError if it is damaged."""
         with undamaged(self._store):
-            return list(unpacked(dict(self._store.known()), self._count))
+            yield from unpacked(self._store.known(), self._count)
 
     def add(self, stretch: Stretch) -> None:
         """Write a stretch; a StoreError if that cannot be done."""
@@ -82,7 +82,7 @@ def load_sweep(path: str | os.PathLike[str]) -> Sweep:
         )
     with undamaged(path):
         driver = driver_of(about)
-        driver.take(unpacked(chunks, stretches_of(driver.options.steps)))
+        driver.take(unpacked(chunks.items(), stretches_of(driver.options.steps)))
         return driver.sweep()
 
 
@@ -133,9 +133,9 @@ def unpack(data: bytes) -> Stretch:
     return Stretch(lane, number, parts["sections"], parts["transients"], parts["settled"], regimes, str(parts["note"]))
 
 
-def unpacked(chunks: Mapping[int, bytes], count: int) -> Iterator[Stretch]:
+def unpacked(chunks: Iterable[tuple[int, bytes]], count: int) -> Iterator[Stretch]:
     """The stretches of a file from their bytes, by their places; errors as `unpack`."""
-    for place, data in chunks.items():
+    for place, data in chunks:
         stretch = unpack(data)
         if stretch.lane * count + stretch.number != place:
             raise ValueError("a stretch stands in the place of another")

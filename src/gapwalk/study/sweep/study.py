@@ -29,5 +29,5 @@ def read_sweep(study: Study, parts: Mapping[int, bytes]) -> SweepFinding:
     options = study.options
     assert isinstance(options, SweepStudyOptions)
     driver = Driver(study.system, options.parameter, (options.begin, options.end), options.limits)
-    driver.take(unpacked(parts, stretches_of(options.steps)))
+    driver.take(unpacked(parts.items(), stretches_of(options.steps)))
     return SweepFinding(driver.sweep())
