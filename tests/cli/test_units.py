@@ -82,6 +82,17 @@ def test_what_is_wrong_with_units_is_told_with_its_line(tmp_path, capsys) -> Non
         assert words.split(" is ")[0].split(".")[-1].split("[")[0] in text.splitlines()[number - 1]
 
 
+@pytest.mark.parametrize("wrong", ["frequency", "sped"])
+def test_of_a_wrong_parameter_nothing_is_said_but_its_name(tmp_path, capsys, wrong: str) -> None:
+    """The unit of its values depends on it."""
+    file = tmp_path / "m.toml"
+    text = EXAMPLE.read_text(encoding="utf-8").replace('parameter = "speed"', f'parameter = "{wrong}"')
+    file.write_text(text, encoding="utf-8")
+    assert main(["check", str(file)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.endswith(f"there is no parameter {wrong!r}; did you mean 'speed'?")
+
+
 def test_units_stand_alone_and_are_asked_for_where_there_is_a_pace(tmp_path, capsys) -> None:
     text = EXAMPLE.read_text(encoding="utf-8")
     file = tmp_path / "m.toml"

@@ -143,6 +143,7 @@ def test_a_motion_without_period_is_shown_too(client, do, desk) -> None:
     assert motion["theta"][-1] == 24.0
     assert len({round(q, 3) for q in details["section"]["q"]}) > 100
     # it has no place on the diagram, and no branch to walk
+    assert settled["saves"] == ["table", "script", "result"]
     query = {"file": name, "result": settled["key"], "x": "frequency", "y": "half.q1"}
     assert client.get("/api/curve", params=query).json() == {"settled": None}
     walk = {"do": "walk", "start": {"result": settled["key"]}, "parameter": "frequency", "to": 0.5}

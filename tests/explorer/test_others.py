@@ -81,6 +81,8 @@ def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, desk, 
     again = do(model, **action, **within, known=[first["key"]])
     assert (again["state"], again["branches"]) == ("done", [])
     assert again["message"].startswith("Nothing new was found.")
+    assert found["saves"] == ["table", "script", "model", "result"]
+    assert again["saves"] == ["script", "result"]  # there is no point to put into a table, or to walk from
     stored = gw.load(result_file(desk, model, again["key"]))
     assert stored.complete
     assert stored.diagram is not None

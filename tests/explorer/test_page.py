@@ -20,6 +20,7 @@ DONE = "gapwalk.page.results.length === {} && gapwalk.page.results.every((r) => 
 def workspace(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     shutil.copy(CLUTCH, folder)
+    shutil.copy(CLUTCH, folder / "torus.toml")
     (folder / "long.toml").write_text(LONG, encoding="utf-8")
     (folder / "stop.toml").write_text(STOP, encoding="utf-8")
     (folder / "bad.toml").write_text("coordinates = 3\n", encoding="utf-8")
@@ -164,6 +165,23 @@ def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
     page.click("#results button:text-is('Show')")
     until(page, "gapwalk.motion.motion?.parameters.frequency === 0.6")
     assert "stable" in page.inner_text("#motion-text")
+
+
+def test_what_has_no_place_in_the_diagram_is_said_to_have_none(page) -> None:
+    opened(page, "torus.toml")
+    assert "Nothing is computed yet." in page.inner_text("#empty")
+    page.fill("#filter", "frequency")
+    page.fill("[aria-label='excitation frequency Ω']", "0.4")
+    page.click("#settle")
+    until(page, "document.getElementById('empty').textContent.includes('does not repeat itself')")
+    assert page.evaluate("[...document.querySelectorAll('#results button')].map((b) => b.textContent)") == [
+        "Show",
+        "CSV",
+        "Python",
+        "Result",
+    ]
+    page.click("#results button:text-is('Show')")
+    until(page, "gapwalk.motion.motion?.period === null")
 
 
 def test_nothing_is_cut_off_at_200_percent(page) -> None:

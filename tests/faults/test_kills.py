@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,8 +54,10 @@ def _last_result(folder: Path) -> Path:
 
 
 def _same_as(study: gw.Study) -> Callable[[Path], None]:
+    undisturbed = cache(lambda: gw.run(study))
+
     def check(path: Path) -> None:
-        assert_same_result(gw.load(path), gw.run(study))
+        assert_same_result(gw.load(path), undisturbed())
 
     return check
 
@@ -66,22 +69,27 @@ def _same_as_the_model(path: Path) -> None:
 
 
 def _same_finding(kind: str) -> Callable[[Path], None]:
-    def check(path: Path) -> None:
-        found = _parts(path)
-        again = path.with_name("undisturbed.gapwalk")
+    @cache
+    def undisturbed(again: Path) -> Mapping[int, bytes]:
         jobs_alone = f"from tests.study.jobs import main; main({kind!r}, {str(again)!r})"
         subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
-        assert found == _parts(again)  # byte for byte
-        again.unlink()
+        return _parts(again)
+
+    def check(path: Path) -> None:
+        assert _parts(path) == undisturbed(path.parents[1] / "undisturbed.gapwalk")  # byte for byte
 
     return check
 
 
 def _same_sweep(path: Path) -> None:
-    expected = gw.sweep(*sweeps.FOLDS, options=sweeps.options(workers=2))
     found = gw.load_sweep(path)
     assert found.complete
-    np.testing.assert_array_equal(found.sections, expected.sections)
+    np.testing.assert_array_equal(found.sections, _undisturbed_sweep().sections)
+
+
+@cache
+def _undisturbed_sweep() -> gw.Sweep:
+    return gw.sweep(*sweeps.FOLDS, options=sweeps.options(workers=2))
 
 
 JOBS = {

@@ -9,7 +9,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.attractor import SpectrumOptions, classify, settle, spectrum, strobe, waterfall
+from gapwalk.attractor import LyapunovOptions, SpectrumOptions, classify, settle, spectrum, strobe, waterfall
 from gapwalk.errors import ModelError
 from gapwalk.plot import plot_history, plot_loop, plot_section, plot_settled, plot_spectrum, plot_waterfall
 from tests.systems import clutch, linear
@@ -49,7 +49,7 @@ def test_a_period_three_motion_in_four_panels(three):
 
 @pytest.mark.parametrize(("frequency", "word"), [(1.12, "Quasi-periodic"), (0.4, "Chaotic")])
 def test_tori_and_chaos_are_drawn_too(frequency, word):
-    options = gw.ClassifyOptions()
+    options = gw.ClassifyOptions(lyapunov=LyapunovOptions(max_periods=2048))  # enough to tell, and to draw
     found = classify(gw.paper.case("15"), "rest", options, frequency=frequency)
     figure = plot_settled(found, "q3''", figure=Figure(figsize=(9, 6), layout="constrained"))
     assert figure.get_suptitle().startswith(word)

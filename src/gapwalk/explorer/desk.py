@@ -159,6 +159,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
         "can_go_on": entry.can_go_on,
+        "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],
         "branches": [
             {

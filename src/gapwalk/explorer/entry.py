@@ -129,6 +129,17 @@ class Entry:
             found += [_locus(name, locus, within) for name, locus in zip(chart.names, chart.loci, strict=True)]
         return found
 
+    @property
+    def saves(self) -> list[str]:
+        """What it can be saved as, now that it is over: there is no table of a search that has found nothing."""
+        if not self.state.is_over or self.state is State.FAILED:
+            return []
+        settled, finding = self.settled(), self.result.finding if self.result else None
+        has_orbit = bool(self.lines()) or (settled is not None and settled.orbit is not None)
+        has_table = has_orbit or (finding is not None and finding.record is not None)
+        there = {"table": has_table, "script": True, "model": has_orbit, "result": self.result is not None}
+        return [word for word, is_there in there.items() if is_there]
+
     def settled(self) -> Settled | None:
         """Where a motion has settled, if that is what was asked."""
         record = None if self.result is None or self.result.finding is None else self.result.finding.record

@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.structure import Structure
 
+_LARGEST = 1e150  # its square is a number still
+
 
 def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values, if a system can have them; a ModelError with all reasons otherwise."""
     problems = [
         f"{structure.names[int(place)]} is {values[place]}; it must be a finite number"
         for place in np.flatnonzero(~np.isfinite(values))
+    ]
+    problems += [
+        f"{structure.names[int(place)]} is {values[place]:g}; it must be at most {_LARGEST:g} in size, for its square "
+        "must be a number too: choose other units"
+        for place in np.flatnonzero(np.isfinite(values) & (np.abs(values) > _LARGEST))
     ]
     if not problems:
         problems = list(value_problems(structure, values))
@@ -29,6 +36,8 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
     """What is wrong with finite values, one sentence each."""
     if not values[0] > 0:
         yield f"{structure.pace} is {values[0]}; it must be > 0"
+    elif values[0] < 1.0 / _LARGEST:
+        yield f"{structure.pace} is {values[0]:g}; it must be at least {1.0 / _LARGEST:g}: choose other units"
     if structure.assembly:
         yield from structure.assembly.problems(values)
         yield from _clearance_problems(structure, values)

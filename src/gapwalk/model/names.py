@@ -9,7 +9,9 @@ from functools import cached_property
 from typing import overload
 
 from gapwalk.errors import ModelError
+from gapwalk.model.units.kind import PACES
 
+_SHOWN = 5  # names that are told where none is like the one that was asked for
 _FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
 
 
@@ -129,5 +131,9 @@ class ParameterNames(Sequence[str]):
         if not near:
             last = name.rsplit(".", 1)[-1]
             near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
-        hint = f"did you mean {' or '.join(repr(each) for each in near)}?" if near else ""
-        return f"there is no parameter {name!r}; {hint or 'system.parameters lists them all'}"
+        if not near and name in PACES:
+            near = known[:1]  # the other of the two
+        if near:
+            return f"there is no parameter {name!r}; did you mean {' or '.join(map(repr, near))}?"
+        rest = ", ... (system.parameters lists them all)" if len(self) > _SHOWN else ""
+        return f"there is no parameter {name!r}; there are {', '.join(map(repr, known[:_SHOWN]))}{rest}"

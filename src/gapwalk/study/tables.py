@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from gapwalk.model.fields import Count, Number, Positive, Text, one_of
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
-from gapwalk.model.units import PACES, kind_of, read_quantity
+from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.study.method_table import BalancePart, MethodName, ShootingPart
 from gapwalk.study.options import Start, StudyOptions
@@ -155,6 +156,8 @@ def check_value(value: float, parameter: str | None, surroundings: Surroundings)
 def _with_unit(value: object, handler: Callable[[object], Any], info: ValidationInfo[Surroundings]) -> Any:
     """Read a text with a unit where the parameter has one; the number is in the unit of that parameter."""
     parameter, system = info.data.get("parameter"), info.context.system
+    if parameter is None and has_unit(value):
+        return math.nan  # nobody knows its unit while the parameter is wrong itself
     kind = kind_of(parameter) if isinstance(parameter, str) else None
     if value is None or kind is None or isinstance(value, bool | list | Mapping):
         return handler(value)

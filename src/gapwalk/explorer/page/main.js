@@ -94,6 +94,7 @@ async function show(results) {
       if (!file) break;
       const fresh = await curves.update(file, axes(), isPlane(), page.results);
       if (fresh || !diagram.ready) drawDiagram();
+      showEmpty();
     } while (page.again);
   } catch (error) {
     tell(error);
@@ -108,8 +109,21 @@ function drawDiagram() {
   diagram.names = { x: name("x"), y: name("y"), range: page.about?.range.length ? [...page.about.range].sort((a, b) => a - b) : null };
   diagram.draw();
   showLegend($("legend"), curves.all.values());
-  $("empty").hidden = curves.all.size + curves.settled.size > 0;
   document.body.dataset.branches = curves.all.size;
+}
+
+/** Say why there is nothing to see, where there is nothing. */
+function showEmpty() {
+  $("empty").hidden = curves.all.size + curves.settled.size > 0;
+  if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
+}
+
+function whyEmpty() {
+  const over = page.results.filter(({ state }) => ["done", "stopped", "failed"].includes(state));
+  const bold = (word) => Object.assign(document.createElement("b"), { textContent: word });
+  if (!over.length) return ["Nothing is computed yet. ", bold("Compute"), " begins; the diagram grows while it is walked."];
+  if (over.some(({ settled }) => settled)) return ["A motion that does not repeat itself has no place in the diagram. ", bold("Show"), ", in the list of results, shows it."];
+  return ["Nothing of what was computed has a place over these axes; the list of results says what was found."];
 }
 
 const axes = () => ({ x: $("x").value, y: $("y").value });

@@ -1,6 +1,12 @@
 // The list of results: how far each has come, what can be done with it, and what it can be saved as.
 
 const WORDS = { queued: "waits", running: "is being computed", paused: "is held", done: "", stopped: "was stopped", failed: "failed" };
+const SAVES = [
+  ["table", "CSV", "Save the points as a table"],
+  ["script", "Python", "Save the Python script that repeats it"],
+  ["model", "Model", "Save a model file that walks from the chosen point"],
+  ["result", "Result", "Save the result file"],
+];
 
 /** Show the results; `act(word, result)` is called by the buttons. */
 export function showResults(list, results, act) {
@@ -40,10 +46,7 @@ function item(result, act) {
   if (result.can_go_on && result.state === "stopped") add("resume", "Go on", "Go on where it was stopped");
   if (["done", "stopped"].includes(result.state)) {
     if (result.settled || result.branches.length) add("show", "Show", result.settled ? "Show the settled motion" : "Show the diagram, or the plane, of this result");
-    add("table", "CSV", "Save the points as a table");
-    add("script", "Python", "Save the Python script that repeats it");
-    add("model", "Model", "Save a model file that walks from the chosen point");
-    add("result", "Result", "Save the result file");
+    for (const [word, ...labels] of SAVES) if (result.saves.includes(word)) add(word, ...labels);
   }
   li.append(buttons);
   return li;
