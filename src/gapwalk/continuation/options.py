@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gapwalk.errors import ModelError
 
@@ -27,7 +27,8 @@ class WalkOptions:
     """
 
     initial_step: float = 0.002
-    smallest_step: float = 1e-13
+    # not compared: it changes no point of a walk, so that one begun with another goes on, and ends later or sooner
+    smallest_step: float = field(default=1e-13, compare=False)
     largest_step: float = 0.01
     largest_turn: float = 0.35
     iterations: int = 3
