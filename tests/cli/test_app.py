@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,8 @@ from gapwalk.cli import files as cli_files
 from gapwalk.cli import main
 from tests.study.studies import stop_study
 
+ROOT = Path(__file__).resolve().parents[2]
+LATE = ("scipy.integrate", "scipy.optimize", "scipy.interpolate", "scipy.stats", "scipy.signal", "matplotlib", "numba")
 HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
 
 
@@ -34,6 +37,18 @@ def test_help_loads_nothing_heavy(words) -> None:
 def test_importing_the_package_loads_nothing_heavy() -> None:
     program = f"import sys, gapwalk; sys.exit(any(name in sys.modules for name in {HEAVY!r}))"
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_first_point_of_a_run_needs_little() -> None:
+    """Loading modules is most of what a user waits for."""
+    program = (
+        "import sys, gapwalk, gapwalk.cli.run; "
+        "study = gapwalk.read_study('examples/clutch.toml'); "
+        f"say = lambda *_: sys.exit(str([name for name in {LATE!r} if name in sys.modules])); "
+        "gapwalk.run(study, report=say)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.stderr.strip() == "[]"
 
 
 def test_the_public_names_are_there() -> None:

@@ -1,8 +1,8 @@
 """Orbits carried once around by another integrator: Dormand and Prince's method of order 8 between contact events.
 
-All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section II.10; the
-tableau is that of `scipy.integrate.DOP853`). The contact events are those that an orbit is stored with, and are
-believed only as far as the motion passes its breakpoints there, and nowhere else.
+All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
+II.10). The contact events are those that an orbit is stored with, and are believed only as far as the motion passes its
+breakpoints there, and nowhere else.
 """
 
 from __future__ import annotations
@@ -14,18 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.equations import Equations
+from gapwalk.verification.tableau import STAGES, tableau
 
 Array = NDArray[np.float64]
 
 _PERIOD = 2.0 * math.pi
-_METHOD: Any = DOP853
-_STAGES = 12
-_A, _B, _C = _METHOD.A[:_STAGES, :_STAGES], _METHOD.B, _METHOD.C[:_STAGES]
-_ERROR_5, _ERROR_3 = _METHOD.E5, _METHOD.E3
 _FINER = 5.0  # steps of the first try in those of the flow's Taylor series, whose order is about 20
 _TRIES = 4  # each with twice as many steps
 _EXACT = 5e-11  # error of the integration, relative to the motion, that is small enough
@@ -156,13 +152,13 @@ class _Fleet:
     def advance(self, lanes: slice, theta: Array, length: Array, closed: Array) -> None:
         """One step of each of the first lanes."""
         n, state, h = self.equations.size, self._state[lanes], length[:, None]
-        rates = np.empty((_STAGES + 1, *state.shape))
+        method, rates = tableau(), np.empty((STAGES + 1, *state.shape))
         with np.errstate(over="ignore", invalid="ignore"):  # a broken orbit may run away, and is seen at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes)
-            for s in range(1, _STAGES):
-                middle = state + h * _sum(_A[s, :s], rates[:s])
-                rates[s] = self.equations.rates(theta + _C[s] * length, middle, closed, lanes)
-            new = state + h * _sum(_B, rates[:_STAGES])
+            for s in range(1, STAGES):
+                middle = state + h * _sum(method.a[s, :s], rates[:s])
+                rates[s] = self.equations.rates(theta + method.c[s] * length, middle, closed, lanes)
+            new = state + h * _sum(method.b, rates[:STAGES])
             rates[-1] = self.equations.rates(theta + length, new, closed, lanes)
             self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
             self._watch(lanes, state, new, rates, h, closed)
@@ -216,7 +212,7 @@ def _sum(weights: Array, rates: Array) -> Array:
 
 def _error(rates: Array) -> Array:
     """The error of a step of length 1, as DOP853 estimates it, component by component."""
-    fifth, third = (_sum(weights, rates) for weights in (_ERROR_5, _ERROR_3))
+    fifth, third = (_sum(weights, rates) for weights in (tableau().fifth, tableau().third))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 
