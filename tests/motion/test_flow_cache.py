@@ -1,5 +1,6 @@
 """Machine code of flows that is kept on disk: it is loaded, but not if it is damaged or may be somebody else's."""
 
+import errno
 import math
 import os
 import subprocess
@@ -137,3 +138,27 @@ def test_what_a_killed_process_left_is_cleared_away(tmp_path: Path) -> None:
         (desk / "cache.db").write_bytes(b"copy")
     flow_cache._clear_away(tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(used)
+
+
+def test_where_there_is_no_room_for_a_copy_flows_are_compiled(folder: Path, monkeypatch) -> None:
+    compiles()
+    write = Path.write_bytes
+
+    def write_half(self: Path, content: bytes) -> int:
+        write(self, content[: len(content) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", write_half)
+    assert compiles()
+
+
+def test_what_heyoka_cannot_open_is_not_used(tmp_path: Path) -> None:
+    state = hy.llvm_state
+    before = state.get_diskcache_path(), state.get_diskcache_enabled()
+    (tmp_path / "cache.db").write_bytes(b"half of a database" * 100)
+    try:
+        assert flow_cache._opened(tmp_path) is None
+        assert not state.get_diskcache_enabled()
+    finally:
+        state.set_diskcache_path(before[0])
+        state.set_diskcache_enabled(before[1])

@@ -249,8 +249,3 @@ def test_an_option_that_makes_no_sense_is_refused(options, words: str) -> None:
 def test_matrices_that_are_not_symmetric_are_refused(which: str) -> None:
     with pytest.raises(ModelError, match=f"the {which} matrix is not symmetric"):
         reduce(rod(20).at({f"{which}.q1.q2": 0.3}))
-
-
-def test_a_mass_that_is_not_positive_is_told() -> None:
-    with pytest.raises(ArithmeticError, match="every motion needs an inertia"):
-        reduce(chain(6, 2, mass=np.diag([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])))

@@ -120,8 +120,8 @@ def test_each_study_keeps_what_it_names(tmp_path: Path) -> None:
         (
             'stiffness = "rod.mtx"',
             'stiffness = "rod.mtx"\nmass = [1,1,1,1,1,1,1,1,1,1,1,-1]',
-            "reduction",
-            "an inertia",
+            "mass",
+            "the inertia -1",
         ),
     ],
 )

@@ -55,11 +55,9 @@ def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
                 return
             stem = hashlib.sha256(f"{processor()} {hy.__version__} {equations}".encode()).hexdigest()[:32]
             _lay_out(folder, stem, desk / _NAME)
-            state.set_diskcache_path(desk)
-            state.set_diskcache_enabled(True)
-            size = state.get_diskcache_size()
+            size = _opened(desk)
             yield
-            is_new = state.get_diskcache_size() > size
+            is_new = size is not None and state.get_diskcache_size() > size
             state.set_diskcache_path(before[0])  # closes the database, so that all is in one file
             if is_new:
                 _keep(folder, stem, desk / _NAME)
@@ -89,6 +87,18 @@ def _trusted(folder: Path | None) -> Path | None:
         return None
 
 
+def _opened(desk: Path) -> int | None:
+    """Give heyoka its copy: the size of what is in it; None, and no database, if there is no room for one."""
+    state = hy.llvm_state
+    try:
+        state.set_diskcache_path(desk)
+        state.set_diskcache_enabled(True)
+        return state.get_diskcache_size()
+    except RuntimeError:
+        state.set_diskcache_enabled(False)
+        return None
+
+
 def _desk() -> Path | None:
     """A folder for heyoka's copy, in memory where that is to be had: its database waits for the disk at each change."""
     for place in ("/dev/shm", tempfile.gettempdir()):
@@ -112,7 +122,7 @@ def _clear_away(place: Path) -> None:
 
 def _lay_out(folder: Path, stem: str, copy: Path) -> None:
     """Copy a database that is as it was written, if there is one; others of its name are removed."""
-    with suppress(OSError):
+    try:
         for file in folder.glob(f"{stem}-*.db"):
             content = file.read_bytes()
             if file.name == _name(stem, content):
@@ -120,6 +130,8 @@ def _lay_out(folder: Path, stem: str, copy: Path) -> None:
                 os.utime(file)  # it was used
                 return
             file.unlink(missing_ok=True)
+    except OSError:  # no room for the copy: half of one is worse than none
+        copy.unlink(missing_ok=True)
 
 
 def _keep(folder: Path, stem: str, copy: Path) -> None:

@@ -12,7 +12,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh, splu
 
-from gapwalk.errors import NumericalError
 from gapwalk.reduction.matrices import Matrices
 
 _DENSE = 1500  # degrees of freedom up to which all modes are computed at once
@@ -120,12 +119,7 @@ class Interior:
     def _all_modes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if not self.size:
             return np.empty(0), np.empty((0, 0))
-        try:
-            squares, shapes = scipy.linalg.eigh(self._stiffness.toarray(), self._mass.toarray())
-        except np.linalg.LinAlgError:
-            raise NumericalError(
-                "the modes cannot be computed: the mass matrix is not positive definite; every motion needs an inertia"
-            ) from None
+        squares, shapes = scipy.linalg.eigh(self._stiffness.toarray(), self._mass.toarray())
         return squares, shapes
 
     def _few_modes(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
