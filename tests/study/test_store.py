@@ -173,7 +173,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, undi
             env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"},
         )
         assert program.stdout is not None
-        last, aim = "", known + random.randint(1, 600)
+        last, aim = "", known + random.randint(1, 1200)
         for last in program.stdout:
             if last.strip().isdigit() and int(last) >= aim and random.random() < 0.2:
                 time.sleep(random.uniform(0.0, 0.04))  # so that it dies at any place, not just after a report
