@@ -56,7 +56,7 @@ PERMITTED = {
     ("study/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
-MAX_LINES = 350
+MAX_LINES = 500
 
 # Folders of the machine that the software was written on. Put together here so that this file names none.
 LOCAL_PATH = re.compile(rb"(?<![\w.])/(?:" + b"|".join((b"work", b"root", b"tmp/play")) + rb")/")
