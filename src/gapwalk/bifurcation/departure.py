@@ -10,7 +10,7 @@ import numpy as np
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range, check_range
-from gapwalk.continuation.scales import scales_of
+from gapwalk.continuation.scales import scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
 from gapwalk.orbit.newton import solve
@@ -65,7 +65,8 @@ def depart(
     within = check_range(start, to).along(parameter, orbit.system)
     for bound in (within.low, within.high):
         orbit.system.at({parameter: bound})
-    return _leave((method or Shooting()).pose(orbit.system, parameter, orbit.period), orbit, within, direction)
+    equation = (method or Shooting()).pose(orbit.system, parameter, orbit.period)
+    return _leave(equation, orbit, with_natural_change(within, equation, orbit), direction)
 
 
 def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int) -> Departure:

@@ -51,6 +51,7 @@ def switch(
         If no other branch leaves a special point of this kind, or the range does not hold it.
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
+    within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
     if special.kind is Kind.FLIP:
         return [_from_flip(special, parameter, within, method or Shooting())]
     if special.kind is Kind.BRANCH_POINT:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
-_OWN = 12.5  # frequencies are told apart over so many times their own value, where a range is wider
+_OWN = 12.5  # values differ over so many times their own size, where a range is wider
+_OCTAVES = 1.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +23,14 @@ class Range:
     is_relative
         Whether the parameter is the frequency. What a system does at frequencies a hundred times lower is not a
         hundredth of its response, but as much again: half the frequency is as far away everywhere.
+    natural
+        Change of any other parameter that changes the motion much, where that is known; infinite otherwise.
     """
 
     low: float
     high: float
     is_relative: bool = False
+    natural: float = math.inf
 
     def __contains__(self, value: object) -> bool:
         return isinstance(value, float) and self.low <= value <= self.high
@@ -41,7 +46,15 @@ class Range:
 
     def nearness(self, value: float) -> float:
         """The width of the range that counts near a value, as a share of the whole."""
-        return min(1.0, _OWN * abs(value) / self.width) if self.is_relative else 1.0
+        size = abs(value) if self.is_relative else max(abs(value), self.natural)
+        return min(1.0, _OWN * size / self.width)
+
+    def weight(self, value: float, scale: float) -> float:
+        """How much a parameter that is measured in units of `scale` weighs near a value, compared with the unknowns.
+
+        Angles and distances in which it has this weight do not depend on the width of the range.
+        """
+        return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
         """The same range, of a parameter of a system."""

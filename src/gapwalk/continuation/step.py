@@ -12,7 +12,7 @@ _GOAL = 0.6  # share of the largest turn that a step should make
 
 
 def next_step(step: float, correction: Correction, turn: float, options: WalkOptions) -> float:
-    """The step to try after one that was accepted.
+    """The step to try after one that was accepted, if none is too long.
 
     Two bounds: the corrector should converge in `options.iterations`, and the tangent should not turn too far.
 
@@ -21,8 +21,7 @@ def next_step(step: float, correction: Correction, turn: float, options: WalkOpt
     reach the same accuracy, ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
     grows with the square of the step.
     """
-    factor = min(_newton_factor(correction, options.iterations), _turn_factor(turn, options.largest_turn))
-    return min(step * factor, options.largest_step)
+    return step * min(_newton_factor(correction, options.iterations), _turn_factor(turn, options.largest_turn))
 
 
 def shorter_step(step: float) -> float:

@@ -115,7 +115,8 @@ class Walk(Iterator[BranchPoint]):
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
-        state = resume or WalkState(None, first, self._bounded(first, options.first_step), 0)
+        self._first_step = self._longest(first, options.first_step)
+        state = resume or WalkState(None, first, self._first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
@@ -166,15 +167,37 @@ class Walk(Iterator[BranchPoint]):
                 return self._closing_point()
             if point.value not in self.within:
                 return self._last_point(point)
-            step = next_step(self.step, correction, _angle(self.point.tangent, point.tangent), self.options)
-            self.step = self._bounded(point, step)
+            turn = _angle(self._tangent(self.point), self._tangent(point))
+            step = next_step(self.step, correction, turn, self.options)
+            self.step = min(step, self._longest(point, self.options.largest_step))
             return point
 
-    def _bounded(self, point: BranchPoint, step: float) -> float:
-        """A step from a point, as far as the parameter may change there: see `Range.nearness`."""
-        along = abs(float(point.tangent[-1]))
-        longest = self.options.largest_step * self.within.nearness(point.value)
-        return longest / along if step * along > longest else step
+    def _longest(self, point: BranchPoint, share: float) -> float:
+        """The step from a point that changes the unknowns by a share of their scales, and the parameter by no more.
+
+        The parameter is measured by the range, but not beyond where its values are far apart: see `Range.nearness`.
+        """
+        along = float(point.tangent[-1])
+        width = self.within.width * self.within.nearness(point.value)
+        across = math.sqrt(max(0.0, 1.0 - along * along))
+        return share / math.hypot(across, along * float(self.corrector.scales[-1]) / width)
+
+    def _weighed(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A difference of points, or a tangent, in the measure of angles and distances near the present point.
+
+        The scale of the parameter is one for the whole branch; in this measure the same step is as long, and turns as
+        far, whatever that scale and the range are.
+        """
+        weight = self.within.weight(self.point.value, float(self.corrector.scales[-1]))
+        if weight == 1.0:
+            return vector
+        weighed = vector.copy()
+        weighed[-1] *= weight
+        return weighed
+
+    def _tangent(self, point: BranchPoint) -> NDArray[np.float64]:
+        """The tangent at a point, as a unit vector of that measure."""
+        return _unit(self._weighed(point.tangent))
 
     def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
         """The correction from the best guess that leads to an acceptable point, and the point."""
@@ -184,30 +207,31 @@ class Walk(Iterator[BranchPoint]):
             correction = self.corrector.correct(guess, self.point.tangent, trust)
             if correction is None:
                 continue
-            point = self._accepted(correction)
+            point = self._accepted(correction, guess)
             if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
-    def _accepted(self, correction: Correction) -> BranchPoint | None:
+    def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> BranchPoint | None:
         """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
         chord = correction.x - self.point.x
-        length = length_of(chord)
-        if correction.distance > 0.5 * self.step:
+        step = self.step * length_of(self._weighed(self.point.tangent))
+        if length_of(self._weighed(correction.x - guess)) > 0.5 * step:
             return None
-        point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
-        turn = _angle(self.point.tangent, point.tangent)
+        point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length_of(chord))
+        first, last = self._tangent(self.point), self._tangent(point)
+        turn = _angle(first, last)
         if turn > self.options.largest_turn:
             return None
         # on a smooth curve the chord lies between the tangents; off to one side, the point is on another branch
-        along = chord / length
-        if _angle(self.point.tangent, along) + _angle(along, point.tangent) > turn + _ASIDE:
+        along = _unit(self._weighed(chord))
+        if _angle(first, along) + _angle(along, last) > turn + _ASIDE:
             return None
         return point
 
     def _closes(self, point: BranchPoint) -> bool:
         """Whether the step to `point` passes through the walk's origin."""
-        if self.point is self.origin or point.arclength < 4 * self.options.first_step:
+        if self.point is self.origin or point.arclength < 4 * self._first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x
         length2 = float(chord @ chord)
@@ -241,6 +265,10 @@ class Walk(Iterator[BranchPoint]):
         if length == 0.0:
             return None
         return self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vector / length_of(vector)
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
