@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.counts import unexplained
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
@@ -18,11 +19,19 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.model.system import System
+from gapwalk.motion.symmetry import Symmetry, symmetries_of
 from gapwalk.motion.unit import magnitude
+from gapwalk.orbit.floquet import largest_move
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
 _NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
+
+_SYMMETRIC, _LOST = 1e-6, 1e-4  # defects of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
+_ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
+_CERTAIN = 1e-6  # arclength of a step that is not taken again, whatever it leaves unexplained
+_FAR = 0.6  # change of a multiplier in one step: half a turn takes five steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
 """A new point of a branch, and the special points between it and the one before."""
@@ -33,6 +42,11 @@ class TrailState(NamedTuple):
 
     walk: WalkState
     detector: DetectorState
+
+
+def _change(first: BranchPoint, second: BranchPoint) -> float:
+    """How far multipliers move between two neighbouring points, as a share of what a step may move them."""
+    return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
 
 
 def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
@@ -83,7 +97,9 @@ class Trail(Iterator[Step]):
             options,
             resume and resume.walk,
             branched=departure.singular,
+            change=_change,
         )
+        self._symmetries: tuple[Symmetry, ...] | None = None
         self.detector = Detector(departure.corrector)
         if resume is not None:
             self.detector.restore(resume.detector)
@@ -118,7 +134,9 @@ class Trail(Iterator[Step]):
             try:
                 if self._is_doubled(first) and has_merged(point):
                     raise NumericalError("the step went onto the parent branch")
-                step = self._until_vertex(point, self._inspect(first, point, before))
+                if any(self._defect(each, point) > _LOST for each in self._kept(first)):
+                    raise NumericalError("the step went onto a branch of motions without a symmetry of this one")
+                step = self._until_vertex(point, self._explained(first, point, before))
             except NumericalError:
                 # no orbits lead from one point to the other: the step went astray, onto another branch
                 if before is not None and self._is_doubled(first) and is_close(first):
@@ -141,11 +159,50 @@ class Trail(Iterator[Step]):
         walk = self.walk
         self.departure = finer
         self.walk = Walk(
-            finer.equation, finer.first, walk.within, finer.corrector, walk.options, state, branched=finer.singular
+            finer.equation,
+            finer.first,
+            walk.within,
+            finer.corrector,
+            walk.options,
+            state,
+            branched=finer.singular,
+            change=_change,
         )
         self.walk.rejected = walk.rejected
         self.detector = Detector(finer.corrector)
         return True
+
+    def _kept(self, point: BranchPoint) -> tuple[Symmetry, ...]:
+        """The symmetries that all orbits of the branch have: those of its first one, or of the next if it begins here.
+
+        A parameter may break a symmetry of the equations (a mean load does), so they must have it all over the range.
+        """
+        if self._symmetries is None:
+            if self.departure.singular and point.arclength < _AHEAD:
+                return ()
+            self._symmetries = tuple(
+                each for each in self._symmetries_of_all() if self._defect(each, point) < _SYMMETRIC
+            )
+        return self._symmetries
+
+    def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
+        return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.departure.corrector.scales[0]))
+
+    def _symmetries_of_all(self) -> tuple[Symmetry, ...]:
+        """The symmetries that the system has at both ends of the range, and at the beginning."""
+        system, within = self.first.orbit.system, self.departure.within
+        place = system.structure.place(self.departure.equation.parameter or "")
+        ends = [symmetries_of(System.beside(system, place, value)) for value in (within.low, within.high)]
+        return tuple(each for each in symmetries_of(system) if all(each in end for end in ends))
+
+    def _explained(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
+        """The special points of a step, if they explain what changes in it; a shorter step may show what was missed."""
+        special = self._inspect(first, point, before)
+        singular = first is self.first and self.departure.singular  # all test functions vanish there
+        if point.arclength - first.arclength > _CERTAIN and not singular:
+            for text in unexplained(first, point, special):
+                raise NumericalError(text)
+        return special
 
     def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
         """The special points of a step; of the first step of a branch that begins at another, from just beyond there.

@@ -28,9 +28,9 @@ def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[n
 
     None of them grows with the range without bound: what lies within a part of it is walked alike, however wide the
     whole is. Frequencies are measured by a typical one, and so are velocities. Other parameters are measured in widths
-    of the range, or by `Range.natural` if that is smaller, and the unknowns as `unknown_scales` does. But the motion may
-    be a million times larger at the other end of the range: so a length is that of the largest motion to be expected
-    (`linear_growth`).
+    of the range, or by `Range.natural` if that is smaller, and the unknowns as `unknown_scales` does. But the motion
+    may be a million times larger at the other end of the range: so a length is that of the largest motion to be
+    expected (`linear_growth`).
     """
     parameter = equation.parameter or ""
     length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))

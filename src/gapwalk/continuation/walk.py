@@ -7,7 +7,7 @@ any point and resumed from it. Every end has its reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -24,6 +24,7 @@ from gapwalk.orbit.equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
+_BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a law of contact may make them, at a graze
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -77,6 +78,11 @@ class WalkState:
     count: int
 
 
+def unchanged(first: BranchPoint, second: BranchPoint) -> float:
+    """No change: 0."""
+    return 0.0
+
+
 class Walk(Iterator[BranchPoint]):
     """Walks one branch, from its first point onwards.
 
@@ -99,6 +105,9 @@ class Walk(Iterator[BranchPoint]):
     branched
         Whether the branch begins at a special point of another one, perhaps across the parameter: then it has no side
         of the range to turn back to.
+    change
+        Tells how much two neighbouring points differ in what the unknowns do not show (multipliers, say), as a share of
+        what a step may change; `unchanged` where that is nothing.
     """
 
     def __init__(
@@ -111,7 +120,9 @@ class Walk(Iterator[BranchPoint]):
         resume: WalkState | None = None,
         trust: float = TRUST,
         branched: bool = False,
+        change: Callable[[BranchPoint, BranchPoint], float] = unchanged,
     ) -> None:
+        self.change = change
         self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
@@ -167,9 +178,13 @@ class Walk(Iterator[BranchPoint]):
                 return self._closing_point()
             if point.value not in self.within:
                 return self._last_point(point)
-            turn = _angle(self._tangent(self.point), self._tangent(point))
-            step = next_step(self.step, correction, turn, self.options)
-            self.step = min(step, self._longest(point, self.options.largest_step))
+            longest, change = self._longest(point, self.options.largest_step), self.change(self.point, point)
+            if change > 1.0 and self.step > _BRIEF * longest:
+                self.rejected += 1
+                self.step *= max(1.0 / change, 1.0 / 3.0)
+                continue
+            turn = max(_angle(self._tangent(self.point), self._tangent(point)), self.options.largest_turn * change)
+            self.step = min(next_step(self.step, correction, turn, self.options), longest)
             return point
 
     def _longest(self, point: BranchPoint, share: float) -> float:

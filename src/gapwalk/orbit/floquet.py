@@ -15,6 +15,9 @@ from gapwalk.errors import NumericalError
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
 
+_BORDER = 1e-6  # distance from the unit circle within which a multiplier may be counted on either side
+_SMALL = 0.02  # size of multipliers whose changes say nothing: their motions have died out within a period
+
 
 class Instability(NamedTuple):
     """How many multipliers lie outside the unit circle, by where they left it.
@@ -89,3 +92,25 @@ def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -
     alpha, beta = scipy.linalg.eig(a, b, right=False, homogeneous_eigvals=True)
     finite = np.argsort(-np.abs(beta) / (np.abs(alpha) + np.abs(beta)))[:size]
     return (alpha[finite] / beta[finite]).astype(complex)
+
+
+def is_on_border(values: NDArray[np.complex128]) -> bool:
+    """Whether a multiplier is so near the unit circle that it may count as stable or unstable."""
+    return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
+
+
+def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
+    """How far a multiplier moves from one set to the other, where each goes to the one that is nearest on the whole.
+
+    Multipliers beyond the unit circle count relative to their size; very small ones do not count.
+    """
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
+    count = max(int(np.sum(np.abs(each) > _SMALL)) for each in (a, b))
+    if not count:
+        return 0.0
+    first, second = (each[np.argsort(-np.abs(each))][:count] for each in (a, b))
+    sizes = np.maximum(1.0, np.minimum.outer(np.abs(first), np.abs(second)))
+    moves = np.abs(np.subtract.outer(first, second)) / sizes
+    rows, columns = linear_sum_assignment(moves**2)
+    return float(moves[rows, columns].max())

@@ -16,9 +16,9 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.equations import Equations
-from gapwalk.verification.multipliers import is_on_border
 from gapwalk.verification.track import Track
 from gapwalk.verification.verification import Check, Ledger, Spot
 

@@ -9,16 +9,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.counts import steps_of, unexplained
 from gapwalk.bifurcation.second import SecondOpinion
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.balanced import verify_balanced
 from gapwalk.verification.carry import Round, carry
-from gapwalk.verification.counts import unexplained
 from gapwalk.verification.gaps import gap
-from gapwalk.verification.multipliers import distance, is_on_border, reshoot, spread
+from gapwalk.verification.multipliers import distance, reshoot, spread
 from gapwalk.verification.sides import look
 from gapwalk.verification.track import Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
@@ -116,23 +117,12 @@ def verify_stability(ledger: Ledger, spot: Spot, orbit: Orbit, multipliers) -> N
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
     """Check the gaps between neighbours, and what changes over them."""
-    for number, (a, b, special) in enumerate(_steps(track.branch)):
+    for number, (a, b, special) in enumerate(steps_of(track.branch)):
         spot = Spot(name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
         ledger.enter(Check.GAPS, spot, max(gap(track, *pair) for pair in pairwise(knots)))
         texts = list(unexplained(a, b, special))
         ledger.enter(Check.COUNTS, spot, float(len(texts)), "; ".join(texts))
-
-
-def _steps(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
-    """Neighbouring points with the special points between them; each special point occurs once."""
-    left = list(branch.special_points)
-    pairs = list(pairwise(branch.points))
-    for number, (a, b) in enumerate(pairs):
-        last = number == len(pairs) - 1
-        count = next((i for i, each in enumerate(left) if each.point.arclength > b.arclength and not last), len(left))
-        yield a, b, left[:count]
-        del left[:count]
 
 
 def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:

@@ -16,7 +16,6 @@ from gapwalk.orbit.shooting import Shooting, ShootingEquation
 _CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
 _MOST = 24  # segments
 _POWERS = 6
-_BORDER = 1e-6  # distance from the unit circle within which a multiplier may be counted on either side
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,3 @@ def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
     size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
     powers = range(1, min(len(a), _POWERS) + 1)
     return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
-
-
-def is_on_border(values: NDArray[np.complex128]) -> bool:
-    """Whether a multiplier is so near the unit circle that it may count as stable or unstable."""
-    return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))

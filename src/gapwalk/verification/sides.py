@@ -16,7 +16,7 @@ from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.motion.flow import PERIOD
-from gapwalk.verification.multipliers import is_on_border
+from gapwalk.orbit.floquet import is_on_border
 
 _REACH = 1e-3  # arclength from which a special point is looked at, where its neighbours are not nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held

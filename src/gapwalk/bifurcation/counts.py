@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.verification.multipliers import is_on_border
+from gapwalk.continuation.walk import EndReason
+from gapwalk.orbit.floquet import is_on_border
 
 _VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
 _SINGULAR = 1e-6  # a test function so near to zero has no sign
@@ -67,3 +70,44 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         change = abs(then - now)
         if change > grazes or (grazes - change) % 2:
             yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A step of a branch in which more changes than its special points account for: something was missed there.
+
+    Attributes
+    ----------
+    first, last
+        Values of the parameter at the points before and after it.
+    text
+        What changes, in a sentence.
+    """
+
+    first: float
+    last: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
+
+
+def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
+    """All steps of a branch that its special points do not explain; none where nothing was missed."""
+    return tuple(
+        Unexplained(a.value, b.value, text)
+        for number, (a, b, special) in enumerate(steps_of(branch))
+        if not (number == 0 and branch.ends[0].reason is EndReason.BRANCHED)  # all test functions vanish there
+        for text in unexplained(a, b, special)
+    )
+
+
+def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
+    """Neighbouring points with the special points between them; each special point occurs once."""
+    left = list(branch.special_points)
+    pairs = list(pairwise(branch.points))
+    for number, (a, b) in enumerate(pairs):
+        last = number == len(pairs) - 1
+        count = next((i for i, each in enumerate(left) if each.point.arclength > b.arclength and not last), len(left))
+        yield a, b, left[:count]
+        del left[:count]
