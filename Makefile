@@ -11,7 +11,7 @@ WORKERS ?= 2
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs screenshots explore browser test kernels check lint types bench campaign dense fuzz lock clean
+.PHONY: help demo docs screenshots explore browser test kernels check lint types bench campaign dense ranges fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -71,6 +71,10 @@ campaign: $(STAMP)  ## the slow tests (minutes)
 dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times smaller steps; goes on where it stopped
 	@mkdir -p out
 	$(PY) -m tests.bifurcation.dense out/dense.jsonl
+
+ranges: $(STAMP)  ## walk 200 random systems over ranges up to 0.3 ... 1000, and compare; goes on where it stopped
+	@mkdir -p out
+	$(PY) -m tests.bifurcation.ranges out/ranges.jsonl
 
 fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
 	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py

@@ -47,6 +47,7 @@ PERMITTED = {
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
     ("bifurcation/follow.py", "follow", "verification"): "follow(verify=True) is a convenience; walking never verifies",
+    ("continuation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
     ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("motion/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",

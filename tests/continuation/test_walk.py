@@ -217,3 +217,12 @@ def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
     assert counts["evaluations"] < 1265 + 2 * len(branch.special_points)  # each has its error
     assert counts["orbits"] < 520 + len(branch.special_points)
+
+
+def test_no_step_is_longer_than_the_largest():
+    """In units of ten clearances for the motion, and of the range for the parameter."""
+    options = WalkOptions(largest_step=0.005)
+    branch = follow(find_orbit(clutch(), frequency=1.9), "frequency", to=0.9, walk=options)
+    steps = np.diff(branch.values)
+    assert np.abs(steps).max() <= 0.005 * 1.0 * (1 + 1e-6)
+    assert len(branch.points) > 200

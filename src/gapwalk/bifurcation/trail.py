@@ -20,7 +20,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
-from gapwalk.motion.symmetry import Symmetry, symmetries_of
+from gapwalk.motion.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.floquet import largest_move
 
@@ -29,6 +29,7 @@ _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special p
 _NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
 
 _SYMMETRIC, _LOST = 1e-6, 1e-4  # defects of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
+_RESTORED = 1e-3  # the same at the vertex where a symmetry returns: it is located to the square of that, and better
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not taken again, whatever it leaves unexplained
 _FAR = 0.6  # change of a multiplier in one step: half a turn takes five steps
@@ -245,10 +246,23 @@ class Trail(Iterator[Step]):
         mirrored beyond a loss of symmetry.
         """
         for number, each in enumerate(special):
-            if each.is_vertex:
+            if each.is_vertex and self._has_parent(each.point):
                 self.walk.finish(each.point, End(EndReason.JOINED, each.value))
                 return each.point, special[:number]
         return point, special
+
+    def _has_parent(self, vertex: BranchPoint) -> bool:
+        """Whether the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
+
+        Only then is there a branch to join. Where not all symmetries are looked for, the vertex is believed.
+        """
+        if vertex.orbit.period % 2 == 0 and is_close(vertex):
+            return True
+        if not finds_all(vertex.orbit.system):
+            return True
+        kept = self._kept(self.walk.point)
+        lost = [each for each in symmetries_of(vertex.orbit.system) if each not in kept]
+        return any(self._defect(each, vertex) < _RESTORED for each in lost)
 
     def _is_doubled(self, point: BranchPoint) -> bool:
         """Whether a point may be near the parent of a period-doubled branch, and is not its beginning."""

@@ -117,6 +117,8 @@ def _print_branch(screen: Console, branch: Branch) -> None:
     for end in branch.ends:
         detail = f" ({end.detail})" if end.detail else ""
         screen.print(f"  {symbol} = {end.value:.10g}: {end.reason.value}{printable(detail)}", soft_wrap=True)
+    for each in branch.unexplained:
+        screen.print(f"  not explained, {symbol} {printable(str(each))}", soft_wrap=True)
 
 
 def _sentence(branch: Branch) -> str:

@@ -138,6 +138,17 @@ class Branch(Shown):
         return np.array([point.measure(name) for point in self.points])
 
     @cached_property
+    def unexplained(self) -> tuple[Any, ...]:
+        """Steps in which more changes than the special points between account for: something was missed there.
+
+        Of the numbers of unstable multipliers, the direction, the sign of the determinant, and how often contacts
+        close. Each is a `gapwalk.bifurcation.counts.Unexplained`; a branch of which nothing is missing has none.
+        """
+        from gapwalk.bifurcation.counts import unexplained_of
+
+        return unexplained_of(self)
+
+    @cached_property
     def instabilities(self) -> tuple[Instability, ...]:
         """Unstable multipliers at each point."""
         return tuple(point.instability for point in self.points)

@@ -51,8 +51,8 @@ class EndReason(Enum):
 
     @property
     def is_failure(self) -> bool:
-        """Whether a walk ended so because the numerics gave up."""
-        return self in (EndReason.COARSE, EndReason.STEP, EndReason.FAILED)
+        """Whether a walk ended so before it had come to an end of the branch or of the range."""
+        return self in (EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,11 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     return tuple(each for each in found if each != nothing and _holds(each, system, theta, states))
 
 
+def finds_all(system: System) -> bool:
+    """Whether `symmetries_of` a system looks for all exchanges and changes of sign."""
+    return system.size <= _ALL
+
+
 def _holds(
     symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
 ) -> bool:

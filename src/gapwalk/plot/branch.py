@@ -21,7 +21,7 @@ from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
 from gapwalk.plot.sheet import make_layout, open_window
 from gapwalk.plot.size import broken, takes_size
-from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options
+from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options, unexplained_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
@@ -122,6 +122,7 @@ class _Drawing:
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
+        self.unexplained = [place for branch in branches for place in unexplained_places(branch, measure)]
         self.curve = np.concatenate([np.column_stack((piece.x, piece.y)) for piece in self.pieces])
         self.special_points = [
             (special, special.value, special.point.measure(measure))
@@ -164,6 +165,8 @@ class _Drawing:
                 _draw_ticks(ax, places, self.curve)
             else:
                 ax.plot(*places.T, zorder=5, **symbol_options(kind))
+        if self.unexplained:
+            ax.plot(*np.array(self.unexplained).T, zorder=6, **unexplained_options())
         if labels:
             inside = Region(*ax.get_xlim(), *ax.get_ylim())
             texts = [
@@ -174,6 +177,18 @@ class _Drawing:
             everything = np.array([(x, y) for _, x, y in self.special_points])
             if texts:
                 place_labels(ax, texts, self.curve, everything)
+
+
+def unexplained_places(branch: Branch, measure: str) -> list[tuple[float, float]]:
+    """Where something was missed on a branch: the middle of each of its unexplained steps."""
+    if not branch.unexplained:
+        return []
+    values, sizes = branch.values, branch.measure(measure)
+    places = []
+    for each in branch.unexplained:
+        step = int(np.argmin(np.abs(values[:-1] - each.first) + np.abs(values[1:] - each.last)))
+        places.append((0.5 * (each.first + each.last), 0.5 * float(sizes[step] + sizes[step + 1])))
+    return places
 
 
 def _is_labelled(special: SpecialPoint) -> bool:

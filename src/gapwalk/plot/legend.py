@@ -21,6 +21,7 @@ from gapwalk.plot.style import (
     period_options,
     rc,
     symbol_options,
+    unexplained_options,
 )
 
 _BESIDE = 9.0  # letters as wide as the line and the space beside each text
@@ -32,6 +33,8 @@ def draw_legend(ax: Axes, branches: Sequence[Branch], *, above: bool = False) ->
     kinds = [kind for kind in SYMBOLS if any(branch.special(kind) for branch in branches)]
     handles = [Line2D([], [], label=LINES[name].text, **line_options(name)) for name in lines]
     handles += [Line2D([], [], label=SYMBOLS[kind].text, **symbol_options(kind)) for kind in kinds]
+    if any(branch.unexplained for branch in branches):
+        handles.append(Line2D([], [], label="not explained", **unexplained_options()))
     figure = ax.figure
     if above:
         _draw_above(ax, handles)

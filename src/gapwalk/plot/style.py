@@ -172,6 +172,18 @@ def line_options(label: str) -> dict[str, Any]:
     }
 
 
+def unexplained_options() -> dict[str, Any]:
+    """Options of a matplotlib line for the question marks where something was missed."""
+    return {
+        "linestyle": "none",
+        "marker": "$?$",
+        "markersize": points(12.0),
+        "markerfacecolor": VERMILLION,
+        "markeredgecolor": VERMILLION,
+        "markeredgewidth": points(0.4),
+    }
+
+
 def symbol_options(kind: Kind) -> dict[str, Any]:
     """Options of a matplotlib line for the symbol of a special point."""
     style = SYMBOLS[kind]

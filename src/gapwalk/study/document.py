@@ -74,6 +74,7 @@ def branch_document(branch: Branch, number: int, points: bool = True) -> dict[st
         "period": branch.period,
         "parameter": branch.parameter,
         "ends": [end_document(end) for end in branch.ends],
+        "unexplained": [{"first": each.first, "last": each.last, "text": each.text} for each in branch.unexplained],
         "count": len(branch.points),
     }
     if points:

@@ -76,7 +76,10 @@ class Result(Shown):
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be walked, in sentences: whole branches and loci, and ends at which the numerics gave up."""
+        """What could not be walked or explained, in sentences.
+
+        Whole branches and loci, ends at which the numerics gave up, and steps in which something was missed.
+        """
         if self.finding is not None:
             return self.finding.failures
         tree = self.diagram is not None or self.map is not None
@@ -85,6 +88,11 @@ class Result(Shown):
             for name, branch in zip(self.names, self.branches, strict=True)
             for end in branch.ends
             if end.reason.is_failure
+        ]
+        found += [
+            f"{name}: {each}" if tree else str(each)
+            for name, branch in zip(self.names, self.branches, strict=True)
+            for each in branch.unexplained
         ]
         if self.map is not None:
             loci = zip(self.map.names, self.map.loci, strict=True)
