@@ -70,5 +70,5 @@ def test_what_special_points_do_not_explain_is_recorded():
 def test_no_multiplier_turns_far_in_one_step():
     branch = follow(find_orbit(SECOND), "frequency", 300.0)
     steps = zip(branch.points[:-1], branch.points[1:], strict=True)
-    far = [a for a, b in steps if largest_move(a.orbit.multipliers, b.orbit.multipliers) > 0.6]
+    far = [a for a, b in steps if largest_move(a.orbit.multipliers, b.orbit.multipliers) > 0.8]
     assert len(far) <= 6  # steps cut short at a graze

@@ -32,7 +32,7 @@ _SYMMETRIC, _LOST = 1e-6, 1e-4  # defects of a symmetry, in amplitudes: of an or
 _RESTORED = 1e-3  # the same at the vertex where a symmetry returns: it is located to the square of that, and better
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
 _CERTAIN = 1e-6  # arclength of a step that is not taken again, whatever it leaves unexplained
-_FAR = 0.6  # change of a multiplier in one step: half a turn takes five steps
+_FAR = 0.8  # change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
 """A new point of a branch, and the special points between it and the one before."""

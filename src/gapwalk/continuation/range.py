@@ -9,7 +9,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
 _OWN = 12.5  # values differ over so many times their own size, where a range is wider
-_OCTAVES = 1.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
+_OCTAVES = 2.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
 
 
 @dataclass(frozen=True, slots=True)
