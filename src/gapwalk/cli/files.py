@@ -85,9 +85,15 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
         return DONE
     screen = console()
     print_heading(screen, result.study)
-    state = "complete" if result.complete else "not complete: `gapwalk run` with --resume goes on with it"
+    state = "not complete: `gapwalk run` with --resume goes on with it"
+    if result.complete:
+        missed = len(result.failures)
+        state = "complete" if not missed else f"finished, but {missed} thing(s) could not be walked or explained:"
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-    screen.print(f"{path}: {state}\ncomputed with {printable(versions)}", soft_wrap=True)
+    screen.print(f"{path}: {state}", soft_wrap=True)
+    for text in result.failures if result.complete else ():
+        screen.print(printable(f"  {text}"), soft_wrap=True)
+    screen.print(f"computed with {printable(versions)}", soft_wrap=True)
     for name, value in result.study.changes:
         screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
     print_result(screen, result, points=points or (result.diagram is None and result.map is None))

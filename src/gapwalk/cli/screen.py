@@ -37,6 +37,7 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
     if result.walked.balanced:
         screen.print(_balance_words(result), soft_wrap=True)
     if result.map is not None:
+        _print_unexplained(screen, result)
         print_map(screen, result.map, result.walked.measure, points=points)
         return
     if result.diagram is not None:
@@ -45,6 +46,7 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
             return
     else:
         _print_branch(screen, result.branches[0])
+    _print_unexplained(screen, result)
     if any(branch.special_points for branch in result.branches):
         screen.print(special_point_table(result))
     else:
@@ -117,8 +119,14 @@ def _print_branch(screen: Console, branch: Branch) -> None:
     for end in branch.ends:
         detail = f" ({end.detail})" if end.detail else ""
         screen.print(f"  {symbol} = {end.value:.10g}: {end.reason.value}{printable(detail)}", soft_wrap=True)
-    for each in branch.unexplained:
-        screen.print(f"  not explained, {symbol} {printable(str(each))}", soft_wrap=True)
+
+
+def _print_unexplained(screen: Console, result: Result) -> None:
+    """Print the steps in which something was missed."""
+    for name, branch in zip(result.names, result.branches, strict=True):
+        symbol = parameter_symbol(branch.parameter, branch.system.units)
+        for each in branch.unexplained:
+            screen.print(f"not explained: {name}, {symbol} {printable(str(each))}", soft_wrap=True)
 
 
 def _sentence(branch: Branch) -> str:
