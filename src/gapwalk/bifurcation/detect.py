@@ -100,14 +100,16 @@ class Detector:
         marks = [first.arclength, *(arclength for arclength, _ in found), last.arclength]
         special = []
         for index, (_, item) in enumerate(found):
-            before_it, after_it = (stretch.at(_beside(marks, index + 1, side)).instability for side in (-1, 1))
-            kind, contact = Kind.GRAZING, ""
+            sides = [stretch.at(_beside(marks, index + 1, side)) for side in (-1, 1)]
+            kind, contact, nature = Kind.GRAZING, "", ""
             if isinstance(item, _Zero):
                 kind = item.kind
+                nature = _opening(*sides) if kind is Kind.FOLD else ""
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
             error = float(self._location_error(kind, item, stretch))  # a plain number, as a result file has it
-            special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact))
+            before_it, after_it = (side.instability for side in sides)
+            special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact, nature))
         return special
 
     def _location_error(self, kind: Kind, item: _Zero | Graze, stretch: Stretch) -> float:
@@ -179,6 +181,17 @@ class Detector:
         )
         point = stretch.at(float(root))
         return _Zero(kind, point, _EXACT * 10 if report.converged else math.inf)
+
+
+def _opening(before: BranchPoint, after: BranchPoint) -> str:
+    """To which side a fold opens, by which way the branch goes before and after it, up to the next special points.
+
+    Farther away another fold may have turned it again. Empty if it goes the same way on both sides.
+    """
+    ways = [float(point.tangent[-1]) for point in (before, after)]
+    if ways[0] * ways[1] >= 0.0:
+        return ""
+    return f"opens to {'higher' if ways[1] > 0.0 else 'lower'} values"
 
 
 def _beside_point(stretch: Stretch, point: BranchPoint) -> BranchPoint:
