@@ -65,6 +65,8 @@ def _is_singular(point: BranchPoint) -> bool:
 def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """Which stages close more or less often than the grazing points between account for."""
     for switch, (now, then) in enumerate(zip(a.orbit.closings, b.orbit.closings, strict=True)):
+        if a.orbit.system.gapless[switch] or b.orbit.system.gapless[switch]:
+            continue  # without a gap nothing can touch
         name = describe_switch(a.orbit, switch)
         grazes = sum(each.kind is Kind.GRAZING and each.contact == name for each in special)
         change = abs(then - now)

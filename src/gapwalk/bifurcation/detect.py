@@ -18,18 +18,20 @@ from typing import NamedTuple
 from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import Graze, depth_near, describe_switch, find_grazing
-from gapwalk.bifurcation.second import ROUNDING, SecondOpinion, location_error
-from gapwalk.bifurcation.stretch import Stretch
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.second import ROUNDING, SAFETY, Neighbour, SecondOpinion, location_error
+from gapwalk.bifurcation.stretch import RESOLUTION, Stretch
+from gapwalk.continuation.branch import Kind, SpecialPoint, critical_multiplier
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
+from gapwalk.orbit.floquet import Instability
 
 _DOUBT = 1.0  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
 # between equal ends; unequal ones count with their geometric mean, as a dip to zero has to leave the larger one too
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 _CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
 _BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
+_AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EXACT = 1e-14  # arclength to which zeros are located
 
@@ -93,40 +95,51 @@ class Detector:
         grazes = find_grazing(stretch, before, first, last) if self.grazing else []
         zeros: list[_Zero] = []
         for kind in self.kinds:
-            zeros += self._scan(kind, stretch)
+            zeros += _resolved(kind, self._scan(kind, stretch), stretch)
         found = [(zero.point.arclength, zero) for zero in zeros if _is_genuine(zero, stretch)]
         found += [(graze.point.arclength, graze) for graze in grazes]
         found.sort(key=lambda item: item[0])
         marks = [first.arclength, *(arclength for arclength, _ in found), last.arclength]
         special = []
         for index, (_, item) in enumerate(found):
-            before_it, after_it = (stretch.at(_beside(marks, index + 1, side)).instability for side in (-1, 1))
-            kind, contact = Kind.GRAZING, ""
+            sides = [stretch.at(_beside(marks, index + 1, side)) for side in (-1, 1)]
+            kind, contact, nature = Kind.GRAZING, "", ""
             if isinstance(item, _Zero):
                 kind = item.kind
+                nature = _opening(*sides) if kind is Kind.FOLD else ""
+                if kind is Kind.FOLD and not nature:
+                    continue  # the branch goes on as before: rounding made this zero
             else:
                 contact = describe_switch(item.point.orbit, item.switch)
             error = float(self._location_error(kind, item, stretch))  # a plain number, as a result file has it
-            special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact))
+            before_it, after_it = _instabilities(kind, *sides)
+            special.append(SpecialPoint(kind, item.point, before_it, after_it, error, contact, nature))
         return special
 
     def _location_error(self, kind: Kind, item: _Zero | Graze, stretch: Stretch) -> float:
         """Estimated error of the parameter at a special point: its bracket, and what a second opinion says."""
-        scale = float(self.corrector.scales[-1])
-        bracket = abs(float(item.point.tangent[-1])) * scale * item.spread
-        if kind is Kind.BRANCH_POINT:  # no other equation could hold it either
-            return float(bracket + ROUNDING * (abs(item.point.value) + scale))
-
-        def function(point: BranchPoint) -> float:
-            return value(kind, point) if isinstance(item, _Zero) else depth_near(point.orbit, item.switch, item.theta)
-
         try:
-            beside = _beside_point(stretch, item.point)
-            rate = (function(beside) - function(item.point)) / (beside.arclength - item.point.arclength)
-            second = self._second.at(item.point)
+            if kind is Kind.BRANCH_POINT:
+                return self._crossing_error(item, stretch)
+
+            def seen(point: BranchPoint) -> Neighbour:
+                zero = (
+                    value(kind, point) if isinstance(item, _Zero) else depth_near(point.orbit, item.switch, item.theta)
+                )
+                return Neighbour(point, zero)
+
+            beside, second = _beside_point(stretch, item.point), self._second.at(item.point)
+            return location_error(kind, seen(item.point), seen(beside), seen(second), item.spread)
         except NumericalError:
             return math.inf
-        return bracket + location_error(kind, item.point, second, (function(item.point), function(second)), rate)
+
+    def _crossing_error(self, item: _Zero | Graze, stretch: Stretch) -> float:
+        """The same for a branch point, where no other equation could hold an orbit either."""
+        point, scale = item.point, float(self.corrector.scales[-1])
+        ends = [abs(each.arclength - point.arclength) for each in (stretch.points[0], stretch.points[-1])]
+        off = abs(self._second.crossing(point, min(_AROUND, *ends)) - point.value)
+        bracket = abs(float(point.tangent[-1])) * scale * item.spread
+        return float(bracket + SAFETY * off + ROUNDING * (abs(point.value) + scale))
 
     @cached_property
     def _second(self) -> SecondOpinion:
@@ -179,6 +192,61 @@ class Detector:
         )
         point = stretch.at(float(root))
         return _Zero(kind, point, _EXACT * 10 if report.converged else math.inf)
+
+
+def _resolved(kind: Kind, zeros: list[_Zero], stretch: Stretch) -> list[_Zero]:
+    """The zeros of one test function that can be told apart.
+
+    Where the branch turns within lengths that are made of rounding, as where it grazes a stiff stop, the function has
+    zeros wherever rounding puts them: if its sign changes over all of them they are one, if not there is none.
+    """
+    groups: list[list[_Zero]] = []
+    for zero in sorted(zeros, key=lambda zero: zero.point.arclength):
+        if groups and zero.point.arclength - groups[-1][-1].point.arclength < RESOLUTION:
+            groups[-1].append(zero)
+        else:
+            groups.append([zero])
+    firsts = [group[0].point.arclength for group in groups]
+    marks = [stretch.points[0].arclength, *firsts, stretch.points[-1].arclength]
+    kept = []
+    for index, group in enumerate(groups, start=1):
+        if len(group) > 1:
+            low, high = (value(kind, stretch.at(_beside(marks, index, side))) for side in (-1, 1))
+            if low * high > 0.0:
+                continue
+        kept.append(min(group, key=lambda zero: abs(value(kind, zero.point))))
+    return kept
+
+
+def _instabilities(kind: Kind, before: BranchPoint, after: BranchPoint) -> tuple[Instability, Instability]:
+    """Unstable multipliers on both sides of a special point.
+
+    Where the Jacobian changes the sign of its determinant, one multiplier passes +1. By harmonic balance multipliers
+    are those of the motion, but folds and branch points those of the truncated equation. So on one of both sides the
+    multiplier may be where it is on the other: which way it goes then tells the numbers.
+    """
+    sides = before.instability, after.instability
+    signs = [point.determinant * float(point.tangent[-1]) for point in (before, after)]
+    if kind not in (Kind.FOLD, Kind.BRANCH_POINT) or signs[0] * signs[1] >= 0.0 or sides[0].total != sides[1].total:
+        return sides
+    near, far = (critical_multiplier(kind, point.orbit.multipliers).real for point in (before, after))
+    inner, outer = sides if near < far else sides[::-1]
+    if max(near, far) <= 1.0:
+        outer = outer._replace(above=outer.above + 1)
+    elif min(near, far) > 1.0 and inner.above:
+        inner = inner._replace(above=inner.above - 1)
+    return (inner, outer) if near < far else (outer, inner)
+
+
+def _opening(before: BranchPoint, after: BranchPoint) -> str:
+    """To which side a fold opens, by which way the branch goes before and after it, up to the next special points.
+
+    Farther away another fold may have turned it again. Empty if it goes the same way on both sides.
+    """
+    ways = [float(point.tangent[-1]) for point in (before, after)]
+    if ways[0] * ways[1] >= 0.0:
+        return ""
+    return f"opens to {'higher' if ways[1] > 0.0 else 'lower'} values"
 
 
 def _beside_point(stretch: Stretch, point: BranchPoint) -> BranchPoint:

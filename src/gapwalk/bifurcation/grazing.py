@@ -38,7 +38,10 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
     changes that undo each other within one step leave no trace in the pattern: wherever extrema of a deflection may
     have touched their breakpoint between two points all the same, the step is halved until that doubt is gone.
     """
-    changes = [then - now for now, then in zip(first.orbit.closings, last.orbit.closings, strict=True)]
+    changes = [
+        0 if gapless else then - now
+        for now, then, gapless in zip(first.orbit.closings, last.orbit.closings, _gapless(first, last), strict=True)
+    ]
     number = sum(map(abs, changes))
     length = last.arclength - first.arclength
     if number and length < _SMALLEST:
@@ -58,7 +61,10 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
     """Whether grazing points that undo each other may hide between two points with these changes of the pattern."""
     length = last.arclength - first.arclength
     full = PERIOD * first.orbit.period
+    gapless = _gapless(first, last)
     for switch, change in enumerate(changes):
+        if gapless[switch]:
+            continue
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True
@@ -69,6 +75,12 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         if before is not None and _may_touch(before, first, last, switch):
             return True
     return False
+
+
+def _gapless(first: BranchPoint, last: BranchPoint) -> list[bool]:
+    """For each switch whether its stage has no gap at one of two points at least: without a gap nothing can touch."""
+    both = zip(first.orbit.system.gapless, last.orbit.system.gapless, strict=True)
+    return [now or then for now, then in both]
 
 
 def _crossings(now: Turns, then: Turns, full: float) -> int:

@@ -1,24 +1,58 @@
-"""The nature of a bifurcation: to which side a fold opens, and whether a flip is super- or subcritical."""
+"""The nature of a flip: whether the doubled motions leave it to the side on which the parent has lost stability."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.bifurcation.switch import switch
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.normal_form import Matrix, flip_coefficient
+from gapwalk.bifurcation.switch import Doubled, DoubledStart, least_singular
+from gapwalk.continuation.branch import REACH, Kind, SpecialPoint
 from gapwalk.continuation.corrector import TRUST
+from gapwalk.continuation.range import check_range
 from gapwalk.errors import NumericalError
+from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.equation import Method
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
 
-_AMPLITUDES = (1e-4, 6e-4, 3e-3)  # scaled distances from the flip at which the doubled branch is looked at
+_STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
+"""Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is taken.
+
+Beside flips of the paper's figure 15 contacts graze at amplitudes from 1e-3 down to 1e-8.
+"""
+_SURE = 0.05  # relative error of the cubic coefficient up to which its sign counts
+_STEPS_ALONG = 12  # along the doubled branch, at most
+_LONGER, _SHORTER = 4.0, 0.3  # the next step, in steps, after one that succeeded or failed
+_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may be of another branch
 
 
-def with_nature(
-    special: SpecialPoint, parameter: str, neighbours: tuple[float, float], method: Method | None = None
-) -> SpecialPoint:
-    """The special point with its nature told, if it is a fold or a flip.
+class _Limit(NamedTuple):
+    """Doubled motions of vanishing amplitude.
+
+    Attributes
+    ----------
+    way
+        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
+    size, amplitude
+        Over what displacement that was measured: scaled, and in units of the state.
+    """
+
+    way: int
+    size: float
+    amplitude: float
+
+
+def with_nature(special: SpecialPoint, parameter: str, method: Method | None = None) -> SpecialPoint:
+    """The special point with its nature, if it is a flip.
+
+    A flip is supercritical where the doubled motions lie on the side on which the parent has lost stability. That is
+    decided as the limit towards the flip, by the cubic coefficient of its normal form: where a contact grazes close to
+    the flip, the doubled branch may soon turn round. Up to which amplitude it goes on as it begins is found on the
+    branch itself.
 
     Parameters
     ----------
@@ -26,47 +60,92 @@ def with_nature(
         The special point.
     parameter
         Name of the parameter that is followed.
-    neighbours
-        Values of the parameter at the points before and after it.
     method
         How orbits are posed.
+
+    Returns
+    -------
+    SpecialPoint
+        The same with `nature` and `judged`; as it was where the nature cannot be told.
     """
-    if special.kind is Kind.FOLD:
-        lower = sum(neighbours) < 2.0 * special.value
-        return replace(special, nature=f"opens to {'lower' if lower else 'higher'} values")
-    if special.kind is Kind.FLIP:
-        nature, judged = _flip_nature(special, parameter, neighbours, method)
-        return replace(special, nature=nature, judged=judged)
-    return special
-
-
-def _flip_nature(
-    special: SpecialPoint, parameter: str, neighbours: tuple[float, float], method: Method | None
-) -> tuple[str, float]:
-    """Whether the doubled branch leaves to the side on which the parent has lost stability, and up to what amplitude.
-
-    The sign is read off the doubled branch itself at growing amplitudes, not off a normal form: by a grazing point
-    close to the flip it may hold only below a tiny amplitude, and that is told.
-    """
+    gained = special.after.total - special.before.total
+    if special.kind is not Kind.FLIP or abs(gained) != 1:
+        return special
     width = abs(special.value) + 1.0
+    within = check_range(special.value, (special.value - width, special.value + width))
+    within = within.along(parameter, special.orbit.system)
     try:
-        departure = switch(special, parameter, (special.value - width, special.value + width), method)[0]
-    except NumericalError:
-        return "", 0.0
-    corrector, first = departure.corrector, departure.first
-    sides, corrections = [], []
-    for size in _AMPLITUDES:
-        # no guess but the tangent: by a grazing point a curve through the nearer points led to other branches
-        correction = corrector.correct(first.x + size * first.tangent, first.tangent, TRUST)
-        if correction is None:
+        doubled = Doubled(special, parameter, within, method or Shooting())
+        start = doubled.start()
+        limit = _limit(doubled, start)
+    except (NumericalError, np.linalg.LinAlgError):
+        return special
+    if limit is None:
+        return special
+    # whether two multipliers meet in the same step does not matter: only one at -1 changes the number that is unstable
+    unstable = gained * np.sign(special.point.tangent[-1])
+    return replace(
+        special,
+        nature="supercritical" if limit.way == unstable else "subcritical",
+        judged=_amplitude(doubled, start, limit),
+    )
+
+
+def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
+    """To which side doubled motions of vanishing amplitude leave a flip; None if that cannot be told.
+
+    With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
+
+        s (alpha p + c s^2 + ...) = 0,    alpha = w^T (dF'/dp) v
+
+    (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. They themselves could
+    not be told from the parent at such amplitudes: rounding leaves a parameter of about 1e-15 / s.
+    """
+    equation, scales = doubled.corrector.equation, doubled.corrector.scales
+    unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
+
+    def motion_at(unknowns: NDArray[np.float64], value: float = value) -> tuple[NDArray[np.float64], Orbit]:
+        evaluation = equation.evaluate(unknowns, value)
+        return evaluation.by_unknowns * scales[:-1], equation.orbit(unknowns, value, evaluation)
+
+    orbits: list[Orbit] = []
+
+    def matrix_at(unknowns: NDArray[np.float64]) -> Matrix:
+        matrix, orbit = motion_at(unknowns)
+        orbits.append(orbit)
+        return matrix, orbit.events
+
+    here = matrix_at(unknowns)
+    left, _, right = least_singular(here[0])
+    response = -(here[0] + np.outer(left, right))  # regular, and -F' among the motions of half the period
+    for step in _STEPS:
+        cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
+        if not cubic.error <= _SURE * abs(cubic.value):
+            continue
+        beside = doubled.along(start.place + step)
+        alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
+        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
+        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last was two steps away
+    return None
+
+
+def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
+    """The amplitude, in units of the state, up to which the doubled branch goes on to the side on which it begins."""
+    corrector, flip = doubled.corrector, doubled.special.orbit
+    x, tangent = start.unknowns / corrector.scales, np.append(start.across, 0.0)
+    amplitude, enough = limit.amplitude, REACH * magnitude(flip.state, flip.system)
+    step, reach = _LONGER * limit.size, enough * limit.size / limit.amplitude
+    for _ in range(_STEPS_ALONG):
+        correction = corrector.correct(x + step * tangent, tangent, TRUST)
+        point = None
+        if correction is not None and correction.distance <= _ASIDE * step:
+            point = corrector.point(correction, tangent, 0.0)
+        if point is None or np.sign(point.tangent[-1]) != limit.way:
+            step *= _SHORTER
+            continue
+        x, tangent = point.x, point.tangent
+        amplitude = float(np.abs(point.orbit.state - flip.state).max())
+        if amplitude >= enough:
             break
-        sides.append(float(np.sign(correction.x[-1] - first.x[-1])))
-        corrections.append(correction)
-    if not sides or sides[0] == 0.0:
-        return "", 0.0
-    holds = next((i for i, side in enumerate(sides) if side != sides[0]), len(sides)) - 1
-    judged = corrector.point(corrections[holds], first.tangent, _AMPLITUDES[holds]).orbit
-    amplitude = float(np.abs(judged.state - special.orbit.state).max())
-    loses_after = special.after.below > special.before.below
-    unstable_side = neighbours[1] - special.value if loses_after else neighbours[0] - special.value
-    return ("supercritical" if sides[0] * unstable_side > 0.0 else "subcritical"), amplitude
+        step = min(_LONGER * step, reach)
+    return amplitude

@@ -6,18 +6,24 @@ right; by how much they differ is an estimate of the error.
 
 from __future__ import annotations
 
-from typing import cast
+import math
+from typing import NamedTuple, cast
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.continuation.branch import Kind, critical_multiplier
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import OrbitEquation
 
-_SAFETY = 4.0  # times the difference of two computations, of which neither is exact
+_CRITICAL = {Kind.FOLD: 1.0, Kind.FLIP: -1.0}  # where the critical multiplier is
+SAFETY = 4.0  # times the difference of two computations, of which neither is exact
+_NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # where a branch is looked at beside a crossing, in reaches
+_REAL = 1e-6  # imaginary part of a root that is real but for rounding
+_AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
 ROUNDING = 2e-14
 """Relative error of a parameter that both computations share: that of the flow, some 1e-15 in each of its steps."""
 
@@ -63,30 +69,74 @@ class SecondOpinion:
         exact = Correction(x, evaluation, 0, 0.0, 0.0)
         return self._corrector.point(exact, along, point.arclength + shift)
 
+    def crossing(self, point: BranchPoint, reach: float) -> float:
+        """The parameter at which the other branch crosses another, near a branch point.
+
+        Close to it no orbit can be held, but the branch and its determinant are smooth: the polynomials through points
+        on both sides, up to `reach` away, tell where the determinant is zero.
+
+        Raises
+        ------
+        NumericalError
+            If there are no such points, or the determinant keeps its sign.
+        """
+        points = [self.at(point, float(share) * reach) for share in _NODES]
+
+        def polynomial(values: list[float]) -> Polynomial:
+            return Polynomial.fit(_NODES, values, len(_NODES) - 1, domain=[-1.0, 1.0])
+
+        roots = polynomial([each.determinant for each in points]).roots()
+        places = roots[np.abs(roots.imag) < _REAL].real
+        places = places[np.abs(places) <= 1.0]
+        if not len(places):
+            raise NumericalError(f"no branches cross near {point.value:.12g} when the branch is posed otherwise")
+        return float(polynomial([each.value for each in points])(places[np.argmin(np.abs(places))]))
+
     def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
 
 
-def location_error(
-    kind: Kind, point: BranchPoint, second: BranchPoint, zeros: tuple[float, float], rate: float
-) -> float:
-    """Estimated error of the parameter at a special point.
+class Neighbour(NamedTuple):
+    """What a special point is compared with.
+
+    Attributes
+    ----------
+    point
+        A point of the branch, or of the same branch posed otherwise.
+    zero
+        The test function there.
+    """
+
+    point: BranchPoint
+    zero: float
+
+
+def location_error(kind: Kind, here: Neighbour, beside: Neighbour, second: Neighbour, spread: float) -> float:
+    """Estimated error of the parameter at a special point; infinite where it cannot be told.
 
     Parameters
     ----------
     kind
         What happens there.
-    point, second
-        The point, and the same by a second opinion, on the plane across the tangent.
-    zeros
-        The test function at both, where it should be zero.
-    rate
-        Its rate of change along the branch.
+    here, beside, second
+        The point, one beside it on the branch, and the same point by a second opinion, on the plane across the tangent.
+    spread
+        Width of its bracket in arclength.
     """
-    off = abs(second.value - point.value)  # across the branch
-    along = max(map(abs, zeros)) / abs(rate) if rate else 0.0
+    point, apart = here.point, beside.point.arclength - here.point.arclength
+    rate = (beside.zero - here.zero) / apart if apart else 0.0
+    if not rate or not math.isfinite(rate):
+        return math.inf
+    off = abs(second.point.value - point.value)  # across the branch
+    along = max(abs(here.zero), abs(second.zero)) / abs(rate)
     width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
     ahead = abs(float(point.tangent[-1])) * along
     if kind is Kind.FOLD:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
-    return float(_SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))
+    if kind in _CRITICAL:
+        critical = [critical_multiplier(kind, each.point.orbit.multipliers) for each in (here, beside, second)]
+        blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
+        if abs(critical[0] - _CRITICAL[kind]) > SAFETY * blurred + _AT:
+            return math.inf  # nothing is critical here
+    bracket = abs(float(point.tangent[-1])) * width * spread
+    return float(bracket + SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

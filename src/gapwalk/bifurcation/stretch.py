@@ -10,9 +10,10 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
 
+RESOLUTION = 1e-11
+"""Arclength below which lengths are made of rounding."""
 _FINEST = 1e-6  # arclength below which two zeros are not told apart
 _SHARE = 1e-4  # the same as a share of a short step: the walk goes in such where the branch bends as sharply
-_ROUNDING = 1e-11  # arclength below which lengths are made of rounding
 _ASTRAY = 0.3  # cosine of the angle between a chord and a tangent between its ends; beyond, it turned unseen
 
 
@@ -30,7 +31,7 @@ class Stretch:
         self._points = [first, last]
         self._lengths = [first.arclength, last.arclength]
         self.crossings: list[Crossing] = []
-        self.finest = min(_FINEST, max(_ROUNDING, _SHARE * (last.arclength - first.arclength)))
+        self.finest = min(_FINEST, max(RESOLUTION, _SHARE * (last.arclength - first.arclength)))
 
     @property
     def points(self) -> list[BranchPoint]:

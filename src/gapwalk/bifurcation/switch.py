@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,17 +64,44 @@ def switch(
 
 
 def _from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
-    found, equation = _posed(special, parameter, 2 * special.orbit.period, method)
-    corrector = Corrector(equation, scales_of(equation, special.orbit, within))
-    doubled = _Doubled(corrector, Corrector(found, scales_of(found, special.orbit, within)), special)
-    start, across = doubled.start()
-    return Departure(corrector, _first(corrector, start, np.append(across, 0.0)), within, singular=True)
+    doubled = Doubled(special, parameter, within, method)
+    start, across, _ = doubled.start()
+    return Departure(doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True)
 
 
-class _Doubled:
-    """The doubled equation along the parent of a flip, near to it.
+class DoubledStart(NamedTuple):
+    """Where the equation of twice the period has its branch point near a flip.
+
+    Attributes
+    ----------
+    unknowns : shape (N + 1,)
+        Its unknowns and the parameter there, not scaled.
+    across : shape (N,)
+        Its null vector, the parameter held, scaled.
+    place
+        Scaled distance from the flip along the parent, as in `Doubled.along`.
+    """
+
+    unknowns: NDArray[np.float64]
+    across: NDArray[np.float64]
+    place: float
+
+
+class Doubled:
+    """The equation of twice the period near a flip, where the motions of the parent solve it too.
 
     Parameters
+    ----------
+    special
+        The flip.
+    parameter
+        Name of the parameter to follow.
+    within
+        Range of the parameter.
+    method
+        How orbits are posed.
+
+    Attributes
     ----------
     corrector, parent
         Correct onto solutions of the doubled equation, and onto the parent.
@@ -80,33 +109,33 @@ class _Doubled:
         The flip.
     """
 
-    def __init__(self, corrector: Corrector, parent: Corrector, special: SpecialPoint) -> None:
-        self.corrector, self.parent, self.special = corrector, parent, special
+    def __init__(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> None:
+        found, equation = _posed(special, parameter, 2 * special.orbit.period, method)
+        self.special = special
+        self.corrector = Corrector(equation, scales_of(equation, special.orbit, within))
+        self.parent = Corrector(found, scales_of(found, special.orbit, within))
 
-    def start(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where the doubled equation has its branch point, not scaled, and its null vector there, the parameter held.
+    def start(self) -> DoubledStart:
+        """Where the doubled equation has its branch point.
 
         By shooting that is the flip. The multipliers of a balanced motion are more exact than its truncated equation,
         which has its own flip nearby: the secant method along the parent leads there.
         """
         start = self._doubled(self.special.orbit)
-        left, least, right = _least_singular(self._jacobian(start))
+        left, least, right = least_singular(self._jacobian(start))
         way = np.sign(right[np.argmax(np.abs(right))])
         across = right * way
         if least < _SINGULAR:
-            return start, across
+            return DoubledStart(start, across, 0.0)
         borders = left * way, across
-        x = np.append(self.parent.equation.unknowns(self.special.orbit), self.special.value) / self.parent.scales
-        evaluation = self.parent.equation.evaluate(x[:-1] * self.parent.scales[:-1], self.special.value)
-        tangent, _ = self.parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0))
-        places, sizes = [0.0, _BESIDE], [least]
+        places, sizes, best = [0.0, _BESIDE], [least], 0.0
         try:
             for _ in range(_STEPS):
-                beside = self._along(x, tangent, places[-1])
+                beside = self.along(places[-1])
                 size, vector = self._singular(beside, *borders)
                 sizes.append(size)
                 if abs(size) < least:
-                    least, start, across = abs(size), beside, vector
+                    least, start, across, best = abs(size), beside, vector, places[-1]
                 rise = sizes[-1] - sizes[-2]
                 if least < _SINGULAR or rise == 0.0:
                     break
@@ -115,7 +144,7 @@ class _Doubled:
                     break
         except (NumericalError, np.linalg.LinAlgError):
             pass  # the nearest place so far serves
-        return start, across
+        return DoubledStart(start, across, best)
 
     def _singular(
         self, start: NDArray[np.float64], left: NDArray[np.float64], right: NDArray[np.float64]
@@ -141,8 +170,15 @@ class _Doubled:
         evaluation = self.corrector.equation.evaluate(start[:-1], float(start[-1]))
         return evaluation.by_unknowns * self.corrector.scales[:-1]
 
-    def _along(self, x: NDArray[np.float64], tangent: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-        """The unknowns and the parameter of the doubled equation at a scaled distance along the parent."""
+    def along(self, step: float) -> NDArray[np.float64]:
+        """The doubled equation's unknowns and the parameter at a scaled distance from the flip, along the parent.
+
+        Raises
+        ------
+        NumericalError
+            If the parent could not be followed there.
+        """
+        x, tangent = self._flip
         correction = self.parent.correct(x + step * tangent, tangent)
         if correction is None:
             raise ConvergenceError("the branch of the flip could not be followed beside it")
@@ -150,13 +186,21 @@ class _Doubled:
         unknowns = correction.x[:-1] * self.parent.scales[:-1]
         return self._doubled(self.parent.equation.orbit(unknowns, value, correction.evaluation))
 
+    @cached_property
+    def _flip(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The scaled variables of the parent at the flip, and its tangent there, towards larger parameters."""
+        parent, value = self.parent, self.special.value
+        x = np.append(parent.equation.unknowns(self.special.orbit), value) / parent.scales
+        evaluation = parent.equation.evaluate(x[:-1] * parent.scales[:-1], value)
+        return x, parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0)).tangent
+
     def _doubled(self, orbit: Orbit) -> NDArray[np.float64]:
         equation = self.corrector.equation
         unknowns = equation.unknowns(replace(orbit, period=2 * orbit.period))
         return np.append(unknowns, orbit.system[equation.parameter or ""])
 
 
-def _least_singular(
+def least_singular(
     matrix: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
     """The smallest singular value of a matrix between its left and right vectors.

@@ -215,11 +215,8 @@ class Trail(Iterator[Step]):
             if beside is None:
                 return []
             first, before = beside, None
-        neighbours = (first.value, point.value)
         parameter, method = self.departure.equation.parameter or "", self.departure.equation.options
-        return [
-            with_nature(each, parameter, neighbours, method) for each in self.detector.inspect(first, point, before)
-        ]
+        return [with_nature(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """A point just beyond the beginning of a branch that begins at another; None if there is none.

@@ -91,7 +91,7 @@ def special_point_table(result: Result) -> Table:
                 f"{special.point.measure(f'half.{coordinate}'):#.8g}",
                 multiplier_text(special.multiplier),
                 _unstable(special) if diagram else special.change,
-                printable(special.nature.removesuffix(" values") or special.contact),
+                printable(special.nature_words.removesuffix(" values") or special.contact),
                 *([" ".join(limb.name for limb in diagram.attached(name, index))] if diagram else []),
             )
         table.add_section()

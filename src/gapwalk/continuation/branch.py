@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
+from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     import pandas
 
 
+REACH = 0.01
+"""Share of a motion up to which the doubled motions that leave its flip are looked at."""
+_WHOLE = 0.5  # share of that from which a nature counts as holding over all of it
 _VERTEX = 1e-3  # parameter component of the tangent below which a branch counts as turning
 
 
@@ -54,9 +58,10 @@ class SpecialPoint(Shown):
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     nature
         ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or ``subcritical`` for a
-        flip; empty for other kinds, or where it could not be told.
+        flip, as the limit towards the point; empty for other kinds, or where it cannot be told.
     judged
-        Amplitude of the doubled motion, in units of the state, up to which a flip's nature was seen to hold.
+        Amplitude of the doubled motion, in units of the state, up to which the doubled branch leaves a flip to the side
+        that its nature says. It is looked at up to 1 % of the motion; where it turns round before, that is where.
     """
 
     kind: Kind
@@ -87,6 +92,14 @@ class SpecialPoint(Shown):
     def is_vertex(self) -> bool:
         """Whether this is a branch point at which the branch turns round, because it branches off from the other."""
         return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
+
+    @property
+    def nature_words(self) -> str:
+        """The nature, and the amplitude up to which it holds where the doubled branch soon turns round."""
+        whole = self.kind is not Kind.FLIP or not self.nature
+        if whole or self.judged >= _WHOLE * REACH * magnitude(self.orbit.state, self.orbit.system):
+            return self.nature
+        return f"{self.nature} up to {self.judged:.1g}"
 
     @property
     def change(self) -> str:

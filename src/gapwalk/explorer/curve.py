@@ -167,7 +167,7 @@ def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
         "value": special.value,
         "uncertainty": special.uncertainty,
         "change": special.change,
-        "nature": special.nature,
+        "nature": special.nature_words,
         "contact": special.contact,
         "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
         "has_locus": special.kind in KINDS,

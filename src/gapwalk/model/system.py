@@ -244,6 +244,12 @@ class System(Shown):
         """For each switch of the flow the number of its contact, its side (1 or -1), and the clearance there."""
         return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
 
+    @property
+    def gapless(self) -> tuple[bool, ...]:
+        """For each switch of the flow whether its stage acts on both sides without a gap: such a stage never opens."""
+        places = [place for _, _, place in self.structure.breakpoints]
+        return tuple(places.count(place) == 2 and self._at(place) == 0.0 for place in places)
+
     def matrix(self, which: str) -> NDArray[np.float64]:
         """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
         system = self.equations

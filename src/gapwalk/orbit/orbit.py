@@ -64,17 +64,22 @@ class Orbit(Shown):
 
     @cached_property
     def closings(self) -> tuple[int, ...]:
-        """How often each switch closes in one full period; it changes only where a contact grazes."""
-        counts = [0] * len(self.system.structure.breakpoints)
+        """How often each switch closes in one full period; it changes only where a contact grazes.
+
+        Never for a stage that acts on both sides without a gap, as a smooth spring does: it stays closed.
+        """
+        gapless = self.system.gapless
+        counts = [0] * len(gapless)
         for event in self.events:
-            counts[event.switch] += event.enters
+            counts[event.switch] += event.enters and not gapless[event.switch]
         return tuple(counts)
 
     @cached_property
     def pattern(self) -> str:
         """The contact pattern: impacts on each side in one full period, such as ``3+/1-``.
 
-        ``open`` for a contact that is never met, ``closed+`` or ``closed-`` for one that never opens.
+        ``open`` for a contact that is never met, ``closed+`` or ``closed-`` for one that never opens, ``closed`` for
+        one without a gap.
         """
         return _pattern(self)
 
@@ -153,9 +158,11 @@ def _pattern(orbit: Orbit) -> str:
     for contact in orbit.system.structure.contacts:
         innermost: dict[int, int] = {}
         for switch, (name, _, side) in enumerate(names):
-            if name == contact.name:
+            if name == contact.name and not orbit.system.gapless[switch]:
                 innermost.setdefault(side, switch)
-        if any(orbit.closings[switch] for switch in innermost.values()):
+        if not innermost:
+            text = "closed"
+        elif any(orbit.closings[switch] for switch in innermost.values()):
             text = "/".join(f"{orbit.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())
         else:
             held = [side for side, switch in innermost.items() if _is_inside(orbit, contact, names[switch])]

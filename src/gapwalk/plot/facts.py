@@ -78,7 +78,7 @@ def _(special: SpecialPoint) -> Card:
     facts = [
         ("at", f"{special.value:.10g} ± {special.uncertainty:.0e}"),
         ("stability", special.change),
-        ("nature", special.nature),
+        ("nature", special.nature_words),
         ("contact", special.contact),
         ("period", _periods(special.orbit.period)),
     ]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality, smallest_singular_value
-from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
+from gapwalk.bifurcation.normal_form import flip_coefficient
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, layout_of
@@ -134,12 +134,12 @@ class BalancedPlane:
         here = jacobian(start)
         other = np.flatnonzero(~shared)
         block = smallest_singular_value(here[0][np.ix_(other, other)])
-        directions, covectors = np.zeros((2, 1, len(start)))
-        directions[0, other], covectors[0, other] = block.directions[0], block.covectors[0]
+        right, left = np.zeros((2, len(start)))
+        right[other], left[other] = block.directions[0], block.covectors[0]
         response = np.eye(len(start))
         response[np.ix_(shared, shared)] = -here[0][np.ix_(shared, shared)]
-        critical = Criticality(block.value, directions, covectors)
-        return flip_coefficient(jacobian, here, start, np.full(len(start), scales[0]), critical, response)
+        units = np.full(len(start), scales[0])
+        return flip_coefficient(jacobian, here, start, units, (right, left), response).value
 
     def halved(self) -> BalancedPlane:
         """See `OrbitPlane.halved`."""

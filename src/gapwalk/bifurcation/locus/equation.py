@@ -77,6 +77,6 @@ class MultiplierEquation:
         return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
 
     def flip_coefficient(self, unknowns: NDArray[np.float64], value: float) -> float:
-        """The cubic coefficient of a flip; see `gapwalk.bifurcation.locus.normal_form.flip_coefficient`."""
+        """The cubic coefficient of a flip; see `gapwalk.bifurcation.normal_form.flip_coefficient`."""
         place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
         return self.plane.flip_coefficient(place, self.scales)

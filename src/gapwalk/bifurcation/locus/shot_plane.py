@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality
-from gapwalk.bifurcation.locus.normal_form import flip_coefficient
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
+from gapwalk.bifurcation.normal_form import flip_coefficient
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
@@ -131,7 +131,8 @@ class ShotPlane:
         here = self._scaled(place.evidence, scales), place.evidence.contacts
         critical = self.criticality(Kind.FLIP, place, scales)
         bordering = np.eye(len(units)) - here[0]
-        return flip_coefficient(monodromy, here, place.unknowns, units, critical, bordering)
+        vectors = critical.directions[0], critical.covectors[0]
+        return flip_coefficient(monodromy, here, place.unknowns, units, vectors, bordering).value
 
     def halved(self) -> ShotPlane:
         """See `OrbitPlane.halved`."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.locus.condition import Criticality
 from gapwalk.motion.switching import ContactEvent
 
 _STEPS = (6e-5, 6e-6)  # displacements in units of the unknowns: beyond them curvature shows, below them rounding
@@ -21,14 +21,33 @@ Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
 """The derivative of a map or of an equation somewhere, in units of its unknowns, and the contacts of the motion."""
 
 
+class Cubic(NamedTuple):
+    """The cubic coefficient of a flip.
+
+    Attributes
+    ----------
+    value
+        The coefficient; nan if there is none at any length of motion that was tried.
+    error
+        How far that of differences of second order is off: by curvature, or by rounding.
+    step
+        The displacement, in units of the unknowns, over which it was measured.
+    """
+
+    value: float
+    error: float
+    step: float
+
+
 def flip_coefficient(
     matrix_at: Callable[[NDArray[np.float64]], Matrix],
     here: Matrix,
     unknowns: NDArray[np.float64],
     units: NDArray[np.float64],
-    critical: Criticality,
+    critical: tuple[NDArray[np.float64], NDArray[np.float64]],
     response: NDArray[np.float64],
-) -> float:
+    steps: Sequence[float] = _STEPS,
+) -> Cubic:
     """The cubic coefficient at a flip, times ``w^T v``, which makes it smooth along its locus.
 
     With the map over m periods P, its critical vectors ``B v = -v`` and ``w^T B = -w^T`` (Kuznetsov, Elements of
@@ -39,8 +58,8 @@ def flip_coefficient(
     An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same with F in place of
     P, and ``R = -F'`` among the motions of half the period (the reduction of Lyapunov and Schmidt).
 
-    The derivatives along v come from differences of exact matrices P' or F'. nan so close to a grazing contact that
-    there are none at any length of motion that matters.
+    The derivatives along v come from differences of exact matrices P' or F', over the longest of the steps within
+    which no contact grazes: beyond a grazing point the map is another one, and so are its derivatives.
 
     Parameters
     ----------
@@ -54,9 +73,11 @@ def flip_coefficient(
         v and w.
     response : shape (N, N)
         R.
+    steps
+        Displacements to try, in units of the unknowns.
     """
-    v, w = critical.directions[0], critical.covectors[0]
-    for step in _STEPS:
+    v, w = critical
+    for step in steps:
         matrices = []
         for place in _PLACES:
             matrix, contacts = matrix_at(unknowns + place * step * units * v)
@@ -64,11 +85,18 @@ def flip_coefficient(
                 break
             matrices.append(matrix)
         else:
+
+            def coefficient(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+                bent = np.linalg.solve(response, first @ v)
+                return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
+
             first = np.tensordot(_FIRST, matrices, 1) / step
             second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * here[0]) / step**2
-            bent = np.linalg.solve(response, first @ v)
-            return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
-    return float("nan")
+            value = coefficient(first, second)
+            _, before, after, _ = matrices
+            coarser = coefficient((after - before) / (2.0 * step), (after + before - 2.0 * here[0]) / step**2)
+            return Cubic(value, abs(coarser - value), step)
+    return Cubic(float("nan"), float("inf"), 0.0)
 
 
 def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
