@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from gapwalk.attractor.basins import Check, attractor_names, border_cells, in_order
+from gapwalk.attractor.basins import Check, attractor_names, in_order
+from gapwalk.attractor.neighbours import about, beside_cells, beside_states, differs
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
@@ -165,7 +166,23 @@ def test_ctrl_c_keeps_what_is_done():
 
 def test_cells_at_borders():
     labels = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0]])
-    assert border_cells(labels).astype(int).tolist() == [[0, 0, 1], [0, 1, 1], [0, 0, 1]]
+    beside = beside_cells(3, 3)
+    borders = differs(labels.ravel(), beside)
+    assert borders.reshape(3, 3).astype(int).tolist() == [[0, 0, 1], [0, 1, 1], [0, 0, 1]]
+    assert about(labels.ravel() == 1, beside).tolist() == borders.tolist()
+
+
+def test_random_states_are_beside_those_nearest_in_units_of_their_ranges():
+    """A grid of 5 x 4, its second component a million times as wide; a third one is the same for all."""
+    places = np.array([(i, j) for i in range(5) for j in range(4)])
+    states = np.column_stack((places[:, 0] / 4.0, 1e6 * places[:, 1] / 3.0, np.full(20, 7.0)))
+    random = np.random.default_rng(1).permutation(20)
+    beside = beside_states(states[random])
+    for state, others in zip(places[random], places[random][beside], strict=True):
+        if state[0] in (1, 2, 3) and state[1] in (1, 2):
+            assert {tuple(step) for step in (others - state).tolist()} == {(1, 0), (-1, 0), (0, 1), (0, -1)}
+    assert beside_states(states[:1]).shape == (1, 0)
+    assert not differs(np.zeros(1, dtype=int), beside_states(states[:1])).any()
 
 
 def test_the_error_of_the_picture_is_that_of_cells_that_were_not_checked():

@@ -27,11 +27,12 @@ class Check:
     Attributes
     ----------
     cells, borders
-        Cells in the plane, and those of them whose label differs from that of a neighbour.
+        Cells in the plane (or random starts), and those of them whose label differs from that of a neighbour, or that
+        are about one whose label was wrong.
     border_checked, border_wrong
         Border cells that were checked, and those whose label had been wrong.
     inner_checked, inner_wrong
-        The same of the other cells.
+        The same of random ones of the other cells.
     """
 
     cells: int
@@ -193,6 +194,10 @@ class BasinShares:
         Probability with which limits hold, for each share by itself.
     complete, notes
         As in `Basins`.
+    check
+        How far the labels hold.
+    error
+        As in `Basins`.
     """
 
     system: System
@@ -203,6 +208,8 @@ class BasinShares:
     confidence: float
     complete: bool = True
     notes: tuple[str, ...] = ()
+    check: Check = Check(0)
+    error: float = 0.0
 
     @property
     def shares(self) -> tuple[Share, ...]:
@@ -247,17 +254,6 @@ def in_order(
     places[order] = np.arange(len(order))
     places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # the last two places, which is where these labels point
     return tuple(attractors[k] for k in order), places[labels]
-
-
-def border_cells(labels: NDArray[np.int_]) -> NDArray[np.bool_]:
-    """The cells whose label differs from that of a neighbour above, below, left or right; shape as `labels`."""
-    borders = np.zeros(labels.shape, dtype=bool)
-    across, up = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
-    borders[:, 1:] |= across
-    borders[:, :-1] |= across
-    borders[1:] |= up
-    borders[:-1] |= up
-    return borders
 
 
 def _ratio(wrong: int, checked: int) -> float:

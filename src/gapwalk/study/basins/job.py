@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.basins import Check, border_cells
+from gapwalk.attractor.basins import Check
 from gapwalk.attractor.catalogue import Catalogue, Effort, explore
 from gapwalk.attractor.haunt import Haunt
 from gapwalk.attractor.mass_swarm import swarm_of
+from gapwalk.attractor.neighbours import about, differs
 from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
 from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.model.system import System
@@ -141,31 +142,46 @@ class BasinJob:
         hands.run(_sort_fast, pieces, accept, in_order=False)
         self._explore(np.flatnonzero(self.labels == UNRESOLVED))
 
-    def check(self, hands: Workers, shape: tuple[int, int], at_borders: int, elsewhere: int) -> None:
-        """Find labels of cells at borders, and of some others, again with the exact flow, and mend what is wrong.
+    def check(self, hands: Workers, neighbours: NDArray[np.intp], at_borders: int | None, elsewhere: int) -> None:
+        """Find labels at borders, and some others, again with the exact flow, and mend what is wrong.
+
+        Wrong labels are not alone: where one was found, those about it are found again too. And where a sample holds
+        one, there are more; so others are drawn, until a sample holds none.
 
         Parameters
         ----------
         hands
             Who does it.
-        shape
-            Rows and columns of the cells.
-        at_borders, elsewhere
-            How many cells at most.
+        neighbours : shape (count, any number)
+            Which states are beside each one.
+        at_borders
+            How many labels at borders; None for all of them, with those about wrong ones, and as many samples as it
+            takes. Otherwise there is one sample.
+        elsewhere
+            How many labels in a sample.
         """
-        checked = np.zeros(len(self.states), dtype=bool)
-        count = wrong = 0
-        while True:  # mended labels make new borders
-            borders = border_cells(self.labels.reshape(shape)).ravel()
-            chosen = self._choose(borders & ~checked, at_borders - count)
-            if not len(chosen):
+        checked, changed, sampled = (np.zeros(len(self.states), dtype=bool) for _ in range(3))
+        wrong = wrong_elsewhere = 0
+        while True:
+            while True:  # mended labels make new borders
+                near = differs(self.labels, neighbours)
+                if at_borders is None:
+                    near |= about(about(changed, neighbours), neighbours)
+                left = len(self.states) if at_borders is None else at_borders - int(np.sum(checked & ~sampled))
+                chosen = self._choose(near & ~checked, left)
+                if not len(chosen):
+                    break
+                wrong += self._mend(hands, chosen, changed)
+                checked[chosen] = True
+            chosen = self._choose(~near & ~checked, elsewhere)
+            before = int(changed.sum())
+            wrong_elsewhere += self._mend(hands, chosen, changed)
+            checked[chosen] = sampled[chosen] = True
+            if at_borders is not None or changed.sum() == before:
                 break
-            count, wrong = count + len(chosen), wrong + self._mend(hands, chosen)
-            checked[chosen] = True
-        chosen = self._choose(~borders & ~checked, elsewhere)
-        wrong_elsewhere = self._mend(hands, chosen)
-        near = int((borders | checked).sum())
-        self.checked = Check(len(self.states), near, count, wrong, len(chosen), wrong_elsewhere)
+        at_border = checked & ~sampled
+        counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
+        self.checked = Check(len(self.states), *counts, int(sampled.sum()), wrong_elsewhere)
 
     def _note(self, chunk: BasinChunk) -> None:
         place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
@@ -176,8 +192,8 @@ class BasinJob:
         random = np.random.default_rng(self.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
-    def _mend(self, hands: Workers, which: NDArray[np.intp]) -> int:
-        """Find labels again with the exact flow; how many were wrong."""
+    def _mend(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+        """Find labels again with the exact flow, and note in `changed` which are others now; how many were wrong."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array([haunt.wide for haunt in self.catalogue.haunts] + [False, False])  # the last: no attractor
         is_wide = wide[self.labels[which]]
@@ -190,7 +206,9 @@ class BasinJob:
         hands.run(_sort_exactly, pieces, accept, in_order=False)
         wrong = int(np.sum(exact[which] != self.labels[which]))
         # one that has come to no attractor by then keeps its label, but counts as wrong
-        self.labels[which] = np.where(exact[which] == UNRESOLVED, self.labels[which], exact[which])
+        mended = np.where(exact[which] == UNRESOLVED, self.labels[which], exact[which])
+        changed[which] = mended != self.labels[which]
+        self.labels[which] = mended
         return wrong
 
     def _explore(self, which: NDArray[np.intp]) -> None:
