@@ -24,8 +24,7 @@ def beside_states(states: NDArray[np.float64]) -> NDArray[np.intp]:
     from scipy.spatial import cKDTree  # imported late: it takes long
 
     widths = np.ptp(states, axis=0)
-    free = widths > 0.0
-    scaled = states[:, free] / widths[free]
+    scaled = states / np.where(widths > 0.0, widths, 1.0)
     count = min(_NEAREST, len(states) - 1)
     _, nearest = cKDTree(scaled).query(scaled, k=np.arange(1, count + 2))
     return np.asarray(nearest[:, 1:], dtype=np.intp)

@@ -26,6 +26,7 @@ CHUNK = 4096
 
 _CHECKED = 32  # states of a piece that is followed with the exact flow
 _WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
+_SHIFT = 1e-15  # relative: where it changes a label, rounding decides
 _PILOT = 64  # states that are looked at first: most attractors are found by them
 
 
@@ -146,7 +147,8 @@ class BasinJob:
         """Find labels at borders, and some others, again with the exact flow, and mend what is wrong.
 
         Wrong labels are not alone: where one was found, those about it are found again too. And where a sample holds
-        one, there are more; so others are drawn, until a sample holds none.
+        one, there are more; so others are drawn, until a sample holds none. In the end some are followed once more from
+        states shifted by their rounding: where basins are as fine as that, no computation can tell their labels.
 
         Parameters
         ----------
@@ -181,7 +183,12 @@ class BasinJob:
                 break
         at_border = checked & ~sampled
         counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
-        self.checked = Check(len(self.states), *counts, int(sampled.sum()), wrong_elsewhere)
+        again = self._choose(checked, elsewhere)
+        shifted = self._exact(hands, again, _SHIFT)
+        differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
+        self.checked = Check(
+            len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
+        )
 
     def _note(self, chunk: BasinChunk) -> None:
         place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
@@ -194,22 +201,27 @@ class BasinJob:
 
     def _mend(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
         """Find labels again with the exact flow, and note in `changed` which are others now; how many were wrong."""
+        exact = self._exact(hands, which)
+        wrong = int(np.sum(exact != self.labels[which]))
+        # one that has come to no attractor by then keeps its label, but counts as wrong
+        mended = np.where(exact == UNRESOLVED, self.labels[which], exact)
+        changed[which] = mended != self.labels[which]
+        self.labels[which] = mended
+        return wrong
+
+    def _exact(self, hands: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+        """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array([haunt.wide for haunt in self.catalogue.haunts] + [False, False])  # the last: no attractor
         is_wide = wide[self.labels[which]]
-        pieces = self._pieces(which[~is_wide], _CHECKED, self.effort.longest)
-        pieces += self._pieces(which[is_wide], _CHECKED, min(self.effort.longest, _WANDERING))
+        pieces = self._pieces(which[~is_wide], _CHECKED, self.effort.longest, shift)
+        pieces += self._pieces(which[is_wide], _CHECKED, min(self.effort.longest, _WANDERING), shift)
 
         def accept(index: int, found: Sorted) -> None:
             exact[pieces[index].places] = found.labels
 
         hands.run(_sort_exactly, pieces, accept, in_order=False)
-        wrong = int(np.sum(exact[which] != self.labels[which]))
-        # one that has come to no attractor by then keeps its label, but counts as wrong
-        mended = np.where(exact[which] == UNRESOLVED, self.labels[which], exact[which])
-        changed[which] = mended != self.labels[which]
-        self.labels[which] = mended
-        return wrong
+        return exact[which]
 
     def _explore(self, which: NDArray[np.intp]) -> None:
         if len(which):
@@ -217,10 +229,11 @@ class BasinJob:
             self.catalogue, labels = explore(self.catalogue, swarm.advance, self._ends[which], self.effort)
             self.labels[which] = labels
 
-    def _pieces(self, which: NDArray[np.intp], size: int, longest: int) -> list[_Piece]:
+    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
         system, haunts = self.catalogue.system, self.catalogue.haunts
+        states = self.states + shift * np.abs(self.states).max(axis=0)
         places = [which[first : first + size] for first in range(0, len(which), size)]
-        return [_Piece(number, some, system, self.states[some], haunts, longest) for number, some in enumerate(places)]
+        return [_Piece(number, some, system, states[some], haunts, longest) for number, some in enumerate(places)]
 
 
 def _sort_fast(piece: _Piece) -> BasinChunk:
