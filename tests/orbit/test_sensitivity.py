@@ -94,7 +94,7 @@ def test_variations_piece_by_piece_are_those_at_once(system) -> None:
     direction[0, 0] = 1.0
     state, thetas = np.full(2 * system.size, 0.4), np.linspace(0.0, 6.0, 13)
     once = flow.vary(coefficients, state, thetas, direction)
-    pieces = flow._vary_piecewise(coefficients, state, thetas, direction)
+    pieces = flow._take()._vary_piecewise(coefficients, state, thetas, direction)
     for name in ("states", "transitions", "sensitivities"):
         np.testing.assert_allclose(getattr(pieces, name), getattr(once, name), atol=1e-9)
     assert len(once.contacts) == len(pieces.contacts) > 0

@@ -4,15 +4,19 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from gapwalk.attractor.basins import Check, attractor_names, border_cells, in_order
+from gapwalk.attractor.basins import Check, attractor_names, in_order
+from gapwalk.attractor.neighbours import about, beside_cells, beside_states, differs
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
+from gapwalk.motion.mass.flow import mass_flow_of
+from gapwalk.motion.mass.options import MassOptions
 from gapwalk.paper import case
 from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
+from gapwalk.study.basins.job import BasinJob
 from gapwalk.study.basins.store import load_basins
 from gapwalk.study.regimes.store import load_regimes
-from gapwalk.study.work.workers import workers
+from gapwalk.study.work.workers import Workers, workers
 from tests.independent import integrate
 from tests.systems import linear
 
@@ -141,6 +145,99 @@ def test_shares_have_the_limits_of_clopper_and_pearson():
     assert "period 1a 0." in repr(found)
 
 
+def test_starts_beside_others_of_another_label_are_found_with_the_exact_flow():
+    """Two of these starts were called period 3 by the fast flow, whose error is 1e-4; at 1e-7 it calls none wrongly."""
+    found = basin_shares(
+        case("15").at(frequency=0.45), {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, options=in_process(seed=1, check=32)
+    )
+    assert [attractor.period for attractor in found.attractors] == [1, 3]
+    assert found.check.border_wrong == 2
+    assert found.check.border_checked == found.check.borders < 400
+    assert (found.check.inner_wrong, found.check.shifted_wrong) == (0, 0)
+    assert "exact at all borders; elsewhere 0 of 32" in repr(found)
+    assert 0.0 < found.error < 3e-4
+    some = np.concatenate(([3424, 3769], np.arange(0, 4000, 40)))
+    fine = mass_flow_of(found.system, MassOptions(error=1e-7)).run(found.starts[some], 901, every=900)
+    assert fine.strobes is not None
+    turn = fine.states - fine.strobes[-1]
+    assert found.labels[some].tolist() == np.where(np.abs(turn).max(axis=1) < 1e-3, 0, 1).tolist()
+    assert found.labels[3424] == found.labels[3769] == 0
+    only_fast = basin_shares(
+        found.system, {"q1": (-4, 4), "q1'": (-4, 4)}, 4000, options=in_process(seed=1, check=0, exact_borders=False)
+    )
+    assert np.flatnonzero(only_fast.labels != found.labels).tolist() == [3424, 3769]
+    assert only_fast.check.text == "not checked with the exact flow"
+    assert only_fast.check.limit == 1.0
+
+
+class Told(BasinJob):
+    """A job whose exact labels are known beforehand, and whose shifted ones are others in some places."""
+
+    def __init__(self, fast, truth, by_rounding=()):
+        super().__init__(double_well(), np.zeros((len(truth), 2)), BasinOptions().effort, 0)
+        self.labels, self.truth, self.looks = fast.copy(), truth, 0
+        self.other = truth.copy()
+        self.other[list(by_rounding)] = 1 - truth[list(by_rounding)]
+
+    def _exact(self, hands, which, shift=0.0):
+        self.looks += len(which)
+        return (self.other if shift else self.truth)[which]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_wrong_labels_are_found_more_are_looked_for(seed):
+    """Two basins, a border between them, and in a corner a patch in which both the truth and the labels are random."""
+    random, size, patch = np.random.default_rng(seed), 64, 12
+    truth = np.zeros((size, size), dtype=int)
+    truth[:, size // 2 :] = 1
+    fast = truth.copy()
+    truth[:patch, :patch], fast[:patch, :patch] = random.integers(0, 2, (2, patch, patch))
+    job = Told(fast.ravel(), truth.ravel())
+    job.check(Workers(), beside_cells(size, size), None, 64)
+    assert job.labels.tolist() == truth.ravel().tolist()
+    assert job.looks < 0.2 * size**2
+    assert job.checked.border_wrong + job.checked.inner_wrong >= np.sum(fast != truth)
+
+
+def test_samples_are_drawn_until_one_holds_nothing_wrong():
+    """Wrong labels far from each other and from all borders: the sample finds some, so all are looked at in the end."""
+    truth, wrong = np.zeros(6400, dtype=int), np.arange(0, 6400, 9)
+    fast = truth.copy()
+    fast[wrong] = 1
+    lone = np.repeat(np.arange(6400)[:, None], 4, axis=1)  # no cell has a neighbour
+    job = Told(fast, truth)
+    job.check(Workers(), lone, None, 200)
+    assert not job.labels.any()
+    assert job.checked.inner_checked == job.looks - 200 == 6400
+    once = Told(fast, truth)
+    once.check(Workers(), lone, 200, 200)
+    assert once.checked.inner_checked == 200
+    share = once.checked.share
+    assert share == pytest.approx(once.labels.mean(), abs=0.06)
+    assert share < once.checked.limit < share + 0.06
+
+
+def test_labels_that_rounding_decides_are_counted():
+    fast = np.zeros(100, dtype=int)
+    job = Told(fast, fast, by_rounding=(3, 4, 50))
+    job.check(Workers(), beside_cells(10, 10), None, 100)
+    assert (job.checked.shifted, job.checked.shifted_wrong) == (100, 3)
+    assert job.checked.share == job.checked.limit == pytest.approx(0.03)
+    assert job.checked.text.endswith("elsewhere 0 of 100 cells differed from the exact flow; rounding decides 3 of 100")
+
+
+def test_basins_finer_than_rounding_say_so():
+    """x'' + 0.15 x' - x + x^3 = 0.2 cos(t): a fractal border, to which motions stay near for many periods."""
+    cubic = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
+    push = Harmonic(0.2, {"x": 1.0})
+    system = System(("x",), [[-1.0]], [[0.15]], contacts=[cubic], harmonics=[push], frequency=1.0)
+    found = basins(system, {"x": (-2.2, 2.2), "x'": (-2.2, 2.2)}, 30, options=in_process(check=256))
+    assert found.check.border_wrong > 50
+    assert 0 < found.check.shifted_wrong < 0.1 * found.check.shifted
+    assert 0.0 < found.check.share < 0.1
+    assert "rounding decides" in found.check.text
+
+
 def test_motions_that_run_away_have_a_label_of_their_own():
     """A softening spring, x'' + 0.2 x' + x - x^3 = 0.1: saddles at x = -1.05 and 0.95, beyond which all is lost."""
     soft = Contact("spring", {"x": 1.0}, (Stage(0.0, 0.0, -1.0),))
@@ -165,7 +262,23 @@ def test_ctrl_c_keeps_what_is_done():
 
 def test_cells_at_borders():
     labels = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0]])
-    assert border_cells(labels).astype(int).tolist() == [[0, 0, 1], [0, 1, 1], [0, 0, 1]]
+    beside = beside_cells(3, 3)
+    borders = differs(labels.ravel(), beside)
+    assert borders.reshape(3, 3).astype(int).tolist() == [[0, 0, 1], [0, 1, 1], [0, 0, 1]]
+    assert about(labels.ravel() == 1, beside).tolist() == borders.tolist()
+
+
+def test_random_states_are_beside_those_nearest_in_units_of_their_ranges():
+    """A grid of 5 x 4, its second component a million times as wide; a third one is the same for all."""
+    places = np.array([(i, j) for i in range(5) for j in range(4)])
+    states = np.column_stack((places[:, 0] / 4.0, 1e6 * places[:, 1] / 3.0, np.full(20, 7.0)))
+    random = np.random.default_rng(1).permutation(20)
+    beside = beside_states(states[random])
+    for state, others in zip(places[random], places[random][beside], strict=True):
+        if state[0] in (1, 2, 3) and state[1] in (1, 2):
+            assert {tuple(step) for step in (others - state).tolist()} == {(1, 0), (-1, 0), (0, 1), (0, -1)}
+    assert beside_states(states[:1]).shape == (1, 0)
+    assert not differs(np.zeros(1, dtype=int), beside_states(states[:1])).any()
 
 
 def test_the_error_of_the_picture_is_that_of_cells_that_were_not_checked():
@@ -173,6 +286,9 @@ def test_the_error_of_the_picture_is_that_of_cells_that_were_not_checked():
     assert Check(1000, 100, 100, 7, 900, 3).limit == 0.0
     inner = 1.0 - 0.025 ** (1.0 / 90.0)  # the limit after 90 checks without a wrong one, in closed form
     assert Check(1000, 0, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
+    assert Check(1000, 1000, 1000, 7, 0, 0, 100, 3).share == pytest.approx(0.03)  # which rounding decides
+    assert Check(1000, 1000, 1000, 7, 0, 0, 90, 0).limit == pytest.approx(inner * 910 / 1000)
+    assert Check(24, 0, 0, 0, 24, 0, 24, 0).limit == 0.0
 
 
 def test_attractors_stand_in_an_order_of_their_own(clutch_basins):

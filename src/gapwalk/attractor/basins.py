@@ -27,11 +27,15 @@ class Check:
     Attributes
     ----------
     cells, borders
-        Cells in the plane, and those of them whose label differs from that of a neighbour.
+        Cells in the plane (or random starts), and those of them whose label differs from that of a neighbour, or that
+        are about one whose label was wrong.
     border_checked, border_wrong
         Border cells that were checked, and those whose label had been wrong.
     inner_checked, inner_wrong
-        The same of the other cells.
+        The same of random ones of the other cells.
+    shifted, shifted_wrong
+        Checked cells that were followed once more, from a state 1e-15 of its size aside, and those of them whose label
+        was another one then: rounding decides it.
     """
 
     cells: int
@@ -40,15 +44,17 @@ class Check:
     border_wrong: int = 0
     inner_checked: int = 0
     inner_wrong: int = 0
+    shifted: int = 0
+    shifted_wrong: int = 0
 
     @property
     def share(self) -> float:
-        """Estimated share of the cells whose label is still wrong."""
+        """Estimated share of the cells whose label is still wrong, or decided by rounding."""
         return self._still_wrong(_ratio)
 
     @property
     def limit(self) -> float:
-        """Upper limit of that share: cells at borders and others at their limits (Clopper and Pearson) of 97.5 %."""
+        """Upper limit of that share: each kind of cells at its limit (Clopper and Pearson) of 97.5 %."""
         return self._still_wrong(_upper)
 
     @property
@@ -56,17 +62,23 @@ class Check:
         """How far the labels hold, in one line."""
         if not self.border_checked + self.inner_checked:
             return "not checked with the exact flow"
-        inner = f"{self.inner_wrong} of {self.inner_checked} cells differed from the exact flow"
+        text = f"{self.inner_wrong} of {self.inner_checked} cells differed from the exact flow"
         if self.borders == self.border_checked:
-            return f"exact at all borders; elsewhere {inner}"
-        return f"{self.border_wrong} of {self.border_checked} cells at borders and elsewhere {inner}"
+            text = f"exact at all borders; elsewhere {text}"
+        else:
+            text = f"{self.border_wrong} of {self.border_checked} cells at borders and elsewhere {text}"
+        return f"{text}; rounding decides {self.shifted_wrong} of {self.shifted}" if self.shifted_wrong else text
 
     def _still_wrong(self, rate: Callable[[int, int], float]) -> float:
-        unchecked = self.borders - self.border_checked
-        border = unchecked * rate(self.border_wrong, self.border_checked) if unchecked else 0.0
-        unchecked = self.cells - self.borders - self.inner_checked
-        inner = unchecked * rate(self.inner_wrong, self.inner_checked) if unchecked else 0.0
-        return (border + inner) / self.cells
+        exact = self.border_checked + self.inner_checked
+        groups = [
+            (self.borders - self.border_checked, self.border_wrong, self.border_checked),
+            (self.cells - self.borders - self.inner_checked, self.inner_wrong, self.inner_checked),
+        ]
+        if self.shifted:  # results of older versions have none
+            groups.append((exact - self.shifted, self.shifted_wrong, self.shifted))
+        wrong = sum(others * rate(wrong, checked) for others, wrong, checked in groups if others)
+        return (wrong + self.shifted_wrong) / self.cells
 
 
 @dataclass(frozen=True)
@@ -193,6 +205,10 @@ class BasinShares:
         Probability with which limits hold, for each share by itself.
     complete, notes
         As in `Basins`.
+    check
+        How far the labels hold.
+    error
+        As in `Basins`.
     """
 
     system: System
@@ -203,6 +219,8 @@ class BasinShares:
     confidence: float
     complete: bool = True
     notes: tuple[str, ...] = ()
+    check: Check = Check(0)
+    error: float = 0.0
 
     @property
     def shares(self) -> tuple[Share, ...]:
@@ -220,7 +238,8 @@ class BasinShares:
 
     def __repr__(self) -> str:
         parts = [f"{each.name} {each.share:.4f} ({each.low:.4f} to {each.high:.4f})" for each in self.shares]
-        return f"BasinShares({len(self.labels)} starts; {', '.join(parts)}; confidence {self.confidence:g})"
+        told = f"{', '.join(parts)}; confidence {self.confidence:g}; labels: {self.check.text}"
+        return f"BasinShares({len(self.labels)} starts; {told})"
 
 
 def attractor_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
@@ -247,17 +266,6 @@ def in_order(
     places[order] = np.arange(len(order))
     places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # the last two places, which is where these labels point
     return tuple(attractors[k] for k in order), places[labels]
-
-
-def border_cells(labels: NDArray[np.int_]) -> NDArray[np.bool_]:
-    """The cells whose label differs from that of a neighbour above, below, left or right; shape as `labels`."""
-    borders = np.zeros(labels.shape, dtype=bool)
-    across, up = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
-    borders[:, 1:] |= across
-    borders[:, :-1] |= across
-    borders[1:] |= up
-    borders[:-1] |= up
-    return borders
 
 
 def _ratio(wrong: int, checked: int) -> float:

@@ -1,4 +1,4 @@
-"""The one thread of the server that touches compiled flows; of several clicks only the last one is answered."""
+"""The one thread of the server that computes; of several clicks only the last one is answered."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _warm(system: System) -> None:
 
 
 class Flows:
-    """Does what needs a compiled flow, one call after the other: a flow has one state."""
+    """Does what needs a compiled flow, one call after the other: side by side none would be done sooner."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="gapwalk-flows")

@@ -7,8 +7,10 @@ order, LLVM) and then serves every value. Each breakpoint of each contact is a t
 from __future__ import annotations
 
 import math
+from copy import copy
 from functools import lru_cache
 from itertools import pairwise
+from threading import Lock
 from typing import NamedTuple
 
 import heyoka as hy
@@ -20,6 +22,7 @@ from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.motion.equations import Equations
+from gapwalk.motion.event_call import EventCall, answer_events
 from gapwalk.motion.flow_cache import kept
 from gapwalk.motion.switching import COOLDOWN, ContactEvent, Switchboard
 from gapwalk.motion.unit import LengthUnit
@@ -30,10 +33,14 @@ PERIOD = 2.0 * math.pi
 _TOLERANCE = 1e-15
 _STEPS = 20_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
 _EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
+_MOST = 64  # flows that a process keeps, about 2 MB each for two degrees of freedom; those used longest ago go
+_MACHINE_CODE = 50_000_000  # bytes of machine code that heyoka keeps besides, where its own bound is 2 GB
 _COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
 
 if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
+hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
+_compiling = Lock()
 
 
 class Arc(NamedTuple):
@@ -90,7 +97,7 @@ class Turn(NamedTuple):
 
 
 class Flow:
-    """A compiled flow: see `flow_of`.
+    """A compiled flow: see `flow_of`. Several threads may call one at the same time.
 
     Parameters
     ----------
@@ -108,7 +115,7 @@ class Flow:
     def __init__(self, equations: Equations, *, transition: bool = False, survey: bool = False) -> None:
         self.equations = equations
         self.size = 2 * equations.layout.structure.size
-        self.has_transition, self.directions = transition, len(equations.varying)
+        self.has_transition, self.has_survey, self.directions = transition, survey, len(equations.varying)
         right_hand_sides = list(equations.state)
         if transition:
             right_hand_sides += equations.fundamental()
@@ -116,30 +123,23 @@ class Flow:
             right_hand_sides += equations.direction(index)
         if survey:
             right_hand_sides += equations.integrals()
-        self._columns = self.size * transition + self.directions
-        self._board, self._lengths, self._unit = Switchboard(equations), LengthUnit(equations.layout), 1.0
-        events = [
-            hy.t_event(equations.gap(*switch), callback=self._board.callback(index), cooldown=COOLDOWN)
-            for index, switch in enumerate(equations.switches)
-        ]
         with kept(f"{equations.text} transition={transition} survey={survey}"):
-            self._integrator = hy.taylor_adaptive(
+            self._compiled = hy.taylor_adaptive(
                 right_hand_sides,
                 state=np.zeros(len(right_hand_sides)),
                 pars=np.zeros(equations.n_parameters),
-                t_events=events,
-                nt_events=[hy.nt_event(rate, self._note(k)) for k, (_, rate) in enumerate(equations.turning) if survey],
+                t_events=[
+                    hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
+                    for index, switch in enumerate(equations.switches)
+                ],
+                nt_events=[
+                    hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
+                ],
                 tol=_TOLERANCE,
                 compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
             )
-        self._state, self._parameters = self._integrator.state, self._integrator.pars
-        self._coefficients = self._parameters[equations.first_coefficient :]
-        self._components = self._parameters[: equations.first_switch]
-        self._board.attach(self._integrator, self._columns)
-        self._identity = np.zeros(len(right_hand_sides) - self.size)
-        if transition:
-            self._identity[: self.size**2] = np.eye(self.size).ravel()
-        self._turns: list[Turn] = []
+        self._lengths = LengthUnit(equations.layout)
+        self._idle: list[_Integrator] = []
 
     def integrate(
         self,
@@ -168,15 +168,11 @@ class Flow:
         FlowError
             If the motion runs away, chatters without end, or a contact is lost.
         """
-        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
-            self._prepare(coefficients, state, start, stop, direction)
-            steps = self._run(start, stop, longest_step)
-            if self._board.is_right():
-                return self._arc(steps)
-        raise FlowError(
-            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
-            f"state {_short(state)}; please report this system"
-        )
+        integrator = self._take()
+        try:
+            return integrator.integrate(coefficients, state, start, stop, direction)
+        finally:
+            self._idle.append(integrator)
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
@@ -185,10 +181,11 @@ class Flow:
 
         The state given is that at ``thetas[0]``. Errors as in `integrate`.
         """
-        rows, contacts = self._sample(coefficients, state, thetas, None)
-        if rows is None:
-            return self._sample_piecewise(coefficients, state, thetas)
-        return rows[:, : self.size] * self._unit, contacts
+        integrator = self._take()
+        try:
+            return integrator.sample(coefficients, state, thetas)
+        finally:
+            self._idle.append(integrator)
 
     def vary(
         self,
@@ -201,21 +198,11 @@ class Flow:
 
         For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
         """
-        rows, contacts = self._sample(coefficients, state, thetas, direction)
-        if rows is None:
-            return self._vary_piecewise(coefficients, state, thetas, direction)
-        size, count = self.size, len(rows)
-        transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
-        along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
-        return Variations(rows[:, :size] * self._unit, transitions, along * self._unit, contacts)
-
-    def _sample(self, coefficients, state, thetas, direction):
-        """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
-        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        outcome = self._integrator.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
-        if outcome[0] != hy.taylor_outcome.time_limit:
-            self._refuse(outcome[0], float(thetas[0]))
-        return (outcome[-1] if self._board.is_right() else None), self._board.log
+        integrator = self._take()
+        try:
+            return integrator.vary(coefficients, state, thetas, direction)
+        finally:
+            self._idle.append(integrator)
 
     def survey(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
@@ -224,18 +211,90 @@ class Flow:
 
         For a flow compiled for a survey. Errors as in `integrate`.
         """
+        integrator = self._take()
+        try:
+            return integrator.survey(coefficients, state, stop)
+        finally:
+            self._idle.append(integrator)
+
+    def _take(self) -> _Integrator:
+        """An integrator for one call, which no other thread uses meanwhile; whoever took it gives it back."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return _Integrator(self, copy(self._compiled))
+
+
+class _Integrator:
+    """One integrator of a flow, with its switches; one thread at a time uses it. Methods as those of `Flow`.
+
+    Parameters
+    ----------
+    flow
+        The flow.
+    taylor
+        heyoka's integrator.
+    """
+
+    def __init__(self, flow: Flow, taylor: hy.taylor_adaptive) -> None:
+        self.equations, self.size = flow.equations, flow.size
+        self.has_transition, self.directions = flow.has_transition, flow.directions
+        self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
+        self._state, self._parameters = taylor.state, taylor.pars
+        self._coefficients = self._parameters[self.equations.first_coefficient :]
+        self._components = self._parameters[: self.equations.first_switch]
+        self._board = Switchboard(self.equations)
+        self._board.attach(taylor, self.size * self.has_transition + self.directions)
+        if flow.has_survey:
+            answer_events(self, taylor.nt_events)
+        self._identity = np.zeros(len(self._state) - self.size)
+        if self.has_transition:
+            self._identity[: self.size**2] = np.eye(self.size).ravel()
+        self._turns: list[Turn] = []
+
+    def integrate(self, coefficients, state, start, stop, direction=None) -> Arc:
+        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
+            self._prepare(coefficients, state, start, stop, direction)
+            steps = self._run(start, stop, longest_step)
+            if self._board.is_right():
+                return self._arc(steps)
+        raise FlowError(
+            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
+            f"state {_short(state)}; please report this system"
+        )
+
+    def sample(self, coefficients, state, thetas):
+        rows, contacts = self._sample(coefficients, state, thetas, None)
+        if rows is None:
+            return self._sample_piecewise(coefficients, state, thetas)
+        return rows[:, : self.size] * self._unit, contacts
+
+    def vary(self, coefficients, state, thetas, direction) -> Variations:
+        rows, contacts = self._sample(coefficients, state, thetas, direction)
+        if rows is None:
+            return self._vary_piecewise(coefficients, state, thetas, direction)
+        size, count = self.size, len(rows)
+        transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
+        along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
+        return Variations(rows[:, :size] * self._unit, transitions, along * self._unit, contacts)
+
+    def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
         units = np.array([[self._unit], [self._unit**2]])
         return self._state[self.size :].reshape(2, -1) * units, self._turns
 
-    def _note(self, event: int):
-        """The function that the integrator calls where a coordinate or a deflection turns."""
+    def _sample(self, coefficients, state, thetas, direction):
+        """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
+        outcome = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        if outcome[0] != hy.taylor_outcome.time_limit:
+            self._refuse(outcome[0], float(thetas[0]))
+        return (outcome[-1] if self._board.is_right() else None), self._board.log
 
-        def note(integrator, theta: float, _direction: int) -> None:
-            positions = integrator.update_d_output(theta)[: self.size // 2] * self._unit
-            self._turns.append(Turn(event, theta, positions.tolist()))
-
-        return note
+    def at_event(self, event: int, theta: float) -> None:
+        """Note where a coordinate or a deflection turns, at an event of a survey."""
+        positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
+        self._turns.append(Turn(event, theta, positions.tolist()))
 
     def _sample_piecewise(self, coefficients, state, thetas):
         """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
@@ -264,9 +323,9 @@ class Flow:
     def _prepare(self, coefficients, state, start, stop, direction) -> None:
         self._turns = []
         Flow.calls += 1
-        self._integrator.time = start
+        self._taylor.time = start
         if self.equations.switches:
-            self._integrator.reset_cooldowns()
+            self._taylor.reset_cooldowns()
         unit = self._unit = self._lengths.of_motion(coefficients, state)
         if unit != 1.0:
             coefficients, state = self._lengths.carried(coefficients, unit), state / unit
@@ -281,7 +340,7 @@ class Flow:
         self._board.start(coefficients, start, int(_EVENTS * periods), unit)
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
-        outcome, _, _, steps, *_ = self._integrator.propagate_until(
+        outcome, _, _, steps, *_ = self._taylor.propagate_until(
             stop, max_steps=self._max_steps, max_delta_t=longest_step
         )
         if outcome != hy.taylor_outcome.time_limit:
@@ -289,7 +348,7 @@ class Flow:
         return steps
 
     def _refuse(self, outcome, start: float) -> None:
-        theta, state = self._integrator.time, self._state[: self.size] * self._unit
+        theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
         if self._board.event_limit <= 0:
             raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
@@ -330,10 +389,11 @@ def flow_of(system: System, *parameters: str, transition: bool = False, survey: 
     for mask in directions:
         pattern |= mask
     masks = tuple(mask.tobytes() for mask in (pattern, *directions))
-    return _compile(system.structure, masks, transition, survey)
+    with _compiling:  # one thread compiles a flow, the others wait for it
+        return _compile(system.structure, masks, transition, survey)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=_MOST)
 def _compile(structure: Structure, masks: tuple[bytes, ...], transition: bool, survey: bool) -> Flow:
     pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
     equations = Equations(layout_of(structure), pattern, tuple(np.flatnonzero(mask) for mask in directions))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.contact import DampingLaw
 from gapwalk.motion.equations import Equations
+from gapwalk.motion.event_call import answer_events
 from gapwalk.motion.forces import accelerations
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
@@ -63,8 +64,10 @@ class Switchboard:
 
     def attach(self, integrator, columns: int) -> None:
         """Take hold of the integrator's state and parameters (live views), with `columns` sensitivity columns."""
-        self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
+        self._state, self._parameters = integrator.state, integrator.pars
         self._columns = columns
+        if self.count:
+            answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log, whose lengths are told in `unit`s."""
@@ -125,17 +128,12 @@ class Switchboard:
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
         ]
 
-    def callback(self, switch: int):
-        """The function that the integrator calls at the events of one switch."""
-
-        def flip(integrator, _direction) -> bool:
-            theta = integrator.time
-            if self._settle(switch, theta) and self._twins[switch]:
-                self._settle_twins(switch, theta)
-            self.event_limit -= 1
-            return self.event_limit > 0
-
-        return flip
+    def at_event(self, switch: int, theta: float) -> bool:
+        """Flip a switch, at an event of its breakpoint; whether the integrator goes on."""
+        if self._settle(switch, theta) and self._twins[switch]:
+            self._settle_twins(switch, theta)
+        self.event_limit -= 1
+        return self.event_limit > 0
 
     def _settle(self, switch: int, theta: float) -> bool:
         """Set one switch for a motion on its breakpoint; whether that changes it."""

@@ -72,11 +72,12 @@ def turnings(point: BranchPoint) -> list[Turning]:
     """All turning points of all deflections of an orbit."""
     found = point.memo.get("turnings")
     if found is None:
-        found = point.memo["turnings"] = []
+        found = []
         for switch, (thetas, depths) in enumerate(point.orbit.turning_depths):
             for index, (theta, depth) in enumerate(zip(thetas, depths, strict=True)):
                 is_highest = depth >= depths[index - 1]
                 found.append(Turning(switch, theta, depth, (depth > 0.0) is is_highest))
+        point.memo["turnings"] = found  # when it is whole: another thread may ask
     return found
 
 

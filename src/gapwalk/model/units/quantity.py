@@ -9,10 +9,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 from gapwalk.model.problem import given
 from gapwalk.model.units.kind import QuantityKind
+
+_reading = Lock()  # units of two registries do not go together, and pint does not say that threads may share one
 
 _DEFINITIONS = """
 nano- = 1e-9 = n-
@@ -126,7 +129,8 @@ def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quant
     if not match[2]:
         raise ValueError(f'is {given(value)}, without a unit; write {kind.words} such as "{match[1]} {usual}"')
     try:
-        factor = _factor(match[2], kind)
+        with _reading:
+            factor = _factor(match[2], kind)
     except ValueError as error:
         example = " or ".join(f'"{match[1]} {unit}"' for unit in ([written] if written else kind.usual))
         raise ValueError(f"is {given(value)}: {error}; {kind.words} is expected, as in {example}") from None

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from gapwalk.attractor.basins import Basins, BasinShares, in_order
 from gapwalk.attractor.box import Box, Range, Window
 from gapwalk.attractor.catalogue import Effort
+from gapwalk.attractor.neighbours import beside_cells, beside_states
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
@@ -35,10 +36,11 @@ class BasinOptions:
     tries
         The most motions that are settled and classified one by one, with the exact flow.
     exact_borders
-        Whether the label of every cell at a border between basins is found with the exact flow; otherwise those of
-        `check` of them are.
+        Whether the label of every cell at a border between basins is found with the exact flow, and of those within two
+        cells of a label that was wrong; otherwise those of `check` cells at borders are.
     check
-        Random cells elsewhere whose label is found again with the exact flow.
+        Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
+        many again, until none of the last ones is wrong.
     seed
         Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
     workers
@@ -58,6 +60,11 @@ class BasinOptions:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+
+    @property
+    def borders(self) -> int | None:
+        """How many labels at borders are found with the exact flow; None for all."""
+        return None if self.exact_borders else self.check
 
     @property
     def effort(self) -> Effort:
@@ -81,7 +88,7 @@ def basins(
 
     Each cell is judged by the state at its centre. It is followed by the fast flow until it is in a trap about a known
     attractor (see `gapwalk.attractor.trap`); the attractors themselves are exact. Cells at borders between basins, and
-    a sample of the others, are followed again by the exact flow, which mends labels and tells how many are wrong.
+    samples of the others, are followed again by the exact flow, which mends labels and tells how many are wrong.
     Ctrl-C ends the work and keeps what there is.
 
     Parameters
@@ -138,7 +145,7 @@ def basins(
         try:
             with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
                 job.sort(crew, keep)
-                job.check(crew, (rows, columns), len(states) if options.exact_borders else options.check, options.check)
+                job.check(crew, beside_cells(rows, columns), options.borders, options.check)
                 job.complete = True
         except KeyboardInterrupt:
             pass
@@ -174,7 +181,7 @@ def basin_shares(
     confidence
         Probability with which the limits of a share hold.
     options
-        How the basins are found; nothing is checked here.
+        How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
     hands, report
         As in `basins`.
 
@@ -198,8 +205,10 @@ def basin_shares(
     try:
         with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
             job.sort(crew, report)
+            job.check(crew, beside_states(states), options.borders, options.check)
             job.complete = True
     except KeyboardInterrupt:
         pass
     attractors, labels = in_order(job.catalogue.attractors, job.labels)
-    return BasinShares(system, room, states, labels, attractors, confidence, job.complete, tuple(job.notes()))
+    how = (job.complete, tuple(job.notes()), job.checked, job.error)
+    return BasinShares(system, room, states, labels, attractors, confidence, *how)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.basins import Check, border_cells
+from gapwalk.attractor.basins import Check
 from gapwalk.attractor.catalogue import Catalogue, Effort, explore
 from gapwalk.attractor.haunt import Haunt
 from gapwalk.attractor.mass_swarm import swarm_of
+from gapwalk.attractor.neighbours import about, differs
 from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
 from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.model.system import System
@@ -25,6 +26,7 @@ CHUNK = 4096
 
 _CHECKED = 32  # states of a piece that is followed with the exact flow
 _WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
+_SHIFT = 1e-15  # relative: where it changes a label, rounding decides
 _PILOT = 64  # states that are looked at first: most attractors are found by them
 
 
@@ -141,31 +143,52 @@ class BasinJob:
         hands.run(_sort_fast, pieces, accept, in_order=False)
         self._explore(np.flatnonzero(self.labels == UNRESOLVED))
 
-    def check(self, hands: Workers, shape: tuple[int, int], at_borders: int, elsewhere: int) -> None:
-        """Find labels of cells at borders, and of some others, again with the exact flow, and mend what is wrong.
+    def check(self, hands: Workers, neighbours: NDArray[np.intp], at_borders: int | None, elsewhere: int) -> None:
+        """Find labels at borders, and some others, again with the exact flow, and mend what is wrong.
+
+        Wrong labels are not alone: where one was found, those about it are found again too. And where a sample holds
+        one, there are more; so others are drawn, until a sample holds none. In the end some are followed once more from
+        states shifted by their rounding: where basins are as fine as that, no computation can tell their labels.
 
         Parameters
         ----------
         hands
             Who does it.
-        shape
-            Rows and columns of the cells.
-        at_borders, elsewhere
-            How many cells at most.
+        neighbours : shape (count, any number)
+            Which states are beside each one.
+        at_borders
+            How many labels at borders; None for all of them, with those about wrong ones, and as many samples as it
+            takes. Otherwise there is one sample.
+        elsewhere
+            How many labels in a sample.
         """
-        checked = np.zeros(len(self.states), dtype=bool)
-        count = wrong = 0
-        while True:  # mended labels make new borders
-            borders = border_cells(self.labels.reshape(shape)).ravel()
-            chosen = self._choose(borders & ~checked, at_borders - count)
-            if not len(chosen):
+        checked, changed, sampled = (np.zeros(len(self.states), dtype=bool) for _ in range(3))
+        wrong = wrong_elsewhere = 0
+        while True:
+            while True:  # mended labels make new borders
+                near = differs(self.labels, neighbours)
+                if at_borders is None:
+                    near |= about(about(changed, neighbours), neighbours)
+                left = len(self.states) if at_borders is None else at_borders - int(np.sum(checked & ~sampled))
+                chosen = self._choose(near & ~checked, left)
+                if not len(chosen):
+                    break
+                wrong += self._mend(hands, chosen, changed)
+                checked[chosen] = True
+            chosen = self._choose(~near & ~checked, elsewhere)
+            before = int(changed.sum())
+            wrong_elsewhere += self._mend(hands, chosen, changed)
+            checked[chosen] = sampled[chosen] = True
+            if at_borders is not None or changed.sum() == before:
                 break
-            count, wrong = count + len(chosen), wrong + self._mend(hands, chosen)
-            checked[chosen] = True
-        chosen = self._choose(~borders & ~checked, elsewhere)
-        wrong_elsewhere = self._mend(hands, chosen)
-        near = int((borders | checked).sum())
-        self.checked = Check(len(self.states), near, count, wrong, len(chosen), wrong_elsewhere)
+        at_border = checked & ~sampled
+        counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
+        again = self._choose(checked, elsewhere)
+        shifted = self._exact(hands, again, _SHIFT)
+        differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
+        self.checked = Check(
+            len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
+        )
 
     def _note(self, chunk: BasinChunk) -> None:
         place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
@@ -176,22 +199,29 @@ class BasinJob:
         random = np.random.default_rng(self.seed)
         return np.sort(random.permutation(np.flatnonzero(group))[:most])
 
-    def _mend(self, hands: Workers, which: NDArray[np.intp]) -> int:
-        """Find labels again with the exact flow; how many were wrong."""
+    def _mend(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+        """Find labels again with the exact flow, and note in `changed` which are others now; how many were wrong."""
+        exact = self._exact(hands, which)
+        wrong = int(np.sum(exact != self.labels[which]))
+        # one that has come to no attractor by then keeps its label, but counts as wrong
+        mended = np.where(exact == UNRESOLVED, self.labels[which], exact)
+        changed[which] = mended != self.labels[which]
+        self.labels[which] = mended
+        return wrong
+
+    def _exact(self, hands: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+        """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
         exact = np.full(len(self.states), UNRESOLVED)
         wide = np.array([haunt.wide for haunt in self.catalogue.haunts] + [False, False])  # the last: no attractor
         is_wide = wide[self.labels[which]]
-        pieces = self._pieces(which[~is_wide], _CHECKED, self.effort.longest)
-        pieces += self._pieces(which[is_wide], _CHECKED, min(self.effort.longest, _WANDERING))
+        pieces = self._pieces(which[~is_wide], _CHECKED, self.effort.longest, shift)
+        pieces += self._pieces(which[is_wide], _CHECKED, min(self.effort.longest, _WANDERING), shift)
 
         def accept(index: int, found: Sorted) -> None:
             exact[pieces[index].places] = found.labels
 
         hands.run(_sort_exactly, pieces, accept, in_order=False)
-        wrong = int(np.sum(exact[which] != self.labels[which]))
-        # one that has come to no attractor by then keeps its label, but counts as wrong
-        self.labels[which] = np.where(exact[which] == UNRESOLVED, self.labels[which], exact[which])
-        return wrong
+        return exact[which]
 
     def _explore(self, which: NDArray[np.intp]) -> None:
         if len(which):
@@ -199,10 +229,11 @@ class BasinJob:
             self.catalogue, labels = explore(self.catalogue, swarm.advance, self._ends[which], self.effort)
             self.labels[which] = labels
 
-    def _pieces(self, which: NDArray[np.intp], size: int, longest: int) -> list[_Piece]:
+    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
         system, haunts = self.catalogue.system, self.catalogue.haunts
+        states = self.states + shift * np.abs(self.states).max(axis=0)
         places = [which[first : first + size] for first in range(0, len(which), size)]
-        return [_Piece(number, some, system, self.states[some], haunts, longest) for number, some in enumerate(places)]
+        return [_Piece(number, some, system, states[some], haunts, longest) for number, some in enumerate(places)]
 
 
 def _sort_fast(piece: _Piece) -> BasinChunk:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -19,8 +18,6 @@ _LOOK = 2.0  # seconds from one look at the cluster to the next
 _AHEAD = 2  # pieces under way for each worker: the next one waits there while the last one's result travels
 _EXAMPLE = "such as tcp://node7:8786"
 _DECISIVE = ("gapwalk", "heyoka")  # another version may give another result
-
-_alone = threading.Lock()  # a compiled flow has one state, so the threads of a process must take turns
 
 
 class Cluster:
@@ -110,8 +107,9 @@ class Cluster:
             )
         if any(count > 1 for count in threads.values()):
             warnings.warn(
-                f"workers of the cluster at {self.address} have several threads, which take turns; start them with one "
-                "each, and as many as there are cores: dask worker --nworkers -1 --nthreads 1",
+                f"workers of the cluster at {self.address} have several threads, which are hardly faster than one, for "
+                "they share an interpreter; start them with one each, and as many as there are cores: dask worker "
+                "--nworkers -1 --nthreads 1",
                 stacklevel=4,
             )
 
@@ -119,8 +117,7 @@ class Cluster:
 def do_piece(function: Callable[[Any], Any], piece: Any, expected: dict[str, str]) -> Any:
     """Do a piece on a worker, which may have come later than others; errors as the function, and `check_versions`."""
     check_versions(expected, versions(), "one of them")
-    with _alone:
-        return function(piece)
+    return function(piece)
 
 
 def check_versions(ours: dict[str, str], theirs: dict[str, str], worker: str) -> None:

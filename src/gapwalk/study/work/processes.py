@@ -16,6 +16,8 @@ from typing import Any
 
 from gapwalk.study.work.threads import children_in_one_thread
 
+_starting = threading.Lock()  # what a process inherits is changed for this process as a whole
+
 
 def local_cores() -> int:
     """Number of cores that this process may use."""
@@ -104,13 +106,17 @@ def undisturbed() -> Iterator[None]:
     Spawned processes import the main script, so it would have to guard its last lines by ``if __name__ == ...``. The
     pieces of work need nothing of it.
     """
-    main, blocks = sys.modules["__main__"], hasattr(signal, "pthread_sigmask")
+    blocks = hasattr(signal, "pthread_sigmask")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blocks else set()
-    sys.modules["__main__"] = ModuleType("__main__")
     try:
-        with children_in_one_thread():
-            yield
+        with _starting:
+            main = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                with children_in_one_thread():
+                    yield
+            finally:
+                sys.modules["__main__"] = main
     finally:
-        sys.modules["__main__"] = main
         if blocks:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
