@@ -12,8 +12,10 @@ from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
 
+from gapwalk.files import open_file
 from gapwalk.model.problem import ModelFileError, Path, Problem, dotted
 from gapwalk.model.toml_lines import key_lines
+from gapwalk.model.toml_size import crowded, too_much_to_parse
 
 MAX_BYTES = 10_000_000
 """A longer file is refused: it is hardly a model."""
@@ -92,7 +94,7 @@ def read_source(path: str | os.PathLike[str]) -> Source:
     """
     name = os.fspath(path)
     try:
-        with open(name, "rb") as file:
+        with open_file(name) as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
         raise ModelFileError([Problem(_reason(name, error), file=name)]) from None
@@ -114,8 +116,10 @@ def parse_source(text: str, name: str = "") -> Source:
     Raises
     ------
     ModelFileError
-        If it is empty or not TOML.
+        If it is empty, not TOML, or has more in it than a model can have.
     """
+    if too_much := too_much_to_parse(text):
+        raise ModelFileError([Problem(too_much[0], line=too_much[1], file=name)])
     try:
         data = tomllib.loads(text)
     except RecursionError:
@@ -124,7 +128,10 @@ def parse_source(text: str, name: str = "") -> Source:
         raise ModelFileError([_syntax_problem(str(error), text, name)]) from None
     if not data:
         raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
-    return Source(name, text, data)
+    source = Source(name, text, data)
+    if problems := [source.problem(message, path) for path, message in crowded(data)]:
+        raise ModelFileError(problems)
+    return source
 
 
 def _reason(name: str, error: Exception) -> str:
