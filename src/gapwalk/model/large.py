@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,11 +43,21 @@ def expand(source: Source) -> tuple[Source, list[Problem]]:
         value = data.get(key)
         if isinstance(value, str):
             try:
-                data[key] = read_matrix(os.path.join(os.path.dirname(source.name), value)).tolist()
+                data[key] = read_matrix(_place_of(value, source)).tolist()
             except ValueError as error:
                 problems.append(source.problem(f"is {given(value)}, {error}", (key,)))
                 del data[key]
-    return Source(source.name, source.text, data, source.changed), problems
+    return replace(source, data=data), problems
+
+
+def _place_of(name: str, source: Source) -> str:
+    """The file of a matrix; a ValueError if the source may not ask for it."""
+    path = os.path.join(os.path.dirname(source.name), name)
+    if source.within:
+        inside = os.path.realpath(source.within)
+        if os.path.commonpath((os.path.realpath(path), inside)) != inside:
+            raise ValueError(f"which lies outside of the folder {os.path.basename(inside)}; put the file into it")
+    return path
 
 
 def read_matrix(path: str) -> np.ndarray:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import io
 import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -46,12 +47,15 @@ class Source:
         What tomllib makes of it, with the changes of `with_value` in place.
     changed
         Paths whose values no longer come from the text, so have no line.
+    within
+        The folder outside of which no matrix is read for it; empty if any may be.
     """
 
     name: str
     text: str
     data: Mapping[str, Any]
     changed: frozenset[Path] = field(default=frozenset())
+    within: str = ""
 
     @cached_property
     def _lines(self) -> dict[Path, int]:
@@ -81,17 +85,19 @@ class Source:
             table[key] = list(inner) if isinstance(inner, list) else dict(inner)
             table = table[key]
         table[path[-1]] = value
-        return Source(self.name, self.text, data, self.changed | {path})
+        return replace(self, data=data, changed=self.changed | {path})
 
 
-def read_source(path: str | os.PathLike[str]) -> Source:
-    """Read a TOML file.
+def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") -> Source:
+    """Read a TOML file, or a text that is given as one; `within` as of `Source`.
 
     Raises
     ------
     ModelFileError
         If there is no such file, or it is no TOML text of at most 10 MB in UTF-8.
     """
+    if isinstance(path, io.StringIO):
+        return parse_source(path.getvalue(), "", within)
     name = os.fspath(path)
     try:
         with open_file(name) as file:
@@ -107,11 +113,11 @@ def read_source(path: str | os.PathLike[str]) -> Source:
         line = content.count(b"\n", 0, error.start) + 1
         message = f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8"
         raise ModelFileError([Problem(message, line=line, file=name)]) from None
-    return parse_source(text, name)
+    return parse_source(text, name, within)
 
 
-def parse_source(text: str, name: str = "") -> Source:
-    """Parse a TOML text; `name` begins every message about it.
+def parse_source(text: str, name: str = "", within: str = "") -> Source:
+    """Parse a TOML text; `name` begins every message about it, `within` is as of `Source`.
 
     Raises
     ------
@@ -128,7 +134,7 @@ def parse_source(text: str, name: str = "") -> Source:
         raise ModelFileError([_syntax_problem(str(error), text, name)]) from None
     if not data:
         raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
-    source = Source(name, text, data)
+    source = Source(name, text, data, within=within)
     if problems := [source.problem(message, path) for path, message in crowded(data)]:
         raise ModelFileError(problems)
     return source

@@ -213,7 +213,8 @@ def _explain(name: str, error: Exception) -> str:
         return f"{name} is being written by another run; wait for its end, or stop it"
     if not os.path.isdir(folder):
         return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
-    if isinstance(error, FileNotFoundError):
+    is_gone = code.startswith(("SQLITE_IOERR", "SQLITE_READONLY_DBMOVED")) and not os.path.exists(name)
+    if is_gone or isinstance(error, FileNotFoundError):
         return f"{name} has been removed or moved while it was written; what a run finds now would be lost"
     if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
         if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):
