@@ -15,6 +15,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 # From the lowest to the highest. A module may import from its own package and from any before it.
 ORDER = (
     "errors",
+    "files",
     "notebook",
     "model",
     "motion",

@@ -5,6 +5,7 @@ The browser is that of the system; nothing is downloaded.
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -46,17 +47,17 @@ def browser() -> Iterator[Browser]:
 
 
 @contextmanager
-def served(file: Path) -> Iterator[str]:
-    """The address of the explorer of a file, as the command prints it; it ends by Ctrl-C."""
-    command = [sys.executable, "-m", "gapwalk", "explore", str(file), "--no-browser"]
+def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[str]:
+    """The address of the explorer of a file, as the command prints it; it ends by Ctrl-C, or another signal."""
+    command = [sys.executable, "-m", "gapwalk", "explore", str(file), "--no-browser", "--port", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         try:
             assert str(file.parent.resolve()) in server.stdout.readline()
             yield server.stdout.readline().strip()
         finally:
-            server.send_signal(2)
-        assert server.wait(20) in (0, 130)
+            server.send_signal(end)
+        assert server.wait(20) in (0, 130, -end)
 
 
 def until(page: Page, condition: str, patience: float = 30.0) -> None:

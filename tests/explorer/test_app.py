@@ -1,19 +1,27 @@
 import asyncio
 import base64
+import hashlib
 import json
 import math
+import os
+import shutil
 import sqlite3
 import tomllib
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.errors import ModelError
 from gapwalk.explorer.board import Board
 from gapwalk.explorer.curve import Quantities
-from gapwalk.explorer.desk import board_progress
+from gapwalk.explorer.desk import Desk, board_progress
+from gapwalk.explorer.events import Events
 from gapwalk.explorer.flows import Flows, SupersededError
 from tests.explorer.conftest import CLUTCH, STOP, about, wait
+
+JSON = {"content-type": "application/json"}
 
 
 def amplitude(frequency: float) -> float:
@@ -169,7 +177,7 @@ def test_many_files_can_be_opened_one_after_the_other(client, desk) -> None:
     for number in range(25):
         (desk.workspace.root / f"many{number}.toml").write_text(STOP, encoding="utf-8")
         assert about(client, f"many{number}.toml")["x"] == "frequency"
-    assert len(desk.progress()) <= 20
+    assert len(desk.progress()["boards"]) <= 20
 
 
 def test_a_bad_model_is_told_in_sentences(client, desk) -> None:
@@ -266,3 +274,124 @@ def test_a_second_click_gives_up_the_first() -> None:
     assert isinstance(first, SupersededError)
     assert (second, other) == ([None], [None])
     assert calls == ["second", "other"]
+
+
+def test_names_and_numbers_that_are_none_are_told_in_sentences(client, desk, model) -> None:
+    for name in ("a\udcff.toml", "\ud800.toml"):
+        answer = client.post("/api/act", content=json.dumps({"file": name, "do": "compute"}), headers=JSON)
+        assert (answer.status_code, "no name of a file" in answer.json()["error"]) == (400, True)
+    for number in ("²", "٣", "-1", "1e9"):
+        query = {"file": model, "x": "frequency", "y": "half.x"}
+        assert client.get("/api/curve", params={**query, "branch": number}).status_code == 400
+        assert client.get("/api/motion", params={"file": model, "branch": number}).status_code == 400
+    assert client.post("/api/act", content=b"{}", headers={**JSON, "content-length": "²".encode()}).status_code == 413
+
+
+def test_files_whose_names_are_no_text_are_left_out(client, desk) -> None:
+    path = os.path.join(os.fsencode(desk.workspace.root), b"odd\xff.toml")
+    with open(path, "wb") as file:
+        file.write(STOP.encode())
+    try:
+        assert not [name for name in client.get("/api/files").json()["files"] if name.startswith("odd")]
+    finally:
+        os.unlink(path)
+
+
+def test_what_has_foreign_letters_in_its_name_can_be_saved(client, do, desk) -> None:
+    (desk.workspace.root / "模型.toml").write_text(STOP, encoding="utf-8")
+    do("模型.toml", do="compute")
+    folder = next((desk.workspace.root / "模型.explorer").glob("*.gapwalk"))
+    folder.rename(folder.with_name("结果.gapwalk"))
+    name = f"{folder.parent.name}/结果.gapwalk"
+    answer = client.get("/api/export/table", params={"file": name, "result": ""})
+    assert answer.status_code == 200
+    assert unquote(answer.headers["content-disposition"]).endswith("结果.csv")
+
+
+def test_no_more_pages_listen_than_there_is_room_for() -> None:
+    async def come() -> list[object]:
+        events = Events(dict)
+        pages = await asyncio.gather(*(asyncio.to_thread(lambda: None) for _ in range(3)))  # a loop that runs
+        assert pages == [None] * 3
+
+        async def page() -> object:
+            return events.join()  # before any of them has begun to listen
+
+        found = await asyncio.gather(*(page() for _ in range(40)), return_exceptions=True)
+        for place in found[:16]:
+            events.leave(place)
+        assert isinstance(events.join(), asyncio.Event)
+        return found
+
+    found = asyncio.run(come())
+    assert [isinstance(each, ModelError) for each in found] == [False] * 16 + [True] * 24
+
+
+@pytest.mark.parametrize("way", ["../outside.mtx", "{outside}", "link.mtx"])
+def test_a_model_reads_no_matrix_outside_of_the_workspace(client, desk, way) -> None:
+    name, outside = f"matrix{len(way)}.toml", desk.workspace.root.parent / "outside.mtx"
+    outside.write_text("%%MatrixMarket matrix array real general\n1 1\n1.0\n")
+    link = desk.workspace.root / "link.mtx"
+    if way == "link.mtx" and not link.is_symlink():
+        link.symlink_to(outside)
+    text = STOP.replace("stiffness = [1.0]", f'stiffness = "{way.format(outside=outside)}"')
+    (desk.workspace.root / name).write_text(text)
+    answer = client.get("/api/about", params={"file": name})
+    assert answer.status_code == 400
+    assert "lies outside of the folder" in answer.json()["error"]
+    shutil.copy(outside, desk.workspace.root / "inside.mtx")
+    (desk.workspace.root / name).write_text(text.replace(way.format(outside=outside), "inside.mtx"))
+    assert about(client, name)["problem"] == ""
+
+
+def test_an_edit_of_the_file_is_noticed_and_results_are_told_apart(client, do, desk, model) -> None:
+    first = do(model, do="compute")
+    before = about(client, model)
+    assert first["model"] == before["model"] == gw_mark(desk, model)
+    path = desk.workspace.root / model
+    path.write_text(STOP.replace("clearance = 1.0", "clearance = 0.5"), encoding="utf-8")
+    assert desk.progress()["boards"][model]["stamp"] != before["stamp"]
+    after = about(client, model)
+    assert after["stamp"] == desk.progress()["boards"][model]["stamp"]
+    assert after["values"]["stop.clearance"] == 0.5
+    assert after["model"] != before["model"]
+    second = do(model, do="compute")
+    assert [each["model"] for each in about(client, model)["results"]] == [before["model"], after["model"]]
+    assert second["branches"][0]["points"] != first["branches"][0]["points"]
+    # what goes back to a motion of the first model belongs to that
+    walked = do(model, do="walk", start={"result": first["key"], "point": 3}, parameter="frequency", to=0.75)
+    assert walked["model"] == before["model"]
+    # and so it is for a server that begins anew
+    again = board_progress(Board(desk.workspace, model))
+    assert [each["model"] for each in again] == [before["model"], after["model"], before["model"]]
+
+
+def gw_mark(desk, model: str) -> str:
+    return hashlib.sha256((desk.workspace.root / model).read_bytes()).hexdigest()[:8]
+
+
+def test_a_broken_model_is_told_whole_and_its_results_are_there(client, do, desk, model) -> None:
+    first = do(model, do="compute")
+    path = desk.workspace.root / model
+    path.write_text(STOP.replace("clearance = 1.0", "clearance = -1.0\ngap = 1"), encoding="utf-8")
+    for known in (about(client, model), _of_a_new_server(desk, model)):
+        assert [each["key"] for each in known["results"]] == [first["key"]]
+        assert {"clearance is -1.0", "gap is no key here"} <= {
+            words for words in ("clearance is -1.0", "gap is no key here") if words in known["problem"]
+        }
+        assert known["model"] == ""
+        assert known["measures"]
+    refused = client.post("/api/act", json={"file": model, "do": "compute"})
+    assert (refused.status_code, "clearance is -1.0" in refused.json()["error"]) == (400, True)
+    query = {"file": model, "result": first["key"], "x": "frequency", "y": "half.x"}
+    assert client.get("/api/curve", params=query).json()["count"] == first["branches"][0]["points"]
+    path.write_text(STOP, encoding="utf-8")
+    assert about(client, model)["problem"] == ""
+
+
+def _of_a_new_server(desk, model: str) -> dict:
+    other = Desk(desk.workspace.root)
+    try:
+        return other.about(model)
+    finally:
+        other.close()

@@ -130,7 +130,7 @@ def test_what_is_shown_can_be_saved(page) -> None:
     assert found["svg"].startswith(b"<svg")
     assert found["png"].startswith(b"\x89PNG")
     assert found["csv"].count(b"\n") > 200
-    assert b"gw.read_study('clutch.toml')" in found["py"]
+    assert b"gw.read_study(io.StringIO(MODEL))" in found["py"]
 
 
 def test_a_long_walk_grows_and_is_stopped(page) -> None:

@@ -59,3 +59,33 @@ def test_a_script_goes_on_from_a_motion_without_period(client, do, desk, model) 
     assert run.returncode == 0, run.stderr + script
     states = [desk.board(model).entry(each["key"]).settled().state for each in (first, second)]
     np.testing.assert_allclose(np.load(path.with_name("go_on.npy")), states, rtol=1e-12)
+
+
+def test_a_script_repeats_the_model_that_it_was_even_after_the_file_was_edited(client, do, desk, clutch) -> None:
+    file = desk.workspace.root / clutch
+    first = do(clutch, do="compute", values={"stage2.clearance": 0.5, "mean.q1": 0.3})
+    assert "stage2.clearance = 0.5" in first["title"]
+    file.write_text(CLUTCH.read_text(encoding="utf-8").replace("0.25", "0.26"), encoding="utf-8")
+    script = client.get("/api/export/script", params={"file": clutch, "result": first["key"]}).text
+    path = desk.workspace.root / "edited.py"
+    path.write_text(f"{script}\nimport numpy as np\nnp.save('edited.npy', [p.orbit.state for p in branch.points])\n")
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + script
+    (branch,) = desk.board(clutch).entry(first["key"]).result.branches
+    assert branch.points[0].orbit.system["stage2.clearance"] == 0.5
+    np.testing.assert_array_equal(np.load(path.with_name("edited.npy")), [point.orbit.state for point in branch.points])
+
+
+def test_a_script_of_a_model_with_matrices_beside_it_takes_it_from_the_result(client, do, desk) -> None:
+    matrix = desk.workspace.root / "k.mtx"
+    matrix.write_text("%%MatrixMarket matrix array real general\n1 1\n1.0\n")
+    (desk.workspace.root / "beside.toml").write_text(STOP.replace("stiffness = [1.0]", 'stiffness = "k.mtx"'))
+    first = do("beside.toml", do="compute")
+    matrix.write_text("%%MatrixMarket matrix array real general\n1 1\n1.5\n")
+    script = client.get("/api/export/script", params={"file": "beside.toml", "result": first["key"]}).text
+    path = desk.workspace.root / "beside.py"
+    path.write_text(f"{script}\nimport numpy as np\nnp.save('beside.npy', [p.orbit.state for p in branch.points])\n")
+    run = subprocess.run([sys.executable, path.name], cwd=path.parent, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + script
+    (branch,) = desk.board("beside.toml").entry(first["key"]).result.branches
+    np.testing.assert_array_equal(np.load(path.with_name("beside.npy")), [point.orbit.state for point in branch.points])

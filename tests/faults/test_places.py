@@ -13,8 +13,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.cli import main
-from gapwalk.errors import StoreError
+from gapwalk.errors import ModelError, StoreError
 from gapwalk.study.export import write_whole
+from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
 from tests.study.sweeps import FOLDS, options
@@ -25,7 +26,7 @@ NOBODY = 65534
 FULL = """
 import resource, sys
 import gapwalk as gw
-from gapwalk.errors import StoreError
+from gapwalk.errors import ModelError, StoreError
 from tests.study.studies import long_study
 reported = 0
 def report(*_):
@@ -182,6 +183,34 @@ def test_a_file_that_is_removed_while_a_sweep_goes_on(tmp_path) -> None:
     path = tmp_path / "x.sweep"
     with pytest.raises(StoreError, match="has been removed or moved while it was written"):
         gw.sweep(*FOLDS, options=options(), output=path, report=lambda *_: path.exists() and path.unlink())
+
+
+@pytest.mark.parametrize("command", ["check", "run", "modes", "explore --no-browser", "measure"])
+def test_a_model_or_a_record_that_is_no_file_is_not_waited_for(tmp_path, monkeypatch, capsys, command) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.toml").write_text(MODEL + '\n[measurement]\nsignal = "x"\n')
+    os.mkfifo("pipe.toml")
+    os.symlink("/dev/zero", "device")
+    for name in ("pipe.toml", *(["device"] if "explore" not in command else [])):
+        assert main([*command.split(), *(["model.toml"] if command == "measure" else []), name]) == 2
+        assert "pipe or a device" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize("name", ["k.mtx", "k.npz"])
+def test_a_matrix_that_is_no_file_is_not_waited_for(tmp_path, name) -> None:
+    os.mkfifo(tmp_path / name)
+    (tmp_path / "model.toml").write_text(MODEL.replace("stiffness = [1.0]", f'stiffness = "{name}"'))
+    with pytest.raises(ModelError, match=f'stiffness is "{name}", which cannot be read: it is a pipe'):
+        gw.read_study(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize("suffix", ["-wal", "-journal", "-shm", "-lock"])
+def test_a_pipe_beside_a_result_is_not_waited_for(tmp_path, suffix) -> None:
+    path = tmp_path / "x.gapwalk"
+    os.mkfifo(f"{path}{suffix}")
+    for call in (lambda: gw.run(stop_study(), path), lambda: gw.load(path)):
+        with pytest.raises(StoreError, match=f"x.gapwalk{suffix} is a pipe or a device"):
+            call()
 
 
 @pytest.mark.parametrize("command", ["run", "run --force", "run --resume", "show", "export", "compare"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
@@ -10,7 +11,7 @@ from io import TextIOWrapper
 from cyclopts import CycloptsError
 
 from gapwalk.cli.commands import app
-from gapwalk.cli.outcome import BAD_INPUT, report_error
+from gapwalk.cli.outcome import BAD_INPUT, INTERRUPTED, TERMINATED, report_error
 from gapwalk.study.work.threads import work_in_one_thread
 
 
@@ -18,9 +19,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of these arguments (by default those of the process), and return its exit code.
 
     The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
-    compared differs; 5: what was verified is wrong; 130: interrupted.
+    compared differs; 5: what was verified is wrong; 130: interrupted; 143: ended by SIGTERM.
     """
     work_in_one_thread()
+    ended = _end_like_ctrl_c() if arguments is None else []
     words = sys.argv[1:] if arguments is None else list(arguments)
     sys.stdout, sys.stderr = (stream or open(os.devnull, "w") for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
@@ -32,4 +34,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "--json" in words:
             report_error(error, json=True)
         return BAD_INPUT
+    if ended and code == INTERRUPTED:
+        return TERMINATED
     return code if isinstance(code, int) else 0
+
+
+def _end_like_ctrl_c() -> list[int]:
+    """Let SIGTERM do what Ctrl-C does: store what there is, end other processes, say how to go on; the signals so far.
+
+    Without it the process would die at once, and its workers' semaphores would be told of as leaked.
+    """
+    heard: list[int] = []
+
+    def interrupt(number: int, frame: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    return heard

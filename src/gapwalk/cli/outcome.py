@@ -11,7 +11,7 @@ from typing import Any
 
 from gapwalk.errors import GapwalkError, NumericalError
 
-DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
 
 
 def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:

@@ -83,6 +83,8 @@ def _run_all(
                 _say_what_is_stored(result)
         except (GapwalkError, KeyboardInterrupt) as error:
             if len(studies) == 1:
+                if isinstance(error, KeyboardInterrupt) and path.exists():
+                    _say_how_to_resume(file, path, changes, names, plain=plain)
                 raise
             code, text = failure_code(error), str(error) or "interrupted"
             document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}

@@ -9,17 +9,20 @@ from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.explorer.action import Place
 from gapwalk.explorer.curve import LABELS, MEASURE, Quantities, curve_of, quantity
 from gapwalk.explorer.desk import Desk
+from gapwalk.explorer.events import Events
 from gapwalk.explorer.flows import SupersededError
 from gapwalk.explorer.guard import Guard, TooLargeError
 from gapwalk.explorer.model_file import model_file
@@ -73,13 +76,34 @@ def _told(answer: Answer) -> Answer:
         try:
             return await answer(request)
         except TooLargeError as error:
-            return JSONResponse({"error": str(error)}, 413)
+            return _Json({"error": str(error)}, 413)
         except SupersededError:
-            return JSONResponse({"error": "superseded by a newer request"}, 409)
+            return _Json({"error": "superseded by a newer request"}, 409)
         except GapwalkError as error:
-            return JSONResponse({"error": str(error)}, 400)
+            return _Json({"error": str(error)}, 400)
 
     return told
+
+
+class _Json(JSONResponse):
+    """JSON in ASCII: whatever stands in a name of a file, lone surrogates too, can be sent."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+class _Stream(StreamingResponse):
+    """The events for one page, which leaves with it, however it ends."""
+
+    def __init__(self, events: Events, page: asyncio.Event) -> None:
+        super().__init__(events.listen(page), media_type="text/event-stream", headers={"cache-control": "no-store"})
+        self._leave = lambda: events.leave(page)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._leave()
 
 
 class _Api:
@@ -100,12 +124,12 @@ class _Api:
     async def files(self, _: Request) -> Response:
         """The files of the workspace, and the one to begin with."""
         workspace = self.desk.workspace
-        return JSONResponse({"folder": workspace.root.name, "files": workspace.files(), "first": self.desk.first})
+        return _Json({"folder": workspace.root.name, "files": workspace.files(), "first": self.desk.first})
 
     async def about(self, request: Request) -> Response:
         """What there is to know of a file."""
         name = _text(request, "file")
-        return JSONResponse(await asyncio.to_thread(self.desk.about, name))
+        return _Json(await asyncio.to_thread(self.desk.about, name))
 
     async def curve(self, request: Request) -> Response:
         """A branch, or a settled motion, as arrays."""
@@ -116,17 +140,17 @@ class _Api:
             settled, lines = entry.settled(), entry.lines()
         if settled is not None:
             if settled.orbit is None:
-                return JSONResponse({"settled": None})
+                return _Json({"settled": None})
             orbit = settled.orbit
             place = await self.desk.flows.do(lambda: [quantity(orbit, x), quantity(orbit, y)])
-            return JSONResponse({"settled": place})
+            return _Json({"settled": place})
         if branch >= len(lines):
-            return JSONResponse({"gone": True})  # of two directions of a walk, one branch has come
+            return _Json({"gone": True})  # of two directions of a walk, one branch has come
         line = lines[branch]
         wanted = Quantities(line, (x, y), first)
         await self.desk.flows.do_behind(wanted.parts())
         found = await asyncio.to_thread(curve_of, wanted)
-        return JSONResponse({**found, "name": line.name, "period": line.period, "labels": LABELS})
+        return _Json({**found, "name": line.name, "period": line.period, "labels": LABELS})
 
     async def motion(self, request: Request) -> Response:
         """The motion at a place; only the last one that a tab asks for."""
@@ -134,7 +158,7 @@ class _Api:
         motion = board.motion(place)
         name = check_signal(motion.system, signal).rstrip("'")
         (found,) = await self.desk.flows.do_last(_text(request, "tab"), [lambda: panels_of(motion, name)])
-        return JSONResponse(found)
+        return _Json(found)
 
     async def details(self, request: Request) -> Response:
         """Spectrum and section of the motion at a place; only of the last one that a tab asks for."""
@@ -143,21 +167,19 @@ class _Api:
         name = check_signal(motion.system, signal)
         tab = f"{_text(request, 'tab')}/details"
         (found,) = await self.desk.flows.do_last(tab, [lambda: details_of(motion, name)])
-        return JSONResponse(found)
+        return _Json(found)
 
     async def events(self, _: Request) -> Response:
         """What changes, as it changes."""
-        if not self.desk.events.has_room():
-            raise ModelError("too many pages are open on this server; close some of them")
-        stream = self.desk.events.listen()
-        return StreamingResponse(stream, media_type="text/event-stream", headers={"cache-control": "no-store"})
+        page = self.desk.events.join()
+        return _Stream(self.desk.events, page)
 
     async def act(self, request: Request) -> Response:
         """Begin a job."""
         body = await _body(request)
         name = str(body.pop("file", ""))
         entry = await asyncio.to_thread(self.desk.act, name, body)
-        return JSONResponse({"key": entry.key, "title": entry.title})
+        return _Json({"key": entry.key, "title": entry.title})
 
     async def job(self, request: Request) -> Response:
         """Stop, hold, or go on with a job."""
@@ -173,7 +195,7 @@ class _Api:
         if word not in acts:
             raise ModelError(f"a job cannot {word[:40]!r}; it can {', '.join(acts)}")
         acts[word]()
-        return JSONResponse({"state": entry.state.value})
+        return _Json({"state": entry.state.value})
 
     async def export(self, request: Request) -> Response:
         """A table, a script, a model file or the result itself."""
@@ -197,14 +219,14 @@ class _Api:
     async def _model(self, request: Request, stem: str) -> Response:
         board, place, _ = self._asked(request)
         parameter, to = _text(request, "parameter"), _number(request, "to")
-        orbit, study = orbit_at(place, board), board.base()
+        orbit, study = orbit_at(place, board), board.origin(place)
         measure = _text(request, "y").removeprefix(MEASURE)
         measure = (
             measure
             if "." in measure and measure not in orbit.system.parameters
             else f"half.{orbit.system.coordinates[0]}"
         )
-        text = model_file(study.text, str(board.file), orbit, parameter, to, measure)
+        text = model_file(study.text, str(board.file), str(board.workspace.root), orbit, parameter, to, measure)
         return _file(text, f"{stem}.toml", "application/toml")
 
     def _asked(self, request: Request) -> tuple[Any, Place, str]:
@@ -214,7 +236,7 @@ class _Api:
         numbers = {
             name: int(value)
             for name in ("branch", "point", "special")
-            if (value := request.query_params.get(name, "")).isdigit() and len(value) < 10
+            if _is_count(value := request.query_params.get(name, ""))
         }
         return board, Place(result=entry.key, **numbers), _text(request, "signal")
 
@@ -228,9 +250,14 @@ def _text(request: Request, name: str) -> str:
 
 def _count(request: Request, name: str) -> int:
     text = request.query_params.get(name, "") or "0"
-    if not text.isdigit() or len(text) > 9:
+    if not _is_count(text):
         raise ModelError(f"{name} is {text[:20]!r}; it must be a number from 0")
     return int(text)
+
+
+def _is_count(text: str) -> bool:
+    """Whether a text is a number from 0; ``isdigit`` takes others too, such as ²."""
+    return text.isascii() and text.isdigit() and len(text) < 10
 
 
 def _number(request: Request, name: str) -> float:
@@ -251,4 +278,9 @@ async def _body(request: Request) -> dict[str, Any]:
 
 
 def _file(text: str, name: str, kind: str) -> Response:
-    return PlainTextResponse(text, media_type=kind, headers={"content-disposition": f'attachment; filename="{name}"'})
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    return PlainTextResponse(
+        text,
+        media_type=kind,
+        headers={"content-disposition": f"attachment; filename*=utf-8''{quote(name, errors='replace')}"},
+    )

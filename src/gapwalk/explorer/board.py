@@ -11,14 +11,17 @@ from pathlib import Path
 from gapwalk.attractor.settled import Settled
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
-from gapwalk.explorer.action import Action, Place, plain_action, read_action
+from gapwalk.explorer.action import Action, Compute, Place, plain_action, read_action
 from gapwalk.explorer.entry import Entry, Line, State
+from gapwalk.explorer.mark import mark_of
 from gapwalk.explorer.news import Progress
 from gapwalk.explorer.plan import plan, word_of
 from gapwalk.explorer.task import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
+from gapwalk.model.source import read_source
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.file import Study, read_studies
+from gapwalk.study.file import Study, check_studies
+from gapwalk.study.result import Result
 from gapwalk.study.store.database import tidy
 from gapwalk.study.store.stored import load
 
@@ -44,13 +47,36 @@ class Board:
         self.file = workspace.path(name)
         self.guard = threading.RLock()
         self.entries: dict[str, Entry] = {}
-        self._stamp = self._seen()
-        self.studies = self._open()
+        self.studies: tuple[Study, ...] = ()
+        self.problem = ""
+        self._read_file()
         self._read_exploration()
+        if self.described() is None:
+            raise ModelError(self.problem)
 
-    def is_old(self) -> bool:
-        """Whether the file has been changed since it was opened."""
-        return self._seen() != self._stamp
+    def refresh(self) -> None:
+        """Read the file again if it has been changed; results stay, and what is wrong becomes the `problem`."""
+        if self.stamp() != self._stamp:
+            self._read_file()
+
+    def stamp(self) -> str:
+        """What tells the file from what it was before; zeros if there is none."""
+        try:
+            found = self.file.stat()
+        except OSError:
+            return "0-0"
+        return f"{found.st_mtime_ns}-{found.st_size}"
+
+    @property
+    def model(self) -> str:
+        """The mark of the model as it stands in the file; empty while there is something wrong with that."""
+        return "" if self.problem else mark_of(self.studies[0])
+
+    def described(self) -> Study | None:
+        """What tells the names of parameters and measures: the file; while it is wrong, what was computed from it."""
+        with self.guard:
+            known = [entry.result.study for entry in self.entries.values() if entry.result is not None]
+        return next(iter((*self.studies, *reversed(known))), None)
 
     def is_idle(self) -> bool:
         """Whether nothing is being computed for it."""
@@ -58,7 +84,9 @@ class Board:
             return all(entry.state.is_over for entry in self.entries.values())
 
     def base(self) -> Study:
-        """The first study of the file that was opened."""
+        """The first study of the file that was opened; a ModelError while there is something wrong with it."""
+        if self.problem:
+            raise ModelError(self.problem)
         return self.studies[0]
 
     def study(self, name: str, values: Mapping[str, float]) -> Study:
@@ -66,7 +94,8 @@ class Board:
         if self.file.suffix == RESULT:
             study = self.base()
             return replace(study, system=study.system.at(dict(values)))
-        studies = {study.name: study for study in read_studies(self.file, dict(values))}
+        source = read_source(self.file, str(self.workspace.root))
+        studies = {study.name: study for study in check_studies(source, dict(values))}
         if name not in studies:
             known = ", ".join(known for known in studies if known)
             raise ModelError(f"{self.name} has no study {name!r}; it has {known or 'one without a name'}")
@@ -89,6 +118,11 @@ class Board:
         with self.guard:
             return self.entry(place.result).special(place)
 
+    def origin(self, place: Place) -> Study:
+        """The study of the result at a place: the file may have been edited since."""
+        result = self.entry(place.result).result
+        return self.base() if result is None else result.study
+
     def branches(self, key: str) -> tuple[Branch, ...]:
         """The branches of a result; none while it is computed. A ModelError if there is no such result."""
         with self.guard:
@@ -106,8 +140,8 @@ class Board:
         self._refuse_unfinished(action)
         title, task = plan(action, self)
         output = self.workspace.claim(self.file, word_of(action))
-        write_record(output, {"title": title, "action": plain_action(action)})
-        entry = Entry(output.stem, title, output, action, State.QUEUED)
+        write_record(output, {"title": title, "action": plain_action(action), "model": mark_of(task.study)})
+        entry = Entry(output.stem, title, output, action, State.QUEUED, model=mark_of(task.study))
         with self.guard:
             self.entries[entry.key] = entry
         return entry, replace(task, output=output)
@@ -128,14 +162,6 @@ class Board:
             entry.message = entry.message or "; ".join(result.failures) or _ends(entry)
             entry.version += 1
 
-    def _seen(self) -> tuple[int, int]:
-        """What tells the file from what it was before; zeros if there is none."""
-        try:
-            found = self.file.stat()
-        except OSError:
-            return 0, 0
-        return found.st_mtime_ns, found.st_size
-
     def _refuse_unfinished(self, action: Action) -> None:
         """Points of a branch that is still being walked may have other numbers in the end."""
         start = getattr(action, "start", None)
@@ -143,13 +169,23 @@ class Board:
         if not all(self.entry(key).state.is_over for key in needed):
             raise ModelError("this result is still being computed; wait for its end, or stop it, and ask again")
 
+    def _read_file(self) -> None:
+        """Read the studies of the file, or what is wrong with it; the last good ones are kept."""
+        self._stamp = self.stamp()
+        try:
+            self.studies, self.problem = self._open(), ""
+        except ModelError as error:
+            self.problem = str(error)
+
     def _open(self) -> tuple[Study, ...]:
         if self.file.suffix == RESULT:
             result = load(self.file)
-            self.entries[""] = Entry("", self.file.name, self.file, result=result)
-            self.entries[""].message = _ends(self.entries[""])
+            entry = Entry("", self.file.name, self.file, result=result, model=mark_of(result.study))
+            entry.message = _ends(entry)
+            with self.guard:
+                self.entries[""] = entry
             return (result.study,)
-        return read_studies(self.file)
+        return check_studies(read_source(self.file, str(self.workspace.root)))
 
     def _read_exploration(self) -> None:
         folder = self.workspace.exploration(self.file)
@@ -162,6 +198,8 @@ class Board:
                 entry = Entry(path.stem, str(record.get("title", path.stem))[:200], path, action)
                 self.entries[entry.key] = entry
                 self.read(entry)
+                if entry.result is not None:
+                    entry.model = mark_of(entry.result.study)
                 if entry.result is not None and not entry.result.complete:
                     entry.state = State.STOPPED
                 elif entry.result is not None:  # nobody goes on with it, so nobody else would tidy up after a kill
@@ -179,7 +217,7 @@ class Board:
         if entry.action is None or not entry.can_go_on:
             raise ModelError(f"{entry.title} has come to its end; there is nothing to go on with")
         self._refuse_unfinished(entry.action)
-        _, task = plan(entry.action, self)
+        task = _task_of(entry.action, entry.result, self)
         with self.guard:
             # the file may have been changed since; what was begun is what is gone on with
             study = task.study if entry.result is None else entry.result.study
@@ -187,6 +225,13 @@ class Board:
             entry.live = Progress()
             entry.version += 1
         return replace(task, study=study, output=Path(entry.path), resume=True)
+
+
+def _task_of(action: Action, result: Result | None, board: Board) -> Task:
+    """The task of an action; of a study that has been begun, whatever the file says now."""
+    if isinstance(action, Compute) and result is not None:
+        return Task(result.study, Path())
+    return plan(action, board)[1]
 
 
 def _ends(entry: Entry) -> str:

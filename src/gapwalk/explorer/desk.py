@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,10 @@ from gapwalk.explorer.events import Events
 from gapwalk.explorer.flows import Flows
 from gapwalk.explorer.jobs import Jobs
 from gapwalk.explorer.workspace import Workspace
+from gapwalk.model.system import System
 from gapwalk.motion.motion import signal_names
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
+from gapwalk.study.file import Study
 from gapwalk.study.options import BranchOptions
 
 _BOARDS = 20  # files that are open at once
@@ -36,6 +39,7 @@ class Desk:
 
     def __init__(self, root: Path, name: str = "") -> None:
         self.workspace, self.first = Workspace(root), name
+        self.mark = secrets.token_hex(4)  # tells pages that another server answers than before
         self._guard, self._opening = threading.Lock(), threading.Lock()
         self._boards: dict[str, Board] = {}
         self.flows = Flows()
@@ -72,16 +76,15 @@ class Desk:
         del self._boards[idle[0]]
 
     def reopen(self, name: str) -> Board:
-        """The board of a file; read anew if the file has been changed, unless something of it is being computed."""
-        with self._guard:
-            board = self._boards.get(name)
-            if board is not None and board.is_old() and board.is_idle():
-                del self._boards[name]
-        return self.board(name)
+        """The board of a file, which is read again if it has been changed."""
+        board = self.board(name)
+        with self._opening:
+            board.refresh()
+        return board
 
     def act(self, name: str, plain: object) -> Entry:
         """Begin what a page asks for; a ModelError if it makes no sense."""
-        board = self.board(name)
+        board = self.reopen(name)  # what is computed is what stands in the file
         entry, task = board.prepare(read_action(plain))
         self.jobs.add(board, entry, task)
         return entry
@@ -93,20 +96,25 @@ class Desk:
         self.jobs.add(board, entry, board.resumed(entry))
 
     def progress(self) -> dict[str, Any]:
-        """How far the results of all boards have come."""
+        """Which server this is, and for each board what its file is and how far its results have come."""
         with self._guard:
-            return {
-                name: [_progress(entry) for entry in board.entries.values()] for name, board in self._boards.items()
-            }
+            boards = dict(self._boards)
+        return {
+            "server": self.mark,
+            "boards": {
+                name: {"stamp": board.stamp(), "results": board_progress(board)} for name, board in boards.items()
+            },
+        }
 
     def about(self, name: str) -> dict[str, Any]:
         """What a page needs to know of a file to show it; a ModelError if it cannot be opened."""
         board = self.reopen(name)
-        study = board.base()
+        stamp, study = board.stamp(), board.described()
+        assert study is not None  # a board without anything to describe cannot be opened
         system, options = study.system, study.options
         self.flows.warm(system)
         walked = isinstance(options, BranchOptions)
-        parameters = _parameters(board)
+        parameters = _parameters(system)
         measures = [f"{kind}.{q}" for q in system.coordinates[:50] for kind in ("half", "max", "min", "mean", "rms")]
         shown = full_measure(options.measure, system.coordinates) if walked and options.measure else measures[0]
         if shown not in measures:
@@ -114,6 +122,10 @@ class Desk:
 
         return {
             "file": name,
+            "server": self.mark,
+            "stamp": stamp,
+            "model": board.model,
+            "problem": board.problem,
             "title": study.title or name,
             "coordinates": list(system.coordinates),
             "signals": signal_names(system)[:400],
@@ -123,7 +135,8 @@ class Desk:
             "x": options.parameter if walked else "frequency",
             "y": measure_name(shown, system),
             "range": [options.begin, options.end] if walked else [],
-            "studies": [{"name": each.name, "plan": each.options.plan} for each in board.studies],
+            "values": dict(system.parameters) if len(system.parameters) <= 1000 else {},
+            "studies": [_study(each) for each in board.studies],
             "results": board_progress(board),
         }
 
@@ -134,9 +147,15 @@ class Desk:
         self.flows.close()
 
 
-def _parameters(board: Board) -> list[dict[str, Any]]:
+def _study(study: Study) -> dict[str, Any]:
+    """What a page is told of a study of the file; parameters that it walks have no value to be chosen."""
+    second = getattr(study.options, "second", None)
+    walks = [getattr(study.options, "parameter", None), getattr(second, "parameter", None)]
+    return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}
+
+
+def _parameters(system: System) -> list[dict[str, Any]]:
     """The named parameters of the system; of very many, those that are not zero."""
-    system = board.base().system
     items = list(system.parameters.items())
     if len(items) > _PARAMETERS:
         items = [(name, value) for name, value in items if value][:_PARAMETERS]
@@ -156,6 +175,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "state": entry.state.value,
         "message": entry.message,
         "version": entry.version,
+        "model": entry.model,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
         "can_go_on": entry.can_go_on,

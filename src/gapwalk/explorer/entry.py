@@ -92,6 +92,8 @@ class Entry:
         What has been reported so far.
     version
         Grows with each change.
+    model
+        The mark of the model file that it was computed from; see `gapwalk.explorer.mark`.
     """
 
     key: str
@@ -103,6 +105,7 @@ class Entry:
     result: Result | None = None
     live: Progress = field(default_factory=Progress)
     version: int = 0
+    model: str = ""
 
     @property
     def can_go_on(self) -> bool:

@@ -111,7 +111,7 @@ class Guard:
             if headers.get("content-type", "").partition(";")[0].strip() != "application/json":
                 return 415, "send JSON (content-type: application/json)"
             length = headers.get("content-length", "0")
-            if not length.isdigit() or int(length) > MAX_BODY:
+            if not (length.isascii() and length.isdigit()) or int(length[:9]) > MAX_BODY:
                 return 413, f"the request is larger than {MAX_BODY} bytes"
         return None
 

@@ -14,7 +14,7 @@ from gapwalk.study.file import Study, check_study
 _HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
 
 
-def model_file(text: str, name: str, orbit: Orbit, parameter: str, to: float, measure: str) -> str:
+def model_file(text: str, name: str, within: str, orbit: Orbit, parameter: str, to: float, measure: str) -> str:
     """The text of a model file whose study is a response from an orbit.
 
     Parameters
@@ -23,6 +23,8 @@ def model_file(text: str, name: str, orbit: Orbit, parameter: str, to: float, me
         The text of the file that was opened.
     name
         Its name: matrices may stand in files beside it.
+    within
+        The folder outside of which none is read.
     orbit
         The orbit.
     parameter, to, measure
@@ -34,7 +36,7 @@ def model_file(text: str, name: str, orbit: Orbit, parameter: str, to: float, me
         If the file cannot be written so that it describes the same system: one that was reduced, for example.
     """
     text = _with_frequency(_without_studies(text), orbit, parameter)
-    changes = _changes(text, name, orbit, parameter)
+    changes = _changes(text, name, within, orbit, parameter)
     study = [
         "[study]",
         'kind = "response"',
@@ -48,17 +50,17 @@ def model_file(text: str, name: str, orbit: Orbit, parameter: str, to: float, me
     if changes:
         study += ["", "[study.set]", *(f"{_quoted(name)} = {value!r}" for name, value in changes.items())]
     found = f"{text.rstrip()}\n\n" + "\n".join(study) + "\n"
-    if not np.array_equal(check_study(parse_source(found, name)).system.values, orbit.system.values):
+    if not np.array_equal(check_study(parse_source(found, name, within)).system.values, orbit.system.values):
         raise ModelError("this system cannot be written as a model file: it has other numbers when it is read back")
     return found
 
 
-def _changes(text: str, name: str, orbit: Orbit, parameter: str) -> dict[str, float]:
+def _changes(text: str, name: str, within: str, orbit: Orbit, parameter: str) -> dict[str, float]:
     """The values of the orbit's system that differ from those of the file without its studies."""
     system = orbit.system
     bare = f'{text}\n[study]\nkind = "response"\nparameter = {_quoted(parameter)}\n'
     bare += f"from = {system[parameter]!r}\nto = {system[parameter] + 1.0!r}\n"
-    base: Study = check_study(parse_source(bare, name))
+    base: Study = check_study(parse_source(bare, name, within))
     if base.system.structure != system.structure:
         raise ModelError("this system is not that of the model file (it was reduced, for example); export the script")
     names = system.structure.names

@@ -56,6 +56,10 @@ class Shown(Protocol):
         """The first study of the file that was opened."""
         ...
 
+    def origin(self, place: Place) -> Study:
+        """The study of the result at a place."""
+        ...
+
 
 def plan(action: Action, shown: Shown) -> tuple[str, Task]:
     """The title of what an action asks for, and the task without its output.
@@ -68,7 +72,7 @@ def plan(action: Action, shown: Shown) -> tuple[str, Task]:
     match action:
         case Compute():
             study = shown.study(action.study, action.values)
-            title = f"{study.options.kind}{f' {study.name}' if study.name else ''}"
+            title = f"{study.options.kind}{f' {study.name}' if study.name else ''}{_changed(action.values)}"
             return title, Task(study, Path())
         case Walk():
             return _walk(action, shown)
@@ -82,12 +86,18 @@ def plan(action: Action, shown: Shown) -> tuple[str, Task]:
             return _settle(action, shown)
 
 
-def known_branches(action: Search, shown: Shown) -> list[tuple[str, int]]:
-    """The branches that a search need not find: those of its results along its parameter, of the same system.
+def _changed(values: Mapping[str, float]) -> str:
+    """The first of the values that are not those of the file, for a title."""
+    shown = [f"{name} = {value:.6g}" for name, value in list(values.items())[:3]]
+    more = f" and {len(values) - 3} more" if len(values) > 3 else ""
+    return f", {', '.join(shown)}{more}" if shown else ""
+
+
+def known_branches(action: Search, shown: Shown, system: System) -> list[tuple[str, int]]:
+    """The branches that a search of a system need not find: those of its results along its parameter, of that system.
 
     Each by the key of its result and its number there.
     """
-    system = search_system(action, shown)
     return [
         (key, number)
         for key in action.known
@@ -123,7 +133,7 @@ def orbit_at(place: Place, shown: Shown) -> Orbit:
 
 
 def _walk(action: Walk, shown: Shown) -> tuple[str, Task]:
-    orbit = orbit_at(action.start, shown)
+    orbit, origin = orbit_at(action.start, shown), shown.origin(action.start)
     begin = orbit.system[action.parameter]
     check_range(begin, action.to)
     orbit.system.at({action.parameter: action.to})
@@ -131,19 +141,19 @@ def _walk(action: Walk, shown: Shown) -> tuple[str, Task]:
         action.parameter,
         begin,
         action.to,
-        _measure(shown, orbit.system),
+        _measure(origin, orbit.system),
         orbit.period,
         tuple(orbit.state.tolist()),
-        method=method_of(orbit, shown),
+        method=method_of(orbit, origin),
     )
     symbol = parameter_symbol(action.parameter)
     title = f"period {orbit.period}, {symbol} from {begin:.6g} to {action.to:.6g}"
-    return title, Task(_study_of(orbit.system, options, title, shown), Path())
+    return title, Task(_study_of(orbit.system, options, title, origin), Path())
 
 
 def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     line, special = shown.special(action.start)
-    parameter, orbit = line.parameter, special.orbit
+    parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
     if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT):
         raise ModelError(
             f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point "
@@ -156,13 +166,13 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
         parameter,
         action.low,
         action.high,
-        _measure(shown, orbit.system),
+        _measure(origin, orbit.system),
         orbit.period * (2 if special.kind is Kind.FLIP else 1),
         tuple(orbit.state.tolist()),
-        method=method_of(orbit, shown),
+        method=method_of(orbit, origin),
     )
     title = f"from the {special.kind.value} of {line.name} at {parameter_symbol(parameter)} = {special.value:.6g}"
-    return title, Task(_study_of(orbit.system, options, title, shown), Path(), SwitchErrand(special))
+    return title, Task(_study_of(orbit.system, options, title, origin), Path(), SwitchErrand(special))
 
 
 def _search(action: Search, shown: Shown) -> tuple[str, Task]:
@@ -171,15 +181,16 @@ def _search(action: Search, shown: Shown) -> tuple[str, Task]:
         system.at({parameter: bound})
     if not action.low < action.high:
         raise ModelError(f"the range of {parameter} is from {action.low:g} to {action.high:g}; it must go up")
-    known = tuple(shown.branches(key)[number] for key, number in known_branches(action, shown))
-    options = _others_options(action, system, shown)
+    known = tuple(shown.branches(key)[number] for key, number in known_branches(action, shown, system))
+    origin = shown.base() if action.start is None else shown.origin(action.start)
+    options = _others_options(action, system, origin)
     title = f"others, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
-    return title, Task(_study_of(system, options, title, shown), Path(), SearchErrand(known))
+    return title, Task(_study_of(system, options, title, origin), Path(), SearchErrand(known))
 
 
-def _others_options(action: Search, system: System, shown: Shown) -> DiagramStudyOptions:
-    """As the file's own diagram searches, if it has one."""
-    own, measure = shown.base().options, _measure(shown, system)
+def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
+    """As the diagram searches that it starts from, if it is one."""
+    own, measure = origin.options, _measure(origin, system)
     where = (action.parameter, action.low, action.high)
     if isinstance(own, DiagramStudyOptions):
         limits = replace(own.limits, search_values=action.count)
@@ -201,6 +212,7 @@ def _others_options(action: Search, system: System, shown: Shown) -> DiagramStud
 def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     first, second, system = line.parameter, action.second, special.orbit.system
+    origin = shown.origin(action.start)
     if special.kind not in KINDS:
         raise ModelError(f"a {special.kind.value} has no locus; choose a fold, a flip, Neimark-Sacker or grazing point")
     if first == second:
@@ -215,50 +227,52 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
         first,
         action.low,
         action.high,
-        _measure(shown, system),
+        _measure(origin, system),
         special.orbit.period,
         tuple(special.orbit.state.tolist()),
-        method=locus_method(special.orbit, shown),
+        method=locus_method(special.orbit, origin),
         second=SecondParameter(second, second_low, second_high),
         sections=(system[second],),
         kinds=(special.kind,),
     )
     plane = f"{parameter_symbol(first)} and {parameter_symbol(second)}"
     title = f"locus of the {special.kind.value} of {line.name} at {special.value:.6g}, in {plane}"
-    return title, Task(_study_of(system, options, title, shown), Path(), LocusErrand(special))
+    return title, Task(_study_of(system, options, title, origin), Path(), LocusErrand(special))
 
 
-def locus_method(orbit: Orbit, shown: Shown) -> Shooting | Balance:
+def locus_method(orbit: Orbit, origin: Study) -> Shooting | Balance:
     """How a locus is followed from an orbit: as the orbit was found, but for shooting in one segment."""
-    method = method_of(orbit, shown)
+    method = method_of(orbit, origin)
     return replace(method, segments=1) if isinstance(method, Shooting) else method
 
 
 def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
-    system, start = shown.base().system, "rest"
-    if action.start is not None:
-        motion = shown.motion(action.start)
+    if action.start is None:
+        origin = shown.base()
+        system, start = origin.system, "rest"
+    else:
+        motion, origin = shown.motion(action.start), shown.origin(action.start)
         system, start = motion.system, tuple(motion.state.tolist())
     system = system.at(dict(action.values))
     options = SettleStudyOptions(system.coordinates[0], start)
     title = f"settled at {parameter_symbol('frequency')} = {system.frequency:.6g}"
-    return title, Task(_study_of(system, options, title, shown), Path())
+    return title, Task(_study_of(system, options, title, origin), Path())
 
 
-def method_of(orbit: Orbit, shown: Shown) -> Shooting | Balance:
-    """How to go on from an orbit: as it was found."""
-    options = shown.base().options
+def method_of(orbit: Orbit, origin: Study) -> Shooting | Balance:
+    """How to go on from an orbit of a study: as it was found."""
+    options = origin.options
     if isinstance(orbit, BalancedOrbit):
         return options.method if isinstance(options, BranchOptions) and options.balanced else Balance()
     return options.method if isinstance(options, BranchOptions) and not options.balanced else Shooting()
 
 
-def _measure(shown: Shown, system: System) -> str:
-    options = shown.base().options
+def _measure(origin: Study, system: System) -> str:
+    options = origin.options
     measure = options.measure if isinstance(options, BranchOptions) else ""
     return measure or f"half.{system.coordinates[0]}"
 
 
-def _study_of(system: System, options, title: str, shown: Shown) -> Study:
-    base = shown.base()
-    return Study(system, options, f"{base.title}: {title}" if base.title else title, base.text, reduced=base.reduced)
+def _study_of(system: System, options, title: str, origin: Study) -> Study:
+    whole = f"{origin.title.partition(': ')[0]}: {title}" if origin.title else title
+    return Study(system, options, whole, origin.text, reduced=origin.reduced)

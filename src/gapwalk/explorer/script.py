@@ -9,8 +9,10 @@ from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Compute, FollowLocus, Place, Search, Settle, Switch, Walk
 from gapwalk.explorer.board import Board
 from gapwalk.explorer.entry import Entry, State
-from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit_at, plan
+from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit_at, plan, search_system
 from gapwalk.explorer.workspace import RESULT
+from gapwalk.model.large import MATRICES
+from gapwalk.model.source import parse_source
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.study.diagram.diagram import DiagramOptions
@@ -38,6 +40,7 @@ class _Script:
         self.lines: list[str] = []
         self.names: dict[str, str] = {}
         self.imports: set[str] = set()
+        self.models: dict[str, str] = {}
 
     def text(self, entry: Entry) -> str:
         name = self.repeat(entry)
@@ -47,6 +50,7 @@ class _Script:
             *sorted(self.imports, reverse=True),  # `import gapwalk` stands after `from`
             "import gapwalk as gw",
             "",
+            *(line for text, word in self.models.items() for line in (f"{word} = {_literal(text)}", "")),
         ]
         last = [f"for branch in {name}:", "    print(branch)"] if entry.settled() is None else [f"print({name})"]
         return "\n".join([*head, *self.lines, *last, ""])
@@ -85,14 +89,34 @@ class _Script:
                 self.imports.add("from dataclasses import replace")
             self.lines += [f"study = gw.load({file!r}).study", *self._lines_of(entry, name, f"gw.run({changed})")]
         else:
-            arguments = [repr(file)]
-            if action.values or action.study:
-                arguments.append(repr(dict(action.values)))
-            if action.study:
-                arguments.append(repr(action.study))
-            read = f"study = gw.read_study({', '.join(arguments)})"
-            self.lines += [read, *self._lines_of(entry, name, "gw.run(study)")]
+            self.lines += [f"study = {self._study(entry, action)}", *self._lines_of(entry, name, "gw.run(study)")]
         return name
+
+    def _study(self, entry: Entry, action: Compute) -> str:
+        """The study of an entry, from the model as it was then."""
+        source = self._source(entry)
+        if source is None:
+            return f"gw.load({self._result(entry)!r}).study"
+        arguments = [source]
+        if action.values or action.study:
+            arguments.append(repr(dict(action.values)))
+        if action.study:
+            arguments.append(repr(action.study))
+        return f"gw.read_study({', '.join(arguments)})"
+
+    def _source(self, entry: Entry) -> str | None:
+        """The model file of an entry as it was then, as an argument; None where its text does not hold all of it."""
+        study = self.board.base() if entry.result is None else entry.result.study
+        if entry.result is not None and not _is_whole(study.text):
+            return None
+        if study.text not in self.models:
+            self.models[study.text] = f"MODEL{len(self.models) + 1 if self.models else ''}"
+        self.imports.add("import io")
+        return f"io.StringIO({self.models[study.text]})"
+
+    def _result(self, entry: Entry) -> str:
+        """The result file of an entry, from the folder of the file that was opened."""
+        return f"{entry.path.parent.name}/{entry.path.name}"
 
     def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
         """The branches of a result; of a map its loci after them, as the page shows them."""
@@ -129,11 +153,14 @@ class _Script:
         return name
 
     def _search(self, entry: Entry, action: Search) -> str:
-        system = self._base_system() if action.start is None else f"{self._motion(action.start)}.system"
-        known = [f"{self.repeat(self.board.entry(key))}[{n}]" for key, n in known_branches(action, self.board)]
+        system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
+        searched = search_system(action, self.board) if entry.result is None else entry.result.study.system
+        known = [
+            f"{self.repeat(self.board.entry(key))}[{n}]" for key, n in known_branches(action, self.board, searched)
+        ]
         name = _name("branches", entry)
         self._comment(entry)
-        options = plan(action, self.board)[1].study.options
+        options = (plan(action, self.board)[1].study if entry.result is None else entry.result.study).options
         assert isinstance(options, DiagramStudyOptions)
         changed = {
             field.name: value
@@ -157,14 +184,14 @@ class _Script:
         self._comment(entry)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
-        options = _option(locus_method(special.orbit, self.board))
+        options = _option(locus_method(special.orbit, self.board.origin(action.start)))
         self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
         return name
 
     def _settle(self, entry: Entry, action: Settle) -> str:
         name = _name("settled", entry)
         if action.start is None:
-            system, start = self._base_system(), "'rest'"
+            system, start = self._base_system(entry), "'rest'"
         else:
             motion = self._motion(action.start)
             system, start = f"{motion}.system", f"{motion}.state"
@@ -176,10 +203,12 @@ class _Script:
         self.lines += [f"{name} = gw.{word}({system}, {start}{at})", ""]
         return name
 
-    def _base_system(self) -> str:
-        file = Path(self.board.name).name
-        read = f"gw.load({file!r})" if self.board.file.suffix == RESULT else f"gw.read_studies({file!r})[0]"
-        return f"{read}.system"
+    def _base_system(self, entry: Entry) -> str:
+        """The system of the file that was opened, as it was when the entry was computed."""
+        if self.board.file.suffix == RESULT:
+            return f"gw.load({Path(self.board.name).name!r}).system"
+        source = self._source(entry)
+        return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
 
     def _motion(self, place: Place) -> str:
         """The motion at a place: an orbit, whether that is special or not, or where a motion has settled."""
@@ -202,7 +231,7 @@ class _Script:
 
     def _method(self, place: Place) -> str:
         """How orbits are posed, if not as by default."""
-        return _option(method_of(orbit_at(place, self.board), self.board))
+        return _option(method_of(orbit_at(place, self.board), self.board.origin(place)))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")
@@ -223,6 +252,18 @@ def _gw(value: object) -> str:
 def _name(word: str, entry: Entry) -> str:
     number = entry.key.partition("-")[0]
     return f"{word}{number}" if number.isdigit() else word
+
+
+def _is_whole(text: str) -> bool:
+    """Whether the text of a model file holds all of the model: no matrix stands beside it, nothing is reduced."""
+    data = parse_source(text).data
+    return "reduction" not in data and not any(isinstance(data.get(name), str) for name in MATRICES)
+
+
+def _literal(text: str) -> str:
+    """A text as Python's, over several lines where that can be."""
+    plain = all(char.isprintable() or char == "\n" for char in text) and "\\" not in text and '"""' not in text
+    return f'"""\\\n{text}"""' if plain and not text.endswith('"') else repr(text)
 
 
 def _plain(text: str) -> str:

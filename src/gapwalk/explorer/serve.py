@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
@@ -48,11 +49,36 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
         config = uvicorn.Config(
             application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
         )
-        print(f"the explorer of {desk.workspace.root} is at\n    {address}", flush=True)
-        print("Ctrl-C ends it; what is computed is kept", flush=True)
-        if browser:
-            webbrowser.open(address)
-        asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
+
+        def tell() -> None:
+            print(f"the explorer of {desk.workspace.root} is at\n    {address}", flush=True)
+            print("Ctrl-C ends it; what is computed is kept", flush=True)
+            if browser:
+                webbrowser.open(address)
+
+        asyncio.run(_Server(config, tell).serve(sockets=[listener]))
+
+
+class _Server(uvicorn.Server):
+    """A server that says when it answers: an address is of no use before.
+
+    Parameters
+    ----------
+    config
+        As of `uvicorn.Server`.
+    tell
+        Called once it listens.
+    """
+
+    def __init__(self, config: uvicorn.Config, tell: Callable[[], object]) -> None:
+        super().__init__(config)
+        self._tell = tell
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to listen, and tell."""
+        await super().startup(sockets)
+        if self.started:
+            self._tell()
 
 
 def _workspace(file: Path | None) -> tuple[Path, str]:

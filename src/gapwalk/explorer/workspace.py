@@ -34,7 +34,10 @@ class Workspace:
         found = [
             path.name
             for path in self.root.iterdir()
-            if path.suffix in (MODEL, RESULT) and path.is_file() and not path.name.startswith(".")
+            if path.suffix in (MODEL, RESULT)
+            and path.is_file()
+            and not path.name.startswith(".")
+            and _can_be_asked(path.name)
         ]
         return sorted(found)[:_MOST]
 
@@ -47,7 +50,7 @@ class Workspace:
             If it lies outside of the workspace, is hidden, or is neither a model nor a result.
         """
         given = f"{name[:100]!r}"
-        if not name or "\0" in name or len(name) > 300:
+        if not name or "\0" in name or len(name) > 300 or not _can_be_asked(name):
             raise ModelError(f"{given} is no name of a file; write that of a file in {self.root.name}")
         path = (self.root / name).resolve()
         inside = path.is_relative_to(self.root)
@@ -87,6 +90,11 @@ class Workspace:
         raise StoreError(f"{folder.name} holds {_MOST} results; move some of them elsewhere")
 
 
+def _can_be_asked(name: str) -> bool:
+    """Whether a page can name a file: it writes UTF-8, which the bytes of a name may not be."""
+    return not any("\ud800" <= char <= "\udfff" for char in name)
+
+
 def write_record(output: Path, record: dict[str, Any]) -> None:
     """Write what was asked beside the result that answers it: whole, or not at all.
 
@@ -108,7 +116,7 @@ def read_records(folder: Path) -> dict[Path, dict[str, Any]]:
     records = {}
     for path in sorted(folder.glob("*.json")) if folder.is_dir() else []:
         try:
-            if path.stat().st_size > _RECORD_BYTES:
+            if not path.is_file() or path.stat().st_size > _RECORD_BYTES:
                 continue
             record = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.files import open_file
 from gapwalk.measurement.mat import NUMERIC, damaged, mat_variables
 from gapwalk.measurement.record import MAX_SAMPLES, Record
 from gapwalk.model.problem import did_you_mean
@@ -75,7 +76,7 @@ def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
 def _content(path: Path) -> bytes:
     content = bytearray()
     try:
-        with open(path, "rb") as file:
+        with open_file(path) as file:
             while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # asked for all, it makes room for all
                 content += piece
     except (OSError, ValueError) as error:

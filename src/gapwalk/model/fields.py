@@ -195,10 +195,12 @@ CubicStiffness = Annotated[Number, measured(QuantityKind.CUBIC)]
 Clearance = Annotated[NonNegative, measured(QuantityKind.ANGLE)]
 Order = Annotated[int, BeforeValidator(_whole)]
 InertiaName = AfterValidator(_coordinate)
-Vector = dict[Annotated[Text, InertiaName], Number]
+Vector = Annotated[dict[Annotated[Text, InertiaName], Number], Field(max_length=MAX_COORDINATES)]
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
 Matrix = Annotated[
-    Annotated[list[list[Number]], tagged("matrix")] | Annotated[list[Number], tagged("diagonal")],
+    # of many wrong numbers only those of one row are told
+    Annotated[list[list[Number]], Field(fail_fast=True), tagged("matrix")]
+    | Annotated[list[Number], tagged("diagonal")],
     by_shape(_matrix_shape),
     AfterValidator(_square),
 ]

@@ -139,8 +139,8 @@ class SystemPart(Part):
     damping: DampingField | None = None
     mean: Vector = Field(default={})
     frequency: Positive | None = None
-    contact: list[ContactPart] = Field(default=[])
-    harmonic: list[HarmonicPart] = Field(default=[])
+    contact: list[ContactPart] = Field(default=[], max_length=MAX_COORDINATES)
+    harmonic: list[HarmonicPart] = Field(default=[], max_length=MAX_COORDINATES)
     study: Annotated[Any, AfterValidator(study_tables)] = None
     measurement: Any = None
     reduction: Any = None  # read by `gapwalk.study.reduced`

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import zipfile
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from gapwalk.files import check_npz, open_file
 from gapwalk.model.fields import MAX_COORDINATES
 from gapwalk.model.problem import Problem, given
 from gapwalk.model.source import Source
@@ -41,11 +43,21 @@ def expand(source: Source) -> tuple[Source, list[Problem]]:
         value = data.get(key)
         if isinstance(value, str):
             try:
-                data[key] = read_matrix(os.path.join(os.path.dirname(source.name), value)).tolist()
+                data[key] = read_matrix(_place_of(value, source)).tolist()
             except ValueError as error:
                 problems.append(source.problem(f"is {given(value)}, {error}", (key,)))
                 del data[key]
-    return Source(source.name, source.text, data, source.changed), problems
+    return replace(source, data=data), problems
+
+
+def _place_of(name: str, source: Source) -> str:
+    """The file of a matrix; a ValueError if the source may not ask for it."""
+    path = os.path.join(os.path.dirname(source.name), name)
+    if source.within:
+        inside = os.path.realpath(source.within)
+        if os.path.commonpath((os.path.realpath(path), inside)) != inside:
+            raise ValueError(f"which lies outside of the folder {os.path.basename(inside)}; put the file into it")
+    return path
 
 
 def read_matrix(path: str) -> np.ndarray:
@@ -62,9 +74,11 @@ def read_matrix(path: str) -> np.ndarray:
     if ending not in (".mtx", ".npz"):
         raise ValueError(f"which must be a list of rows, or a file in the form of {_FORMS}")
     try:
-        if os.path.getsize(path) > _MAX_BYTES:
+        with open_file(path) as file:
+            size = os.fstat(file.fileno()).st_size
+        if size > _MAX_BYTES:
             raise ValueError(f"which is larger than {_MAX_BYTES // 1_000_000} MB")
-        matrix = _market(path) if ending == ".mtx" else _packed(path)
+        matrix = _market(path, size) if ending == ".mtx" else _packed(path)
     except OSError as error:
         raise ValueError(f"which cannot be read: {error.strerror or error}") from None
     if not np.isfinite(matrix).all():
@@ -72,12 +86,14 @@ def read_matrix(path: str) -> np.ndarray:
     return matrix
 
 
-def _market(path: str) -> np.ndarray:
+def _market(path: str, size: int) -> np.ndarray:
     from scipy.io import mminfo, mmread  # only now: few models need them
 
     try:
-        rows, columns, _, _, field, _ = mminfo(path)
+        rows, columns, entries, _, field, _ = mminfo(path)
         _check_shape((rows, columns))
+        if 2 * entries > size:  # a digit and a space each, at least
+            raise ValueError(f"which is said to have {entries:,} entries, but they are not there")
         if field not in ("real", "integer", "double", "unsigned-integer"):
             raise ValueError(f"which holds entries that are {field}; they must be real numbers")
         matrix: Any = mmread(path)
@@ -93,9 +109,7 @@ def _packed(path: str) -> np.ndarray:
     from scipy.sparse import load_npz
 
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
-                raise ValueError(f"which holds more than {_MAX_BYTES // 1_000_000} MB")
+        check_npz(path, _MAX_BYTES)
         matrix: Any = load_npz(path)  # refuses pickled objects
         _check_shape(matrix.shape)
         if matrix.format in ("csr", "csc", "bsr"):

@@ -25,6 +25,7 @@ _ALLOWED = {
     "model_type": "a table",
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",
+    "less_than_equal": "<= {le}",
     "greater_than": "> {gt:g}",
     "greater_than_equal": ">= {ge:g}",
 }
@@ -92,20 +93,20 @@ def refusal(error: ModelError, name: str = "") -> str:
 
 
 def _without(data: Any, paths: list[Path]) -> Any:
-    for path in paths:
-        data = _pruned(data, path)
-    return data
+    """The data without the values at some paths, which end in keys of tables."""
+    unwanted, ways = set(paths), {path[:end] for path in paths for end in range(len(path))}
 
+    def pruned(value: Any, at: Path) -> Any:
+        if at not in ways:
+            return value
+        if isinstance(value, Mapping):
+            places = ((key, each, (*at, key)) for key, each in value.items())
+            return {key: pruned(each, place) for key, each, place in places if place not in unwanted}
+        if isinstance(value, list):
+            return [pruned(each, (*at, index)) for index, each in enumerate(value)]
+        return value
 
-def _pruned(data: Any, path: Path) -> Any:
-    key, rest = path[0], path[1:]
-    if isinstance(data, Mapping):
-        return {
-            name: _pruned(value, rest) if name == key else value for name, value in data.items() if rest or name != key
-        }
-    if isinstance(data, list) and rest:
-        return [_pruned(value, rest) if index == key else value for index, value in enumerate(data)]
-    return data
+    return pruned(data, ())
 
 
 def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem:

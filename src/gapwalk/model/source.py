@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import difflib
+import io
 import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
 
+from gapwalk.files import open_file
 from gapwalk.model.problem import ModelFileError, Path, Problem, dotted
 from gapwalk.model.toml_lines import key_lines
+from gapwalk.model.toml_size import crowded, too_much_to_parse
 
 MAX_BYTES = 10_000_000
 """A longer file is refused: it is hardly a model."""
@@ -44,12 +47,15 @@ class Source:
         What tomllib makes of it, with the changes of `with_value` in place.
     changed
         Paths whose values no longer come from the text, so have no line.
+    within
+        The folder outside of which no matrix is read for it; empty if any may be.
     """
 
     name: str
     text: str
     data: Mapping[str, Any]
     changed: frozenset[Path] = field(default=frozenset())
+    within: str = ""
 
     @cached_property
     def _lines(self) -> dict[Path, int]:
@@ -79,20 +85,22 @@ class Source:
             table[key] = list(inner) if isinstance(inner, list) else dict(inner)
             table = table[key]
         table[path[-1]] = value
-        return Source(self.name, self.text, data, self.changed | {path})
+        return replace(self, data=data, changed=self.changed | {path})
 
 
-def read_source(path: str | os.PathLike[str]) -> Source:
-    """Read a TOML file.
+def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") -> Source:
+    """Read a TOML file, or a text that is given as one; `within` as of `Source`.
 
     Raises
     ------
     ModelFileError
         If there is no such file, or it is no TOML text of at most 10 MB in UTF-8.
     """
+    if isinstance(path, io.StringIO):
+        return parse_source(path.getvalue(), "", within)
     name = os.fspath(path)
     try:
-        with open(name, "rb") as file:
+        with open_file(name) as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
         raise ModelFileError([Problem(_reason(name, error), file=name)]) from None
@@ -105,17 +113,19 @@ def read_source(path: str | os.PathLike[str]) -> Source:
         line = content.count(b"\n", 0, error.start) + 1
         message = f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8"
         raise ModelFileError([Problem(message, line=line, file=name)]) from None
-    return parse_source(text, name)
+    return parse_source(text, name, within)
 
 
-def parse_source(text: str, name: str = "") -> Source:
-    """Parse a TOML text; `name` begins every message about it.
+def parse_source(text: str, name: str = "", within: str = "") -> Source:
+    """Parse a TOML text; `name` begins every message about it, `within` is as of `Source`.
 
     Raises
     ------
     ModelFileError
-        If it is empty or not TOML.
+        If it is empty, not TOML, or has more in it than a model can have.
     """
+    if too_much := too_much_to_parse(text):
+        raise ModelFileError([Problem(too_much[0], line=too_much[1], file=name)])
     try:
         data = tomllib.loads(text)
     except RecursionError:
@@ -124,7 +134,10 @@ def parse_source(text: str, name: str = "") -> Source:
         raise ModelFileError([_syntax_problem(str(error), text, name)]) from None
     if not data:
         raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
-    return Source(name, text, data)
+    source = Source(name, text, data, within=within)
+    if problems := [source.problem(message, path) for path, message in crowded(data)]:
+        raise ModelFileError(problems)
+    return source
 
 
 def _reason(name: str, error: Exception) -> str:

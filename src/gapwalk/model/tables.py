@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, Wr
 from gapwalk.model.contact import Side
 from gapwalk.model.excitation import Harmonic
 from gapwalk.model.fields import (
+    MAX_COORDINATES,
     Clearance,
     CubicStiffness,
     Direction,
@@ -25,6 +26,9 @@ from gapwalk.model.fields import (
 )
 from gapwalk.model.problem import given
 from gapwalk.model.schema import Part
+
+MAX_STUDIES = 200
+"""In one file: all of them are checked whenever one is asked for."""
 
 SideName = Annotated[Side, BeforeValidator(one_of(Side))]
 
@@ -70,7 +74,7 @@ def _order_problem(tables: object) -> str | None:
     return None
 
 
-Stages = Annotated[list[StagePart], WrapValidator(_in_order)]
+Stages = Annotated[list[StagePart], Field(max_length=MAX_COORDINATES), WrapValidator(_in_order)]
 """The stages of a contact, from the inside out."""
 
 
@@ -105,4 +109,6 @@ def study_tables(study: object) -> object:
     tables = study if isinstance(study, list) and study else [study]
     if not all(isinstance(table, Mapping) for table in tables):
         raise ValueError(f"is {given(study)}; it must be a table [study], or several tables [[study]]")
+    if len(tables) > MAX_STUDIES:
+        raise ValueError(f"is a list of {len(tables):,} tables; a file may have {MAX_STUDIES} studies")
     return study

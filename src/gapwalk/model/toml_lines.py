@@ -12,7 +12,7 @@ from gapwalk.model.problem import Path
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
 _KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""")
-_STRING = re.compile(
+STRING = re.compile(
     r'''"""(?:\\.|[^\\])*?"""(?:"{0,2})|\'\'\'.*?\'\'\'(?:'{0,2})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*\'''', re.DOTALL
 )
 _PLAIN = re.compile(r"[^,\]}\n#]*")  # numbers, booleans, dates
@@ -100,7 +100,7 @@ class _Scan:
         self._skip(_BLANK)
         first = self._peek()
         if first in "\"'":
-            self._skip(_STRING)
+            self._skip(STRING)
         elif first == "[":
             self._sequence("]", path)
         elif first == "{":

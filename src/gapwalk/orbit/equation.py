@@ -7,8 +7,20 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
+
+MAX_PERIOD = 10_000
+"""Forcing periods of an orbit, at most; events and samples of each are kept."""
+
+
+def check_period(period: object) -> None:
+    """A ModelError unless this can be m, the number of forcing periods of an orbit."""
+    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
+        raise ModelError(
+            f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
+        )
 
 
 class Evaluation(NamedTuple):

@@ -14,7 +14,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.orbit.equation import Evaluation, OrbitEquation
+from gapwalk.orbit.equation import Evaluation, OrbitEquation, check_period
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 
@@ -38,8 +38,8 @@ class Shooting:
     tolerance: float = 1e-10
 
     def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or self.segments < 1:
-            raise ModelError(f"segments is {self.segments!r}; it must be an integer >= 1")
+        if isinstance(self.segments, bool) or not isinstance(self.segments, int) or not 1 <= self.segments <= 1000:
+            raise ModelError(f"segments is {self.segments!r}; it must be an integer from 1 to 1000")
         if not 1e-14 <= self.tolerance <= 1e-3:
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
@@ -73,8 +73,7 @@ class ShootingEquation:
     options: Shooting = Shooting()
 
     def __post_init__(self) -> None:
-        if isinstance(self.period, bool) or not isinstance(self.period, int) or self.period < 1:
-            raise ModelError(f"period is {self.period!r}; it must be an integer >= 1 (forcing periods of the orbit)")
+        check_period(self.period)
         if self.parameter is not None:
             self.system.structure.place(self.parameter)
 

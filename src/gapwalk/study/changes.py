@@ -11,6 +11,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problem import ModelFileError, Path, Problem, given
 from gapwalk.model.source import Source
 from gapwalk.model.system import System
+from gapwalk.model.tables import MAX_STUDIES
 from gapwalk.model.units import PACES, kind_of
 
 
@@ -39,8 +40,10 @@ def parse_change(text: str) -> tuple[str, object]:
 
 
 def study_tables(source: Source) -> dict[Path, Mapping[str, object]]:
-    """The table ``[study]`` of a file, or its tables ``[[study]]``, by their paths."""
+    """The table ``[study]`` of a file, or its tables ``[[study]]``, by their paths; none where there are too many."""
     study = source.data.get("study")
+    if isinstance(study, list) and len(study) > MAX_STUDIES:
+        return {}
     tables = {("study", i): table for i, table in enumerate(study)} if isinstance(study, list) else {("study",): study}
     return {path: table for path, table in tables.items() if isinstance(table, Mapping)}
 

@@ -14,13 +14,18 @@ Whole = Annotated[int, Field(strict=True, ge=0)]
 """0, 1, 2, ..."""
 
 
+MAX_VALUES = 100_000
+"""Of a parameter, at which something is to be done."""
+
+
 def count_shape(value: object) -> str:
     """Whether a value is a count, or a list of values."""
     return "values" if isinstance(value, list) else "count"
 
 
 CountOrValues = Annotated[
-    Annotated[Count, tagged("count")] | Annotated[Annotated[list[Number], Field(min_length=1)], tagged("values")],
+    Annotated[Annotated[Count, Field(le=MAX_VALUES)], tagged("count")]
+    | Annotated[Annotated[list[Number], Field(min_length=1)], tagged("values")],
     by_shape(count_shape),
 ]
 """How many values, spread evenly over a range; or the values themselves."""

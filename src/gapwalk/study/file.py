@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -71,13 +72,15 @@ class Study:
         return self.options
 
 
-def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None, name: str = "") -> Study:
+def read_study(
+    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None, name: str = ""
+) -> Study:
     """Read a model file with its study.
 
     Parameters
     ----------
     path
-        A TOML file. ``gapwalk new FILE`` writes one to begin with.
+        A TOML file. ``gapwalk new FILE`` writes one to begin with. Or its text, as ``io.StringIO(text)``.
     changes
         Other values than those of the file, by parameter, or by ``study.`` and a key of the study, for example
         ``{"stage2.clearance": 0.5, "study.to": 0.3}``.
@@ -91,10 +94,12 @@ def read_study(path: str | os.PathLike[str], changes: Mapping[str, object] | Non
     ModelError
         If there is no study of that name, or the file has several and no name is given.
     """
-    return _one_of(read_studies(path, changes), name, os.fspath(path))
+    return _one_of(read_studies(path, changes), name, "the text" if isinstance(path, io.StringIO) else os.fspath(path))
 
 
-def read_studies(path: str | os.PathLike[str], changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
+def read_studies(
+    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None
+) -> tuple[Study, ...]:
     """Read a model file with all of its studies, in their order; parameters and errors as `read_study`."""
     return check_studies(read_source(path), changes)
 

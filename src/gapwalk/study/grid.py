@@ -10,12 +10,17 @@ from gapwalk.model.system import System
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""
 
+MAX_CELLS = 10_000_000
+"""Of a map over a plane; of each some hundred bytes are kept."""
+
 
 def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
     """The number of columns and rows, or a ModelError that says what to write."""
     both = (given, given) if isinstance(given, int) else tuple(given)
     if len(both) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in both):
         raise ModelError(f"resolution is {given!r}; write a number of cells, or (columns, rows)")
+    if both[0] * both[1] > MAX_CELLS:
+        raise ModelError(f"resolution is {both[0]:,} x {both[1]:,} cells; there may be {MAX_CELLS:,}, as 4000 x 2500")
     return both
 
 

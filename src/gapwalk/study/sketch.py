@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gapwalk.model.contact import Side
@@ -41,7 +41,7 @@ def sketch_of(source: Source) -> Sketch | None:
     coordinates = Names.of(source.data).coordinates or []
     data = {key: source.data[key] for key in ("coordinates", "contact", "harmonic") if key in source.data}
     data["stiffness"] = [0.0] * len(coordinates)
-    part, _ = check_system(Source(source.name, source.text, data))
+    part, _ = check_system(replace(source, data=data))
     if part:
         return Sketch(part.system())
     contacts, harmonics = data.get("contact", []), data.get("harmonic", [])
@@ -55,7 +55,7 @@ def sketch_of(source: Source) -> Sketch | None:
             {**_taken(table, ("name", "order")), "amplitude": 0.0, "acts_on": direction} for table in harmonics
         ],
     }
-    part, _ = check_system(Source(source.name, source.text, data))
+    part, _ = check_system(replace(source, data=data))
     return Sketch(part.system(), guessed=True) if part else None
 
 

@@ -26,6 +26,7 @@ from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
+from gapwalk.orbit.equation import MAX_PERIOD
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.study.method_table import BalancePart, MethodName, ShootingPart
 from gapwalk.study.options import Start, StudyOptions
@@ -254,7 +255,7 @@ class RangePart(StudyPart):
 class BranchPart(RangePart):
     """What the schemas of the studies of branches have in common: a first orbit, and how it is walked."""
 
-    period: Count = 1
+    period: Annotated[Count, Field(le=MAX_PERIOD)] = 1
     start: StartOrState = Start.SETTLE
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)

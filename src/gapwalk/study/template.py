@@ -6,6 +6,7 @@ import os
 from importlib.resources import files
 
 from gapwalk.errors import ModelError
+from gapwalk.files import why_no_file
 
 
 def template() -> str:
@@ -29,6 +30,8 @@ def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> 
         If there is a file of that name, or none can be written.
     """
     name = os.fspath(path)
+    if overwrite and (why := why_no_file(name)):
+        raise ModelError(f"{name} {why}")
     try:
         with open(name, "w" if overwrite else "x", encoding="utf-8", newline="\n") as file:
             file.write(template())

@@ -13,6 +13,8 @@ from gapwalk.errors import ModelError
 VALUES = 300
 """Values of a parameter in a range at which a search is thorough: it misses no island wider than a 300th of it."""
 
+_MOST = 100_000  # starts, or values
+
 
 @dataclass(frozen=True, slots=True)
 class SearchOptions:
@@ -59,6 +61,8 @@ class SearchOptions:
             _check_integer(name, getattr(self, name), least)
         for name in ("newton_starts", "seed"):
             _check_integer(name, getattr(self, name), 0)
+        if max(self.starts, self.newton_starts) > _MOST:
+            raise ModelError(f"starts is {self.starts}, newton_starts {self.newton_starts}; they may be {_MOST:,}")
         for period in self.newton_periods:
             _check_integer("each of newton_periods", period, 1)
         if self.newton_starts and not self.newton_periods:
@@ -94,7 +98,10 @@ def values_between(low: float, high: float, narrowest: float | None = None) -> N
         raise ModelError(f"the range is from {low!r} to {high!r}; it must go up, between finite numbers")
     if narrowest is not None and not 0.0 < narrowest < math.inf:
         raise ModelError(f"narrowest is {narrowest!r}; it must be a number > 0, in units of the parameter")
-    count = VALUES if narrowest is None else math.ceil((high - low) / narrowest * (1.0 - 1e-12))
+    ratio = VALUES if narrowest is None else (high - low) / narrowest * (1.0 - 1e-12)
+    if ratio > _MOST:
+        raise ModelError(f"narrowest is {narrowest!r}, which takes {ratio:.3g} values; there may be {_MOST:,}")
+    count = math.ceil(ratio)
     return low + (high - low) * (np.arange(count) + 0.5) / count
 
 

@@ -19,7 +19,8 @@ export async function post(path, body) {
 export async function download(path, query) {
   const response = await reach(`${path}?${new URLSearchParams(query)}`);
   if (!response.ok) await answer(response);
-  const name = /filename="?([^"]+)"?/.exec(response.headers.get("content-disposition") ?? "")?.[1] ?? "gapwalk";
+  const [, whole, plain] = /filename\*=utf-8''([^;]+)|filename="?([^"]+)"?/i.exec(response.headers.get("content-disposition") ?? "") ?? [];
+  const name = whole ? decodeURIComponent(whole) : plain ?? "gapwalk";
   save(await response.blob(), name);
 }
 
@@ -28,7 +29,7 @@ async function reach(path, options) {
     return await fetch(path, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused("The server does not answer. Is `gapwalk explore` still running? Start it again, and reload.");
+    throw new Refused("The server does not answer. Is `gapwalk explore` still running? Start it again; this page goes on by itself.");
   }
 }
 

@@ -53,7 +53,9 @@ export class Curves {
 
   /** Fetch what has changed in the results; whether anything did. Loci are wanted where both axes are parameters. */
   async update(file, axes, plane, results) {
-    const generation = this.generation, wanted = [];
+    const generation = this.generation, wanted = [], there = new Set(results.map(({ key }) => key));
+    for (const [key, { result }] of this.all) if (!there.has(result)) this.all.delete(key);
+    for (const key of this.settled.keys()) if (!there.has(key)) this.settled.delete(key);
     for (const result of results) {
       if (this.versions.get(result.key) === result.version) continue;
       this.versions.set(result.key, result.version);

@@ -43,7 +43,7 @@ async function open(file) {
   forget();
   const about = await get("/api/about", { file });
   page.about = about;
-  hideError();
+  showProblem();
   $("title").textContent = about.title;
   document.title = `${about.title} – gapwalk`;
   const names = about.parameters.map(({ name, words }) => [name, name === "frequency" ? words.replace("excitation ", "") : name, words]);
@@ -60,10 +60,34 @@ async function open(file) {
   $("locus-parameter").value = names.map(([name]) => name).find((name) => name !== about.x) ?? "";
   $("walk-to").value = about.range.at(-1) ?? "";
   showPlan();
-  parameters.show(about.parameters);
+  parameters.show(about.parameters, about.values);
   showLocusRange();
   diagram.range = null;
   await show(about.results);
+}
+
+/** The file was edited, or another server answers: take in what is new; what is shown and chosen stays. */
+async function refresh() {
+  const { file, server } = page.about;
+  const about = await get("/api/about", { file });
+  if (page.about?.file !== file) return;
+  page.about = about;
+  if (about.server !== server) curves.versions.clear();
+  const { value } = $("study");
+  fill($("study"), about.studies.map(({ name, plan }) => [name, name || plan.split(" ")[0]]));
+  if (about.studies.some(({ name }) => name === value)) $("study").value = value;
+  $("study-row").hidden = about.studies.length < 2;
+  if (!about.problem) parameters.refile(about.values);
+  showPlan();
+  showProblem();
+  await show(about.results);
+}
+
+/** What is wrong with the file, whole, as long as it is wrong. */
+function showProblem() {
+  const { problem } = page.about;
+  if (problem) tell(new Error(`${problem}\n\nWhat was computed before is shown; mend the file to compute more.`));
+  else hideError();
 }
 
 function forget() {
@@ -81,7 +105,7 @@ function chooseNothing() {
 /** Show what the server says of the results; curves are fetched where they have changed. */
 async function show(results) {
   page.results = results;
-  showResults($("results"), results, actOn);
+  showResults($("results"), results, actOn, page.about?.model ?? "");
   const busy = results.filter((r) => ["running", "queued", "paused"].includes(r.state));
   const [first] = busy, points = first?.branches.reduce((s, b) => s + b.points, 0);
   $("status").textContent = first ? `${first.title}: ${!points && first.done[1] ? first.done.join(" of ") : `${points} points`}` : "";
@@ -162,8 +186,9 @@ function enable() {
   $("switch").disabled = !over || !chosen.special?.switches;
   $("locus").disabled = !over || !chosen.special?.has_locus;
   $("locus-hint").hidden = Boolean(chosen?.special?.has_locus);
-  $("search").disabled = !page.about || (start && !over);
-  $("compute").disabled = $("compute-values").disabled = !page.about;
+  const usable = page.about && !page.about.problem;
+  $("search").disabled = !usable || (start && !over);
+  $("compute").disabled = $("compute-values").disabled = !usable;
   if (!chosen) $("chosen").textContent = "Choose a point of a branch: click it, or move to it with the arrow keys.";
 }
 
@@ -179,6 +204,11 @@ async function act(action) {
 
 function compute(values = {}) {
   return act({ do: "compute", study: $("study").value, values });
+}
+
+/** The parameters that the chosen study walks: their values are those of its range. */
+function walks() {
+  return page.about.studies.find(({ name }) => name === $("study").value)?.walks ?? [];
 }
 
 function walk() {
@@ -255,11 +285,19 @@ async function actOn(word, result) {
 function connect() {
   const events = new EventSource("/api/events");
   events.onmessage = (event) => {
-    const results = page.about && JSON.parse(event.data)[page.about.file];
-    if (results) show(results);
+    const { server, boards } = JSON.parse(event.data), { about } = page;
+    if (!about) return;
+    const board = boards[about.file];
+    // a server that was started again does not know the file yet
+    if (server !== about.server || (board && board.stamp !== about.stamp)) refreshOnce();
+    else if (board) show(board.results);
   };
   events.onerror = () => { $("status").textContent = "The server does not answer; waiting for it."; };
   events.onopen = () => { $("status").textContent = ""; };
+}
+
+function refreshOnce() {
+  page.refreshing ??= refresh().catch(tell).finally(() => { page.refreshing = null; });
 }
 
 function showPlan() {
@@ -307,7 +345,7 @@ $("x").addEventListener("change", changeAxes);
 $("y").addEventListener("change", changeAxes);
 $("study").addEventListener("change", showPlan);
 $("compute").addEventListener("click", () => compute());
-$("compute-values").addEventListener("click", () => compute(parameters.changes));
+$("compute-values").addEventListener("click", () => compute(parameters.changesOfFile(walks())));
 $("walk").addEventListener("click", walk);
 $("switch").addEventListener("click", switchBranch);
 $("settle").addEventListener("click", settle);
@@ -315,6 +353,7 @@ $("search").addEventListener("click", search);
 $("locus").addEventListener("click", followLocus);
 $("locus-parameter").addEventListener("change", () => showLocusRange());
 $("reset").addEventListener("click", () => parameters.take(Object.fromEntries(parameters.base)));
+$("reset-file").addEventListener("click", () => parameters.showFile());
 $("fit").addEventListener("click", () => diagram.fit());
 $("nearer").addEventListener("click", () => diagram.zoom(0.5));
 $("farther").addEventListener("click", () => diagram.zoom(2));

@@ -9,30 +9,64 @@ export class Parameters {
     });
   }
 
-  /** Show parameters: [{ name, value, words }]. */
-  show(parameters) {
-    this.base = new Map(parameters.map(({ name, value }) => [name, value]));
+  /** Show parameters: [{ name, value, words }]; `values` are those of the file, of all parameters if they are not too many. */
+  show(parameters, values) {
+    this.file = new Map([...parameters.map(({ name, value }) => [name, value]), ...Object.entries(values)]);
+    this.base = new Map(this.file);
     this.rows = new Map();
     this.list.replaceChildren(...parameters.map((parameter) => this.row(parameter)));
   }
 
-  /** Take other values as those from which changes count: those of the chosen point. */
+  /** Show other values: those of the chosen point, or of the file. */
   take(values) {
     for (const [name, value] of Object.entries(values)) {
-      if (!this.rows.has(name)) continue;
       this.base.set(name, value);
-      this.set(name, value);
+      if (this.rows.has(name)) this.set(name, value);
     }
   }
 
-  /** What differs from the values of the chosen point. */
-  get changes() {
-    const changes = {};
-    for (const [name, { field }] of this.rows) {
-      const value = Number(field.value);
-      if (field.value !== "" && Number.isFinite(value) && value !== Number(this.base.get(name))) changes[name] = value;
+  /** Show the values of the file. */
+  showFile() {
+    for (const name of this.rows.keys()) this.set(name, this.file.get(name));
+  }
+
+  /** Other values of the file; fields that show those of a point, or were written into, stay as they are. */
+  refile(values) {
+    for (const [name, value] of Object.entries(values)) {
+      const before = this.file.get(name);
+      this.file.set(name, value);
+      if (this.value(name) === before) this.take({ [name]: value });
     }
-    return changes;
+    for (const name of this.rows.keys()) this.mark(name);
+  }
+
+  /** What is shown for a parameter: what stands in its field. */
+  value(name) {
+    const text = this.rows.get(name)?.field.value ?? "", value = Number(text);
+    return text !== "" && Number.isFinite(value) ? value : this.base.get(name);
+  }
+
+  /** What differs from the chosen point. */
+  get changes() {
+    return this.differences(this.base);
+  }
+
+  /** What differs from the file, but for the parameters that a study walks. */
+  changesOfFile(walks = []) {
+    const found = this.differences(this.file);
+    for (const name of walks) delete found[name];
+    return found;
+  }
+
+  differences(others) {
+    return Object.fromEntries([...this.file.keys()].map((name) => [name, this.value(name)]).filter(([name, value]) => value !== others.get(name)));
+  }
+
+  /** Mark a row whose value is not that of the file. */
+  mark(name) {
+    const { row, words } = this.rows.get(name), other = this.value(name) !== this.file.get(name);
+    row.classList.toggle("changed", other);
+    row.title = other ? `${words}; ${this.file.get(name)} in the file` : words;
   }
 
   set(name, value) {
@@ -41,7 +75,7 @@ export class Parameters {
     Object.assign(slider, { min: value - reach, max: value + reach, step: reach / 200 });
     slider.value = value;
     field.value = value;
-    row.classList.remove("changed");
+    this.mark(name);
   }
 
   row({ name, value, words }) {
@@ -52,11 +86,11 @@ export class Parameters {
     const slider = Object.assign(document.createElement("input"), { type: "range" });
     field.setAttribute("aria-label", words);
     slider.setAttribute("aria-label", `${words}, slider`);
-    const changed = () => row.classList.toggle("changed", name in this.changes);
+    const changed = () => this.mark(name);
     slider.addEventListener("input", () => { field.value = Number(Number(slider.value).toPrecision(6)); changed(); });
     field.addEventListener("input", () => { slider.value = field.value; changed(); });
     row.append(label, field, slider);
-    this.rows.set(name, { field, slider, row });
+    this.rows.set(name, { field, slider, row, words });
     this.set(name, value);
     return row;
   }

@@ -8,14 +8,14 @@ const SAVES = [
   ["result", "Result", "Save the result file"],
 ];
 
-/** Show the results; `act(word, result)` is called by the buttons. */
-export function showResults(list, results, act) {
+/** Show the results; `act(word, result)` is called by the buttons; `model` is the mark of the file as it is now. */
+export function showResults(list, results, act, model) {
   const focused = document.activeElement?.dataset?.action;
-  list.replaceChildren(...results.map((result) => item(result, act)));
+  list.replaceChildren(...results.map((result) => item(result, act, model)));
   if (focused) list.querySelector(`[data-action="${CSS.escape(focused)}"]`)?.focus();
 }
 
-function item(result, act) {
+function item(result, act, model) {
   const li = document.createElement("li");
   li.dataset.key = result.key;
   li.dataset.state = result.state;
@@ -25,6 +25,11 @@ function item(result, act) {
   const counts = parts.filter(([number]) => number).map((part) => count(...part)).join(", ");
   const state = [WORDS[result.state], counts].filter(Boolean).join(": ");
   li.append(text("div", "", result.title), text("div", `state ${result.state}`, state));
+  if (result.model && result.model !== model) {
+    const note = text("div", "earlier", `of an earlier model (${result.model})`);
+    note.title = "The file has been edited since. The Python script and the result file have the model as it was.";
+    li.append(note);
+  }
   if (result.message) li.append(text("div", `message ${result.state}`, result.message));
   if (result.state === "running") {
     const bar = document.createElement("progress");

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Stage
 from gapwalk.model.fields import (
+    MAX_COORDINATES,
     Clearance,
     CubicStiffness,
     InertiaName,
@@ -100,14 +101,16 @@ class TrainPart(Part):
     """A model file that describes a drive train."""
 
     title: Text = ""
-    inertia: list[InertiaPart] = Field(min_length=1, description="write a table [[inertia]] for each body")
-    shaft: list[ShaftPart] = Field(default=[])
-    gear: list[GearPart] = Field(default=[])
+    inertia: list[InertiaPart] = Field(
+        min_length=1, max_length=MAX_COORDINATES, description="write a table [[inertia]] for each body"
+    )
+    shaft: list[ShaftPart] = Field(default=[], max_length=MAX_COORDINATES)
+    gear: list[GearPart] = Field(default=[], max_length=MAX_COORDINATES)
     mean: dict[Annotated[Text, InertiaName], Torque] = Field(default={})
     reaction: Name | None = None
     frequency: _Pace | None = None
     speed: _Pace | None = None
-    harmonic: list[HarmonicPart] = Field(default=[])
+    harmonic: list[HarmonicPart] = Field(default=[], max_length=MAX_COORDINATES)
     study: Annotated[Any, AfterValidator(study_tables)] = None
     reduction: Any = None  # read by `gapwalk.study.reduced`
 

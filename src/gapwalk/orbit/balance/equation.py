@@ -28,7 +28,7 @@ from gapwalk.orbit.balance.parts import Parts
 from gapwalk.orbit.balance.residual import balance, beyond, changed, share
 from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.balance.variational import monodromy
-from gapwalk.orbit.equation import Evaluation, OrbitEquation
+from gapwalk.orbit.equation import Evaluation, OrbitEquation, check_period
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 
@@ -91,8 +91,7 @@ class BalanceEquation:
     others: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if isinstance(self.period, bool) or not isinstance(self.period, int) or self.period < 1:
-            raise ModelError(f"period is {self.period!r}; it must be an integer >= 1 (forcing periods of the orbit)")
+        check_period(self.period)
         if self.parameter is not None:
             self.system.structure.place(self.parameter)
         if not self.system.structure.contacts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from gapwalk.attractor.box import Window
 from gapwalk.model.fields import Count, Number
@@ -12,6 +12,7 @@ from gapwalk.model.schema import by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.study.basins.study_options import BasinStudyOptions
 from gapwalk.study.fields import Whole, count_shape
+from gapwalk.study.grid import check_resolution
 from gapwalk.study.tables import StudyPart, Surroundings
 
 _LIMITS = ("longest", "max_period", "tries", "exact_borders", "check", "seed", "workers")
@@ -20,6 +21,7 @@ _Pair = Annotated[list[Count], Field(min_length=2, max_length=2)]
 Resolution = Annotated[
     Annotated[Count, tagged("count")] | Annotated[_Pair, tagged("values")],
     by_shape(count_shape),
+    AfterValidator(lambda given: check_resolution(columns_and_rows(given)) and given),
 ]
 """Cells along each axis of a plane; or columns and rows."""
 

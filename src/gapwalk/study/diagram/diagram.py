@@ -24,6 +24,8 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.work.workers import Workers, workers
 
+_MOST = 100_000  # of any count
+
 Report = Callable[[Diagram, Limb], None]
 """Called with the diagram and the branch that was added to it last."""
 
@@ -56,8 +58,8 @@ class DiagramOptions:
     def __post_init__(self) -> None:
         for name in ("max_period", "max_branches"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1")
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST:
+                raise ModelError(f"{name} is {value!r}; it must be an integer from 1 to {_MOST:,}")
         check_search_values(self.search_values)
 
 
@@ -66,9 +68,11 @@ def check_search_values(values: object) -> None:
     if isinstance(values, tuple):
         if all(isinstance(value, float | int) and np.isfinite(value) for value in values):
             return
-    elif isinstance(values, int) and not isinstance(values, bool) and values >= 0:
+    elif isinstance(values, int) and not isinstance(values, bool) and 0 <= values <= _MOST:
         return
-    raise ModelError(f"search_values is {values!r}; it must be an integer >= 0, or values of the parameter")
+    raise ModelError(
+        f"search_values is {values!r}; it must be an integer from 0 to {_MOST:,}, or values of the parameter"
+    )
 
 
 class Growth(NamedTuple):

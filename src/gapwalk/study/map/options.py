@@ -14,6 +14,8 @@ from gapwalk.errors import ModelError
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
 """The kinds of special points that have loci."""
 
+_MOST = 100_000
+
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
@@ -47,7 +49,7 @@ class MapOptions:
     def __post_init__(self) -> None:
         _check_sections(self.sections)
         if not _is_count(self.max_period):
-            raise ModelError(f"max_period is {self.max_period!r}; it must be an integer >= 1")
+            raise ModelError(f"max_period is {self.max_period!r}; it must be an integer from 1 to {_MOST:,}")
         if not self.kinds or not set(self.kinds) <= set(KINDS):
             names = ", ".join(kind.value for kind in KINDS)
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
@@ -72,12 +74,14 @@ class MapOptions:
 def _check_sections(sections: object) -> None:
     if isinstance(sections, tuple):
         if not sections or not all(math.isfinite(value) for value in sections):
-            raise ModelError(f"sections is {sections!r}; it must be an integer >= 1, or numbers")
+            raise ModelError(f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or numbers")
         if len(set(sections)) < len(sections):
             raise ModelError(f"sections is {sections!r}; each value must stand there once")
     elif not _is_count(sections):
-        raise ModelError(f"sections is {sections!r}; it must be an integer >= 1, or values of the second parameter")
+        raise ModelError(
+            f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or values of the second parameter"
+        )
 
 
 def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 1
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.files import check_npz
+
 Arrays = Mapping[str, NDArray[Any]]
 """Arrays of numbers or text by name."""
 
@@ -24,6 +26,7 @@ def pack_arrays(arrays: Arrays) -> bytes:
 def unpack_arrays(data: bytes) -> Arrays:
     """The arrays of these bytes; a ValueError if they are none."""
     try:
+        check_npz(io.BytesIO(data), len(data))  # they are stored as they are
         with np.load(io.BytesIO(data), allow_pickle=False) as parts:
             return {name: parts[name] for name in parts.files}
     except (LookupError, OSError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:

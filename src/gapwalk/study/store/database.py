@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gapwalk.errors import StoreError
+from gapwalk.files import why_no_file
 from gapwalk.study.store.layout import EXTRA_TABLES, SCHEMA, TABLES
 from gapwalk.study.store.older import OLDER
 from gapwalk.study.store.trust import Format, tables
@@ -135,12 +136,10 @@ def check_readable(path: str | os.PathLike[str]) -> None:
 
 
 def check_place(path: str | os.PathLike[str]) -> None:
-    """A StoreError if something of that name is no file: who opens a pipe waits for ever, and a device has no end."""
-    name = os.fspath(path)
-    if os.path.isdir(name):
-        raise StoreError(f"{name} is a folder; name a file in it")
-    if os.path.exists(name) and not os.path.isfile(name):
-        raise StoreError(f"{name} is a pipe or a device, and no file; choose another name")
+    """A StoreError if something of that name, or of one that SQLite writes beside it, is no file."""
+    for suffix in ("", *_SIDE_FILES, "-lock"):
+        if why := why_no_file(name := f"{os.fspath(path)}{suffix}"):
+            raise StoreError(f"{name} {why}")
 
 
 @contextmanager
@@ -214,7 +213,8 @@ def _explain(name: str, error: Exception) -> str:
         return f"{name} is being written by another run; wait for its end, or stop it"
     if not os.path.isdir(folder):
         return f"there is no folder {folder}; make it, or choose another place for {os.path.basename(name)}"
-    if isinstance(error, FileNotFoundError):
+    is_gone = code.startswith(("SQLITE_IOERR", "SQLITE_READONLY_DBMOVED")) and not os.path.exists(name)
+    if is_gone or isinstance(error, FileNotFoundError):
         return f"{name} has been removed or moved while it was written; what a run finds now would be lost"
     if code.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN", "SQLITE_PERM")) or isinstance(error, PermissionError):
         if not os.access(folder, os.W_OK) and os.path.exists(f"{name}-wal"):

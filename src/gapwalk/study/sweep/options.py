@@ -8,6 +8,8 @@ from enum import StrEnum
 from gapwalk.errors import ModelError
 from gapwalk.study.sweep.transient import Patience
 
+_MOST = 100_000_000  # states that are kept
+
 
 class Way(StrEnum):
     """How the values are visited."""
@@ -71,6 +73,12 @@ class SweepOptions:
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
         if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
             raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
+        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
+        if (states := self.steps * self.points * starts) > _MOST:
+            raise ModelError(
+                f"steps is {self.steps:,}, with {self.points:,} points from {starts:,} starts: that makes {states:,} "
+                f"states; {_MOST:,} can be kept"
+            )
         if not self.starts:
             raise ModelError("starts is empty; name at least one state, or how many there are to be")
         if self.points <= self.max_period:

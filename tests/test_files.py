@@ -1,0 +1,72 @@
+import io
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from gapwalk.errors import ModelError
+from gapwalk.files import check_npz, open_file, why_no_file
+from gapwalk.model.file import read_system
+from gapwalk.study.store.arrays import pack_arrays, unpack_arrays
+
+MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'
+
+
+def said(shape: tuple[int, ...], kind: str = "<f8") -> bytes:
+    """An array of the NPY format that is said to have a shape, without its numbers."""
+    content = io.BytesIO()
+    np.lib.format.write_array_header_1_0(content, {"descr": kind, "fortran_order": False, "shape": shape})
+    return content.getvalue()
+
+
+def archive(**arrays: bytes) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as made:
+        for name, array in arrays.items():
+            made.writestr(f"{name}.npy", array)
+    return content.getvalue()
+
+
+def test_only_files_are_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "file").write_bytes(b"x")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        assert "is a pipe or a device" in why_no_file(path)
+        with pytest.raises(OSError, match="a pipe or a device"):
+            open_file(path)
+    assert "is a folder" in why_no_file(tmp_path)
+    assert why_no_file(tmp_path / "file") == why_no_file(tmp_path / "none") == ""
+    with open_file(tmp_path / "file") as file:
+        assert file.read() == b"x"
+
+
+def test_an_array_has_the_entries_that_it_is_said_to_have() -> None:
+    check_npz(io.BytesIO(pack_arrays({"a": np.arange(7.0), "b": np.array("text")})), 10_000)
+    for shape in ((1 << 44,), (1 << 22, 1 << 22, 1 << 22)):
+        with pytest.raises(ValueError, match=r"a.npy is said to have [0-9,]* entries, but they are not there"):
+            unpack_arrays(archive(a=said(shape)))
+    with pytest.raises(ValueError, match="holds objects"):
+        unpack_arrays(archive(a=said((1,), "|O")))
+
+
+def test_a_packed_matrix_does_not_ask_for_more_than_it_has(tmp_path: Path) -> None:
+    sparse.save_npz(tmp_path / "k.npz", sparse.csr_matrix([[2.0]]))
+    (tmp_path / "model.toml").write_text(MODEL.format("k.npz"))
+    assert read_system(tmp_path / "model.toml")["stiffness.x.x"] == 2.0
+    with zipfile.ZipFile(tmp_path / "k.npz") as good:
+        parts = {name.removesuffix(".npy"): good.read(name) for name in good.namelist()}
+    (tmp_path / "k.npz").write_bytes(archive(**{**parts, "data": said((1 << 44,))}))
+    with pytest.raises(ModelError, match=r"data.npy is said to have 17,592,186,044,416 entries"):
+        read_system(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize("count", [10**12, 10**30])
+def test_a_matrix_in_text_does_not_ask_for_more_than_it_has(tmp_path: Path, count: int) -> None:
+    head = "%%MatrixMarket matrix coordinate real general\n"
+    (tmp_path / "k.mtx").write_text(f"{head}1 1 {count}\n1 1 5.0\n")
+    (tmp_path / "model.toml").write_text(MODEL.format("k.mtx"))
+    with pytest.raises(ModelError, match=r'stiffness is "k.mtx", which'):
+        read_system(tmp_path / "model.toml")
