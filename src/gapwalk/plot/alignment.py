@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
@@ -14,7 +13,7 @@ from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
-from gapwalk.plot.style import BLACK, GREY, rc
+from gapwalk.plot.style import BLACK, GREY, in_style
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -35,16 +34,16 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(SIZE)
+    if figure is None:
+        figure = open_window(SIZE)
+    with in_style():
         _draw(figure, found, title)
     return figure
 
 
 def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(SIZE)
         _draw(figure, found, title)
     return figure
@@ -52,7 +51,7 @@ def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
 
 def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
     """Several records over several motions, one below the other, as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
         figure.suptitle(title, x=0.01, ha="left", fontsize=points(10.5), wrap=True)
         parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]

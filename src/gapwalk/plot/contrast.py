@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -11,7 +10,7 @@ from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
-from gapwalk.plot.style import rc
+from gapwalk.plot.style import in_style
 
 _WIDTH, _HEIGHT, _ABOVE = 9.5, 2.9, 0.5  # of a row, and of title and legend, in inches
 
@@ -29,16 +28,16 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(_size(found))
+    if figure is None:
+        figure = open_window(_size(found))
+    with in_style():
         _draw(figure, found, title)
     return figure
 
 
 def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(_size(found))
         _draw(figure, found, title)
     return figure

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
@@ -21,9 +20,9 @@ from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.regime_colors import NAMED, legend_words, period_of, regime_color
-from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
+from gapwalk.plot.sheet import NewFigure, new_sheet, open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import BLACK, GREY, SYMBOLS, diagram_size, rc
+from gapwalk.plot.style import BLACK, GREY, SYMBOLS, diagram_size, in_style
 from gapwalk.plot.words import parameter_words
 
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
@@ -65,7 +64,7 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus
         For a locus of other parameters.
     """
     if ax is None:
-        ax = open_window(diagram_size(1)).add_subplot()
+        ax = open_axes(diagram_size(1))
     entries = list(_entries(found))
     codes = np.zeros(found.regimes.shape)
     for code, entry in enumerate(entries):
@@ -136,8 +135,8 @@ def draw_regimes(
         Makes the figure; by default without pyplot.
     """
     shown = panels if found.peak_force.shape[2] else ()
-    with mpl.rc_context(rc()):
-        figure = on(diagram_size(1 + len(shown)))
+    figure = on(diagram_size(1 + len(shown)))
+    with in_style():
         axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
         axes[0].set_title(title.replace("$", r"\$"), wrap=True)
         plot_regimes(found, ax=axes[0], loci=loci)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-import matplotlib as mpl
 from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.attractor import Attractor
@@ -20,7 +19,7 @@ from gapwalk.plot.section import plot_section
 from gapwalk.plot.sheet import open_window
 from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.spectrum import plot_spectrum
-from gapwalk.plot.style import rc
+from gapwalk.plot.style import in_style
 from gapwalk.plot.words import value_words
 
 SIZE = (9.0, 5.8)
@@ -64,9 +63,9 @@ def plot_settled(
     ModelError
         If there is no such signal or contact.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(SIZE)
+    if figure is None:
+        figure = open_window(SIZE)
+    with in_style():
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
         figure.suptitle(
             title if title is not None else _title(motion), x=0.01, ha="left", fontsize=points(10.5), wrap=True
