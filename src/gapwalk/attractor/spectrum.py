@@ -147,7 +147,8 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     motion
         An orbit or a settled motion.
     signal
-        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), or a contact, for its force.
+        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), a contact's force
+        (``"stop.force"``): as in `Motion.signal`.
     options
         Length, window and accuracy.
 
