@@ -126,6 +126,6 @@ def contrast(
         spectra = spectrum(first, signal, options), spectrum(second, signal, options)
         found = None
         if length == shared:
-            found = agreement(theta[:-1], histories[0, :-1], histories[1, :-1], orders_of(length, _LINES))
+            found = agreement(theta[:-1], histories[0, :-1], histories[1, :-1], orders_of(length, _LINES), system.turns)
         pairs.append(SignalPair(signal, theta, histories, spectra, found))
     return Contrast((names[0], names[1]), (first, second), tuple(pairs))

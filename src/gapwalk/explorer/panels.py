@@ -17,6 +17,7 @@ from gapwalk.motion.motion import Motion, force_of, signal_names
 from gapwalk.motion.signal import contact_to_show
 from gapwalk.motion.train import train_signals
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.words import order_words
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _LOG = 200  # entries of the contact log
@@ -69,9 +70,10 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     base = signal.rstrip("'")
     base = base if base in motion.system.coordinates else motion.system.coordinates[0]
     states = strobe(motion.system, motion.state, orbit.period if orbit else _STROBES)
-    shown = lines.orders <= _ORDERS
+    shown = lines.orders <= _ORDERS * (motion.system.turns or 1)
     return {
         "signal": signal,
+        "across": order_words(motion.system.turns),
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
         "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},

@@ -211,6 +211,15 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
+    def turns(self) -> int | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+
+        Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
+        excitation: there they are multiples of it.
+        """
+        return None if self.units is None else self.units.turns
+
+    @property
     def units(self) -> Units | None:
         """The units of its parameters; None if they are plain numbers.
 
@@ -264,7 +273,8 @@ class System(Shown):
 
     def __repr__(self) -> str:
         contacts = ", ".join(contact.name for contact in self.structure.contacts) or "none"
-        return f"System(coordinates={', '.join(self.coordinates)}; contacts={contacts}; frequency={self.frequency:.6g})"
+        pace = f"{self.structure.pace}={pace_number(self, 6)}"
+        return f"System(coordinates={', '.join(self.coordinates)}; contacts={contacts}; {pace})"
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a System never changes; write system.at({{{name!r}: ...}}) for another one")
@@ -276,6 +286,18 @@ class System(Shown):
         values.flags.writeable = False
         object.__setattr__(self, "structure", structure)
         object.__setattr__(self, "values", values)
+
+
+def pace_number(system: System, digits: int = 8) -> str:
+    """The first parameter of a system with its unit, as it was given: ``0.5``, or ``902 rpm``."""
+    structure = system.structure
+    unit = "" if structure.units is None else structure.units.parameter(structure.pace)
+    return f"{system[structure.pace]:.{digits}g} {unit}".rstrip()
+
+
+def pace_text(system: System, digits: int = 8) -> str:
+    """The same with its name: ``frequency 0.5``, or ``speed 902 rpm``."""
+    return f"{system.structure.pace} {pace_number(system, digits)}"
 
 
 def _contact_form(contact: Contact) -> ContactForm:

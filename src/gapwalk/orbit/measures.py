@@ -41,13 +41,18 @@ def pick(row: NDArray[np.float64], kind: str) -> float:
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
-    """Complex amplitude of a harmonic (``Re(c exp(i h theta))``); the order is a multiple of 1/m of W."""
+    """Complex amplitude of a harmonic (``Re(c exp(i h theta))``); the order is a multiple of 1/m of W.
+
+    Where the speed of a shaft is a parameter, it is an order per turn of that shaft.
+    """
+    turns = orbit.system.turns
     try:
-        line = Fraction(order) * orbit.period
+        line = Fraction(order) / (turns or 1) * orbit.period
     except ValueError:
         raise ModelError(f"harmonic {order!r} is no order; write h0, h1, h2, ... or h1/2") from None
     if line.denominator != 1 or line < 0:
-        raise ModelError(f"a period-{orbit.period} orbit has harmonics of 1/{orbit.period} of W, not of {order}")
+        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns, orbit.period)}"
+        raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
     values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)
     if line >= len(lines):

@@ -14,6 +14,7 @@ from gapwalk.plot.pair import SECOND, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.style import BLACK, GREY, in_style
+from gapwalk.plot.words import pace_words
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -66,8 +67,7 @@ def _draw(figure: Figure | SubFigure, found: Alignment, title: str | None) -> No
         height_ratios=[1.15, 1.0],  # type: ignore[arg-type]
     )
     _draw_history(axes["history"], found)
-    orders, first, second, _ = np.array(found.agreement.lines).T
-    draw_lines(axes["lines"], orders, first, second, found.signal.name)
+    draw_lines(axes["lines"], found.agreement.lines, found.signal.name, found.orbit.system.turns)
     _draw_rest(axes["rest"], found)
     agreed = _words(found)
     figure.suptitle(agreed if title is None else f"{title}\n{agreed}", x=0.01, ha="left", fontsize=points(10.5))
@@ -85,7 +85,7 @@ def _draw_history(ax, found: Alignment) -> None:
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
     computed = signal_along(found.orbit, found.signal, fine) - whole.mean()
-    ax.plot(fine / PERIOD, computed, label=f"computed at Ω = {found.orbit.system.frequency:.6g}", **SECOND)
+    ax.plot(fine / PERIOD, computed, label=f"computed at {pace_words(found.orbit.system)}", **SECOND)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.16 * (high - low))  # room for the legend
     ax.legend(loc="upper right", ncols=2)

@@ -15,7 +15,7 @@ from gapwalk.attractor.waterfall import Waterfall
 from gapwalk.plot.sheet import open_axes
 from gapwalk.plot.size import takes_size
 from gapwalk.plot.style import GREY, SIZE, in_style
-from gapwalk.plot.words import parameter_words
+from gapwalk.plot.words import order_words, parameter_words
 
 _DEPTH = 1e-3  # smallest amplitude that has a colour, relative to the largest
 _TICKS = 8
@@ -58,7 +58,7 @@ def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _
         _mark(ax, found.values, places, turns)
         ax.grid(visible=False)
         ax.set_xlabel(parameter_words(found.parameter) + (", along the branch" if len(turns) else ""))
-        ax.set_ylabel("multiples of the excitation frequency Ω")
+        ax.set_ylabel(order_words(found.turns))
         ax.figure.colorbar(mesh, ax=ax, label=f"amplitude of {found.signal}", pad=0.02, extend="min")
     return ax
 

@@ -110,7 +110,7 @@ export class MotionView {
     this.details = details;
     // the mean would dwarf what vibrates; lines that stand close are a curve
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
-    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: "order (multiples of Ω)", y: details.signal, height: 140 });
+    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: details.signal, height: 140 });
     chart($("section"), { dots: section.q.map((q, i) => [q, section.v[i]]), x: `${section.of}, each period`, y: `${section.of}'` });
   }
 
