@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -300,6 +302,21 @@ def pace_text(system: System, digits: int = 8) -> str:
     return f"{system.structure.pace} {pace_number(system, digits)}"
 
 
+def check_system(value: object, call: str) -> None:
+    """Refuse what is no system where one is asked for, and say how to come to one."""
+    if isinstance(value, System):
+        return
+    if isinstance(value, str | os.PathLike):
+        hint = f"read the file first: gw.read_study({os.fspath(value)!r}).system"
+    elif callable(getattr(value, "system", None)):
+        hint = "write its system()"
+    elif isinstance(getattr(value, "system", None), System):
+        hint = "write its .system"
+    else:
+        hint = 'make one with gw.System(...), or read one: gw.read_study("model.toml").system'
+    raise ModelError(f"{call} takes a System, not {reprlib.repr(value)}; {hint}")
+
+
 def _contact_form(contact: Contact) -> ContactForm:
     stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
     return ContactForm(contact.name, stages, contact.damping, contact.force is None)
@@ -313,8 +330,11 @@ def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[n
     except (TypeError, ValueError):
         problems.append(f"{what} is {given!r}; it must be a matrix of {n} x {n} numbers")
         return default
+    if matrix.shape == (n,):  # as in a model file
+        return np.diag(matrix)
     if matrix.shape != (n, n):
-        problems.append(f"{what} has shape {matrix.shape}; it must be ({n}, {n}), a row per coordinate")
+        shapes = f"({n}, {n}), a row per coordinate, or ({n},), its diagonal"
+        problems.append(f"{what} has shape {matrix.shape}; it must be {shapes}")
         return default
     return matrix
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
@@ -41,6 +42,14 @@ class Method(Protocol):
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
         """The equation of the orbits of a system over `period` forcing periods, along a named parameter perhaps."""
         ...
+
+
+def check_method(method: object) -> None:
+    """Refuse what is no method; None stands for the default."""
+    if method is not None and not hasattr(method, "pose"):
+        raise ModelError(
+            f"method is {method!r}; write method=gw.Balance() for harmonic balance, or method=gw.Shooting()"
+        )
 
 
 class Equation(Protocol):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.problem import near_names
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
@@ -25,11 +26,14 @@ def measure(orbit: Orbit, name: str) -> float:
         values = _fine_signal(orbit, signal)
         mean, rms = float(values[:-1].mean()), float(np.sqrt(np.mean(values[:-1] ** 2)))
         return pick(np.array([values.max(), values.min(), mean, rms]), kind)
-    if kind.startswith("h") and signal:
+    if kind[:1] == "h" and kind[1:2].isdigit() and signal:
         return abs(harmonic(orbit, kind[1:], signal))
+    coordinates = orbit.system.coordinates
+    if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
+        raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
     raise ModelError(
         f"there is no measure {name!r}; write one of {', '.join(MEASURES)}, h0, h1, ... , a dot and a signal, "
-        "such as half.q1"
+        f"such as half.{coordinates[0]}"
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
@@ -90,4 +92,5 @@ def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
     """The full name of a measure: ``half`` is that of the first coordinate, ``q1`` stands for ``half.q1``."""
     if measure in coordinates:
         return f"half.{measure}"
-    return measure if "." in measure else f"{measure}.{coordinates[0]}"
+    is_kind = measure in _MEASURES or re.fullmatch(r"h\d+(/\d+)?", measure)
+    return f"{measure}.{coordinates[0]}" if is_kind else measure
