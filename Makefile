@@ -52,10 +52,11 @@ lint: $(STAMP)
 types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)
 
-docs: $(STAMP)  ## build the documentation into out/docs, and check its spelling and links
+docs: $(STAMP)  ## build the documentation into out/docs; check its spelling, links and pictures
 	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples
 	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs
+	$(PY) docs/_ext/pictures.py out/docs
 	@echo "open out/docs/index.html"
 
 screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kept page in the documentation again

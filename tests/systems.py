@@ -43,6 +43,22 @@ def linear(damping: float = 0.1, frequency: float = 0.8) -> System:
     )
 
 
+def far_and_near() -> System:
+    """Two masses and three contacts: the first one is never reached, the others are hit in every period."""
+    return System(
+        ("x", "y"),
+        stiffness=[[1.0, 0.0], [0.0, 1.0]],
+        damping=[[0.2, 0.0], [0.0, 0.2]],
+        contacts=[
+            Contact("far", {"x": 1.0, "y": 1.0}, (Stage(9.0, 5.0),)),
+            Contact("near", {"x": 1.0}, (Stage(0.3, 5.0),)),
+            Contact("other", {"y": 1.0}, (Stage(0.3, 1.0),)),
+        ],
+        harmonics=[Harmonic(1.0, {"x": 1.0, "y": 0.5})],
+        frequency=0.7,
+    )
+
+
 def viscous_stop(frequency: float = 0.7) -> System:
     """A one-sided stop with a damper that acts only while it touches: the force jumps at contact."""
     stop = Contact("stop", {"x": 1.0}, (Stage(0.3, 8.0, side=Side.POSITIVE),), None, DampingLaw.VISCOUS, 0.0, 0.4)

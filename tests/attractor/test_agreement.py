@@ -33,7 +33,7 @@ def test_agreement_of_two_cosines_is_known() -> None:
 def test_two_motions_side_by_side_have_the_lines_of_their_spectra() -> None:
     first, second = (gw.find_orbit(clutch(frequency=0.8, **{"stage2.impact_damping": b})) for b in (0.05, 0.2))
     found = gw.contrast(first, second, names=("light", "heavy"))
-    assert [pair.signal for pair in found.pairs] == ["q1''", "stage2"]
+    assert [pair.signal for pair in found.pairs] == ["q1''", "stage2.force"]
     for pair in found.pairs:
         assert pair.agreement is not None
         for line in pair.agreement.lines[:10]:

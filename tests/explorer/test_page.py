@@ -23,6 +23,7 @@ def workspace(tmp_path_factory) -> Path:
     shutil.copy(CLUTCH, folder / "torus.toml")
     (folder / "long.toml").write_text(LONG, encoding="utf-8")
     (folder / "stop.toml").write_text(STOP, encoding="utf-8")
+    shutil.copy(CLUTCH.with_name("drivetrain.toml"), folder)
     (folder / "bad.toml").write_text("coordinates = 3\n", encoding="utf-8")
     return folder
 
@@ -165,6 +166,25 @@ def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
     page.click("#results button:text-is('Show')")
     until(page, "gapwalk.motion.motion?.parameters.frequency === 0.6")
     assert "stable" in page.inner_text("#motion-text")
+
+
+def test_each_signal_of_a_train_is_shown_and_none_in_the_place_of_another(page, workspace) -> None:
+    opened(page, "drivetrain.toml")
+    signals = page.evaluate("[...document.querySelectorAll('#signal option')].map((option) => option.value)")
+    assert len(set(signals)) == len(signals)
+    page.click("#compute")
+    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size > 0", patience=90.0)
+    page.focus("#diagram")
+    page.keyboard.press("Home")
+    until(page, "Boolean(gapwalk.motion.motion)")
+    result, *_ = (workspace / "drivetrain.explorer").glob("*.gapwalk")
+    motion = gw.load(result).branches[0].points[0].orbit.motion(64)
+    for signal in ("clutch", "clutch'", "clutch.force", "clutch.torque", "flywheel''"):
+        page.select_option("#signal", signal)
+        until(page, f'gapwalk.motion.details?.signal === "{signal}"')
+        values = np.array(page.evaluate("gapwalk.motion.values"))
+        assert np.ptp(values) == pytest.approx(np.ptp(motion.signal(signal)), rel=0.02), signal
+        assert "clutch" in page.inner_text("#loop")
 
 
 def test_what_has_no_place_in_the_diagram_is_said_to_have_none(page) -> None:

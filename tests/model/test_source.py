@@ -70,7 +70,7 @@ def test_a_large_file_is_refused(tmp_path: Path) -> None:
         ("a =\n", 1, ["a value must follow"]),
         ("a: 1\n", 1, ["write key = value"]),
         ("a = 1\na = 2\n", 2, ["overwrite"]),
-        ("[a]\n[a]\n", 2, ["not TOML"]),
+        ("[a]\n[a]\n", 2, ["[a] stands here a second time; where there are several, write [[a]] for each"]),
         ("a = [1,\n2", 2, ["not TOML"]),
         ("a = '''\n\n", 3, ["end of the file"]),
         ("a = 1,5\n", 1, ["column"]),

@@ -64,6 +64,38 @@ def test_inertias_accelerate_as_the_absolute_equations_say(with_units: bool, las
     np.testing.assert_allclose(motion.signal("input.torque"), BOX * expected[:, 2] - last, rtol=0, atol=1e-5)
     clutch = MEAN + SIZE * np.cos(motion.theta) - FLYWHEEL * expected[:, 0]
     np.testing.assert_allclose(motion.signal("clutch.torque"), clutch, rtol=0, atol=1e-5)
+    always = FIRST * motion.signal("clutch") * unit + DAMPING * motion.v[:, 0] * unit  # the rest is that of its contact
+    np.testing.assert_allclose(motion.signal("clutch.force"), clutch - always, rtol=0, atol=1e-5)
+
+
+def test_no_two_signals_have_one_name() -> None:
+    """The coordinate of a link and its contact have the same name, and the force was hidden behind the deflection."""
+    for train in (by_hand(), physical()):
+        system = train.system()
+        names = signal_names(system)
+        assert len(set(names)) == len(names)
+        motion = gw.integrate(system, np.array([1.0, 0.1, 0.0, 0.0]) * 9, periods=1, samples=20)
+        histories = [motion.signal(name) for name in names]
+        for place, name in enumerate(names):
+            same = [names[k] for k, other in enumerate(histories) if np.array_equal(other, histories[place])]
+            assert same == [name]
+    assert system.units is not None
+    assert system.units.signal("clutch.force")[1] == "N m"
+
+
+def test_a_link_of_a_closed_loop_has_no_force_in_the_name_of_a_deflection() -> None:
+    inertias = [gw.Inertia(name, 1.0) for name in ("a", "b", "c")]
+    shafts = [
+        gw.Shaft("first", ("a", "b"), stiffness=4.0, damping=0.1),
+        gw.Shaft("second", ("b", "c"), stiffness=4.0, damping=0.1),
+        gw.Shaft("bridge", ("a", "c"), stiffness=9.0, damping=0.1, clearance=0.2),
+    ]
+    system = gw.Train(inertias, shafts, harmonics=[gw.Harmonic(1.0, {"a": 1.0})], frequency=0.9).system()
+    assert "bridge" not in system.coordinates
+    motion = gw.integrate(system, np.array([0.3, 0.3, 0.0, 0.0]))
+    np.testing.assert_array_equal(motion.signal("bridge.force"), motion.forces[:, 0])
+    with pytest.raises(ModelError, match=r"there is no signal 'bridge'; did you mean bridge\.(force|torque)"):
+        motion.signal("bridge")
 
 
 def test_a_held_train_has_no_motion_as_a_whole() -> None:

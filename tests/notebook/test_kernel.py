@@ -1,6 +1,7 @@
 """What a notebook shows, in a real kernel: cards of values, and lines of progress that vanish."""
 
 import base64
+import os
 import struct
 
 import nbclient
@@ -33,6 +34,20 @@ CELLS = {
     "special": "branch.special_points[0]",
     "orbit": "orbit",
     "own": 'branch = gw.follow(orbit, "frequency", to=0.8, report=lambda *_: None)',
+    "picture": """
+%config InlineBackend.rc = {"lines.linewidth": 3.0, "font.size": 12.5}
+branch.plot("max.x");
+""",
+    "settings": """
+import matplotlib as mpl
+print(mpl.is_interactive(), mpl.rcParams["lines.linewidth"], mpl.rcParams["font.size"])
+""",
+    "another": 'branch.plot("max.x", size="column");',
+    "of the user": """
+import matplotlib.pyplot as plt
+plt.plot([0.0, 1.0], [0.0, 1.0]);
+""",
+    "motion": 'gw.settle(system).plot("x");',
     "off": 'gw.show_progress(False)\nbranch = gw.follow(orbit, "frequency", to=0.8)',
 }
 
@@ -41,7 +56,8 @@ CELLS = {
 def outputs() -> dict[str, list]:
     """The outputs of each cell."""
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in CELLS.values()])
-    nbclient.NotebookClient(book, timeout=300, kernel_name="python3").execute()
+    client = nbclient.NotebookClient(book, timeout=300, kernel_name="python3")
+    client.execute(env={name: value for name, value in os.environ.items() if name != "MPLBACKEND"})
     return {name: cell.outputs for name, cell in zip(CELLS, book.cells, strict=True)}
 
 
@@ -62,6 +78,15 @@ def test_values_show_their_cards(outputs) -> None:
         width, height = struct.unpack(">II", data[16:24])
         assert data[:4] == b"\x89PNG"
         assert (width, height) == (498, 313)
+
+
+def test_every_picture_is_shown_and_so_are_those_of_the_user(outputs) -> None:
+    """The first one loads what shows figures in a notebook; the settings which that makes must stay."""
+    for name in ("picture", "another", "of the user", "motion"):
+        (output,) = outputs[name]
+        assert "image/png" in output["data"], name
+    (output,) = outputs["settings"]
+    assert output["text"] == "True 3.0 12.5\n"
 
 
 def test_progress_was_shown_and_has_vanished(outputs) -> None:

@@ -19,7 +19,7 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.plot.basins import draw_basins, plot_basins
 from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
-from tests.systems import clutch
+from tests.systems import clutch, far_and_near
 
 
 @pytest.fixture(scope="module")
@@ -113,10 +113,20 @@ def test_a_map_without_contacts_has_one_panel(chart):
     nothing = np.zeros((2, 6, 0))
     bare = replace(chart, peak_force=nothing, impacts=nothing)
     assert len(draw_regimes(bare).axes) == 1
-    with pytest.raises(ModelError, match="figures of 0 contacts"):
+    with pytest.raises(ModelError, match="the map has no figures of contacts"):
         plot_contact_figures(bare, ax=Figure().add_subplot())
     with pytest.raises(ModelError, match="there is no figure 'noise'"):
         plot_contact_figures(chart, "noise", ax=Figure().add_subplot())
+
+
+def test_the_forces_are_those_of_the_contact_that_is_hit_hardest_unless_another_is_named(chart):
+    forces = np.concatenate((np.nan * chart.peak_force, chart.peak_force, chart.peak_force / 2.0), axis=2)
+    both = replace(chart, system=far_and_near(), peak_force=forces)
+    for contact, drawn in ((None, 1), ("near", 1), (1, 1), ("far", 0), (0, 0)):
+        image = image_of(draw_regimes(both, contact=contact).axes[1]).get_array()
+        assert np.array_equal(np.ma.filled(image, np.nan), forces[..., drawn], equal_nan=True), contact
+    with pytest.raises(ModelError, match="no figures of a contact 'wall'; contacts are far, near, other"):
+        draw_regimes(both, contact="wall")
 
 
 def test_loci_are_drawn_over_the_regimes(chart):

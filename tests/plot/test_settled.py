@@ -12,7 +12,7 @@ import gapwalk as gw
 from gapwalk.attractor import LyapunovOptions, SpectrumOptions, classify, settle, spectrum, strobe, waterfall
 from gapwalk.errors import ModelError
 from gapwalk.plot import plot_history, plot_loop, plot_section, plot_settled, plot_spectrum, plot_waterfall
-from tests.systems import clutch, linear
+from tests.systems import clutch, far_and_near, linear
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,24 @@ def test_without_contacts_there_is_no_loop():
     figure = plot_settled(settle(linear()), figure=Figure(layout="constrained"))
     assert len(figure.axes) == 3
     rendered(figure)
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        ({}, "near"),
+        ({"signal": "x''"}, "near"),
+        ({"signal": "y"}, "other"),  # it touches too, and acts on that coordinate
+        ({"signal": "far.force"}, "far"),
+        ({"contact": "far"}, "far"),
+    ],
+)
+def test_the_loop_is_that_of_a_contact_that_is_named_or_touches(options, shown):
+    settled = settle(far_and_near())
+    figure = plot_settled(settled, **options, figure=Figure(layout="constrained"))
+    (loop,) = [ax for ax in figure.axes if ax.get_ylabel().startswith("force of")]
+    assert loop.get_ylabel() == f"force of {shown}"
+    assert (np.ptp(loop.lines[0].get_ydata()) > 0.0) == (shown != "far")
 
 
 def test_history_shows_the_gap(three, ax):

@@ -17,7 +17,7 @@ class LinePair(NamedTuple):
     Attributes
     ----------
     order
-        Multiple of the excitation frequency.
+        Multiple of the excitation frequency, or per turn of the shaft whose speed is a parameter.
     first, second
         Amplitudes.
     shift
@@ -58,7 +58,11 @@ class Agreement:
 
 
 def agreement(
-    theta: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64], orders: NDArray[np.float64]
+    theta: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    orders: NDArray[np.float64],
+    turns: int | None = None,
 ) -> Agreement:
     """How well two histories agree at the same angles, over whole periods.
 
@@ -70,13 +74,16 @@ def agreement(
         The histories.
     orders : shape (lines,)
         Multiples of the excitation frequency at which lines are wanted.
+    turns
+        See `System.turns`: the orders of the lines are counted by it.
     """
     first, second = first - first.mean(), second - second.mean()
     rms, size = float(np.sqrt(np.mean((second - first) ** 2))), float(np.sqrt(np.mean(first**2)))
     both = size * float(np.sqrt(np.mean(second**2)))
     lines = [lines_of(theta, values, orders) for values in (first, second)]
     shifts = np.angle(lines[1] * lines[0].conj())
-    pairs = zip(orders.tolist(), *(np.abs(values).tolist() for values in lines), shifts.tolist(), strict=True)
+    counted = (turns or 1) * orders
+    pairs = zip(counted.tolist(), *(np.abs(values).tolist() for values in lines), shifts.tolist(), strict=True)
     correlation = float(np.mean(first * second)) / both if both else 0.0
     return Agreement(rms, rms / size if size else np.inf, correlation, tuple(LinePair(*pair) for pair in pairs))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.lyapunov import Lyapunov
 from gapwalk.attractor.rotation import Rotation
-from gapwalk.model.system import System
+from gapwalk.model.system import System, pace_text
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 
@@ -81,7 +81,7 @@ class Attractor(Shown):
                 return "?"
 
     def __repr__(self) -> str:
-        details = [self.label, f"frequency {self.system.frequency:.8g}"]
+        details = [self.label, pace_text(self.system)]
         if self.rotation is not None:
             details.append(f"rotation number {self.rotation.number:.9g}")
         if self.lyapunov is not None:

@@ -14,7 +14,7 @@ from gapwalk.attractor.agreement import Agreement, agreement, orders_of
 from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.spectrum import Spectrum, SpectrumOptions, spectrum
 from gapwalk.errors import ModelError
-from gapwalk.motion.motion import integrate
+from gapwalk.motion.motion import force_of, integrate
 from gapwalk.orbit.orbit import Orbit
 
 _SAMPLES = 1024  # a forcing period
@@ -114,7 +114,7 @@ def contrast(
     system = first.system
     if len(names) != 2:
         raise ModelError(f"names is {names!r}; it must be two texts")
-    known = [f"{system.coordinates[0]}''", *(form.name for form in system.structure.contacts)]
+    known = [f"{system.coordinates[0]}''", *map(force_of, system.structure.contacts)]
     periods = [first.period or 0, second.period or 0]
     shared = math.lcm(*periods) if all(periods) else 0
     length = shared if 0 < shared <= 8 * _LONG else _LONG
@@ -126,6 +126,6 @@ def contrast(
         spectra = spectrum(first, signal, options), spectrum(second, signal, options)
         found = None
         if length == shared:
-            found = agreement(theta[:-1], histories[0, :-1], histories[1, :-1], orders_of(length, _LINES))
+            found = agreement(theta[:-1], histories[0, :-1], histories[1, :-1], orders_of(length, _LINES), system.turns)
         pairs.append(SignalPair(signal, theta, histories, spectra, found))
     return Contrast((names[0], names[1]), (first, second), tuple(pairs))

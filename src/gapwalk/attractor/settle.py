@@ -14,7 +14,7 @@ from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.stationary import Drift, drift_of
 from gapwalk.attractor.strobe import Strobe, check_count, size_of
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.orbit.find import initial_state
 from gapwalk.orbit.orbit import Orbit
 
@@ -85,6 +85,7 @@ def settle(
     FlowError
         If the motion runs away.
     """
+    check_system(system, "settle")
     options = options or SettleOptions()
     system = system.at(at, **values)
     return _Transient(system, initial_state(system, start), options).follow()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.system import System
+from gapwalk.model.system import System, pace_text
 from gapwalk.motion.motion import Motion, integrate
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
@@ -77,6 +77,6 @@ class Settled(Shown):
         what = f"period {self.period}" if self.period else "not periodic"
         done = "settled" if self.converged else "not settled"
         return (
-            f"Settled({what}, {done} after {self.periods} forcing periods at frequency {self.system.frequency:.8g}, "
+            f"Settled({what}, {done} after {self.periods} forcing periods at {pace_text(self.system)}, "
             f"residual {self.residual:.2g})"
         )

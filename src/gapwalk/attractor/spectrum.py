@@ -13,7 +13,7 @@ from gapwalk.attractor.line import line_name
 from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.strobe import check_count
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System
+from gapwalk.model.system import System, pace_text
 from gapwalk.motion.motion import Motion, integrate
 from gapwalk.orbit.orbit import Orbit
 
@@ -56,7 +56,7 @@ class SpectrumOptions:
 
 
 class Peak(NamedTuple):
-    """A line of a spectrum: its name, its order (multiple of W) and its amplitude."""
+    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
 
     name: str
     order: float
@@ -74,14 +74,15 @@ class Spectrum:
     signal
         Name of the signal.
     orders : shape (lines,)
-        Frequencies as multiples of W, from 0.
+        From 0: multiples of W, or where the speed of a shaft is a parameter, per turn of that shaft (theta below is
+        then the angle that it has turned through).
     values : shape (lines,)
         Complex amplitudes c in the units of the signal: it is the sum of ``Re(c exp(i order theta))``. For a motion
         without period a line of amplitude A shows as a peak of height A, a little wider than `resolution`.
     period
         m of a periodic motion, whose lines are exact; 0 for one that was windowed.
     resolution
-        Width of a line, as a multiple of W: 0 for a periodic motion.
+        Width of a line, as an order: 0 for a periodic motion.
     folding
         Bound on what folding (aliasing) adds to any line, in the units of the signal.
     """
@@ -100,7 +101,7 @@ class Spectrum:
         return np.abs(self.values)
 
     def amplitude(self, order: float) -> float:
-        """The amplitude at a multiple of W: of the nearest line within the resolution, else 0."""
+        """The amplitude at an order: of the nearest line within the resolution, else 0."""
         nearest = int(np.argmin(np.abs(self.orders - order)))
         reach = max(self.resolution, 1e-9)
         return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
@@ -126,14 +127,12 @@ class Spectrum:
         best = places[np.argsort(-heights[places], kind="stable")][:count]
         near = 1e-9 if self.period else 0.5 * float(self.orders[1])
         periods = (self.period,) if self.period else _SUBHARMONICS
-        return tuple(
-            Peak(line_name(float(self.orders[k]), periods, near), float(self.orders[k]), float(heights[k]))
-            for k in best
-        )
+        found = [(float(self.orders[k]), float(heights[k])) for k in best]
+        return tuple(Peak(line_name(order, periods, near, self.system.turns), order, size) for order, size in found)
 
     def __repr__(self) -> str:
         lines = ", ".join(f"{peak.name} {peak.amplitude:.4g}" for peak in self.peaks(5))
-        return f"Spectrum({self.signal} at frequency {self.system.frequency:.6g}: {lines})"
+        return f"Spectrum({self.signal} at {pace_text(self.system, 6)}: {lines})"
 
 
 def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
@@ -147,7 +146,8 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     motion
         An orbit or a settled motion.
     signal
-        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), or a contact, for its force.
+        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), a contact's force
+        (``"stop.force"``): as in `Motion.signal`.
     options
         Length, window and accuracy.
 
@@ -173,7 +173,9 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     values, folding = _refined(sampled, signal, length, window, options.tolerance)
     weights = window(len(values) * 2)
     bins = 0.0 if period else len(weights) * float((weights**2).sum() / weights.sum() ** 2)
-    return Spectrum(system, signal, np.arange(len(values)) / length, values, period, bins / length, folding)
+    turns = system.turns or 1
+    orders = turns * np.arange(len(values)) / length
+    return Spectrum(system, signal, orders, values, period, turns * bins / length, folding)
 
 
 def _refined(

@@ -17,7 +17,7 @@ from gapwalk.orbit.orbit import Orbit
 
 @dataclass(frozen=True)
 class Waterfall:
-    """Spectra in orders (multiples of W), one after the other.
+    """Spectra in orders, one after the other: multiples of W, or per turn of the shaft whose speed is a parameter.
 
     Attributes
     ----------
@@ -28,11 +28,13 @@ class Waterfall:
     values : shape (orbits,)
         The parameter at each orbit, in the order of the walk: it turns round at folds.
     orders : shape (lines,)
-        Multiples of W, evenly spaced from 0.
+        Evenly spaced from 0; see `Spectrum`.
     amplitudes : shape (orbits, lines)
         In the units of the signal; the mean is in the first column.
     stable : shape (orbits,)
         Whether each orbit is stable.
+    turns
+        See `System.turns`.
     """
 
     parameter: str
@@ -41,6 +43,7 @@ class Waterfall:
     orders: NDArray[np.float64]
     amplitudes: NDArray[np.float64]
     stable: NDArray[np.bool_]
+    turns: int | None = None
 
     def plot(self, **options):
         """Draw it as a colour map; see `gapwalk.plot.plot_waterfall`. Returns the axes."""
@@ -88,14 +91,15 @@ def waterfall(
     if not orbits:
         raise ModelError("a waterfall needs at least one orbit")
     if not top > 0.0:
-        raise ModelError(f"top is {top!r}; it must be a positive multiple of W")
+        raise ModelError(f"top is {top!r}; it must be a positive order")
     options = options or SpectrumOptions(tolerance=1e-4)
     spacing = lcm(*(orbit.period for orbit in orbits))
-    orders = np.arange(round(top * spacing) + 1) / spacing
+    turns = orbits[0].system.turns
+    orders = (turns or 1) * np.arange(round(top / (turns or 1) * spacing) + 1) / spacing
     table = np.zeros((len(orbits), len(orders)))
     for row, orbit in zip(table, orbits, strict=True):
         step = spacing // orbit.period
         lines = spectrum(orbit, signal, options).amplitudes[: len(row[::step])]
         row[: len(lines) * step : step] = lines
     values = np.array([orbit.system[parameter] for orbit in orbits])
-    return Waterfall(parameter, signal, values, orders, table, np.array([orbit.stable for orbit in orbits]))
+    return Waterfall(parameter, signal, values, orders, table, np.array([orbit.stable for orbit in orbits]), turns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -12,8 +13,9 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.errors import ModelError
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.equation import Method, check_method
 from gapwalk.orbit.orbit import Orbit
 
 Report = Callable[[BranchPoint, list[SpecialPoint]], None]
@@ -69,6 +71,12 @@ def follow(
 def _departures(
     start: Orbit | SpecialPoint, parameter: str, to: float | tuple[float, float], method: Method | None
 ) -> list[Departure]:
+    check_method(method)
+    if not isinstance(start, Orbit | SpecialPoint):
+        raise ModelError(
+            f"follow begins at an orbit or a special point, not at {reprlib.repr(start)}; find an orbit first: "
+            "gw.find_orbit(system)"
+        )
     if isinstance(start, SpecialPoint):
         value = start.orbit.system[parameter]
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from gapwalk.cli.family import print_family
 from gapwalk.cli.outcome import printable
-from gapwalk.plot.words import coordinate_words, parameter_symbol, signal_words, value_words
+from gapwalk.plot.words import coordinate_words, line_words, pace_words, parameter_symbol, signal_words
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.finding import Finding
@@ -38,17 +38,17 @@ def print_finding(screen: Console, finding: Finding) -> None:
 
 def _print_settled(screen: Console, finding: SettleFinding) -> None:
     attractor, settled = finding.attractor, finding.settled
-    structure = attractor.system.structure
-    where = value_words(attractor.system[structure.pace], structure.pace, structure.units)
+    units, turns = attractor.system.units, attractor.system.turns
+    where = pace_words(attractor.system)
     screen.print(f"{attractor.label}: a motion that is {attractor.kind.value}, at {where}", soft_wrap=True)
     screen.print(f"  followed for {settled.periods} forcing periods", soft_wrap=True)
     for sentence in attractor.evidence:
         screen.print(f"  {printable(sentence)}", soft_wrap=True)
-    symbol = parameter_symbol("frequency")
-    screen.print(f"\nlines of {printable(signal_words(finding.options.signal, structure.units))}", soft_wrap=True)
-    table = _table("line", right=(f"multiple of {symbol}", "amplitude"))
+    heading = "multiple of Ω" if turns is None else "order"
+    screen.print(f"\nlines of {printable(signal_words(finding.options.signal, units))}", soft_wrap=True)
+    table = _table("line", right=(heading, "amplitude"))
     for line in finding.lines[:_LINES]:
-        table.add_row(line.name.replace("W", symbol), f"{line.order:.6g}", f"{line.amplitude:.6g}")
+        table.add_row(line_words(line.name), f"{line.order:.6g}", f"{line.amplitude:.6g}")
     screen.print(table)
     screen.print(f"\nrattle: index {finding.rattle.index:.4g} (kurtosis of the acceleration)\n", soft_wrap=True)
     screen.print(repr(finding.rattle), soft_wrap=True)

@@ -16,6 +16,7 @@ from gapwalk.cli.run import print_files
 from gapwalk.errors import ModelError
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
+from gapwalk.plot.words import pace_words
 from gapwalk.study.changes import parse_changes
 from gapwalk.study.export import table_csv, write_whole
 from gapwalk.study.measure.measure import Measured, measure
@@ -77,7 +78,7 @@ def _print(screen: Console, found: Measured) -> None:
     stability = "stable" if orbit.stable else "unstable"
     screen.print(
         f"{printable(aligned.record.name)}: {len(aligned.theta)} samples, {aligned.periods} periods, as "
-        f"{printable(aligned.signal.name)}\nmotion of period {orbit.period} at Ω = {orbit.system.frequency:.8g}, "
+        f"{printable(aligned.signal.name)}\nmotion of period {orbit.period} at {pace_words(orbit.system)}, "
         f"{stability}, contacts {printable(orbit.pattern)}",
         soft_wrap=True,
     )
@@ -117,7 +118,7 @@ def _lines(found: Alignment) -> Table:
     highest = sorted(found.agreement.lines, key=lambda line: -max(line.first, line.second))[:_LINES]
     for line in sorted(highest):
         table.add_row(
-            f"{line.order:g} Ω",
+            f"{line.order:g} Ω" if found.orbit.system.turns is None else f"order {line.order:g}",
             f"{line.first:.6g}",
             f"{line.second:.6g}",
             f"{line.difference:+.3g}",

@@ -156,7 +156,7 @@ class _Api:
         """The motion at a place; only the last one that a tab asks for."""
         board, place, signal = self._asked(request)
         motion = board.motion(place)
-        name = check_signal(motion.system, signal).rstrip("'")
+        name = check_signal(motion.system, signal)
         (found,) = await self.desk.flows.do_last(_text(request, "tab"), [lambda: panels_of(motion, name)])
         return _Json(found)
 

@@ -13,8 +13,11 @@ from gapwalk.attractor.spectrum import spectrum
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.motion import Motion, signal_names
+from gapwalk.motion.motion import Motion, force_of, signal_names
+from gapwalk.motion.signal import contact_to_show
+from gapwalk.motion.train import train_signals
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.words import order_words
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _LOG = 200  # entries of the contact log
@@ -32,15 +35,15 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
     motion
         An orbit, or where a motion has settled.
     signal
-        The coordinate whose history and phase portrait are shown.
+        The signal whose history is shown; its coordinate, if it has one, is that of the phase portrait.
     most
         Samples of the motion, at most (but 32 a period).
     """
     system = motion.system
     sampled = _sampled(motion, most)
     names = list(system.coordinates[:_COORDINATES])
-    if signal in system.coordinates and signal not in names:
-        names.append(signal)
+    if (base := signal.rstrip("'")) in system.coordinates and base not in names:
+        names.append(base)
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     return {
         "period": orbit.period if orbit else None,
@@ -52,7 +55,8 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
         "q": {name: _rounded(sampled.signal(name)) for name in names},
         "v": {name: _rounded(sampled.signal(f"{name}'")) for name in names},
         "a": {name: _rounded(sampled.signal(f"{name}''")) for name in names},
-        "contacts": _contacts(sampled),
+        "others": {signal: _rounded(sampled.signal(signal))} if signal in train_signals(system.structure) else {},
+        **_contacts(sampled, signal),
         "log": _log(sampled),
         "multipliers": [[z.real, z.imag] for z in orbit.multipliers.tolist()] if orbit else [],
         "bodies": _bodies(system, sampled),
@@ -66,9 +70,10 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
     base = signal.rstrip("'")
     base = base if base in motion.system.coordinates else motion.system.coordinates[0]
     states = strobe(motion.system, motion.state, orbit.period if orbit else _STROBES)
-    shown = lines.orders <= _ORDERS
+    shown = lines.orders <= _ORDERS * (motion.system.turns or 1)
     return {
         "signal": signal,
+        "across": order_words(motion.system.turns),
         "orders": _rounded(lines.orders[shown]),
         "amplitudes": _rounded(lines.amplitudes[shown]),
         "section": {"of": base, "q": _rounded(states.signal(base)), "v": _rounded(states.signal(f"{base}'"))},
@@ -94,11 +99,17 @@ def _text(motion: Orbit | Settled) -> str:
     return f"period {orbit.period}, {state}, contacts {orbit.pattern}"
 
 
-def _contacts(sampled: Motion) -> list[dict[str, Any]]:
-    system = sampled.system
-    return [
+def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
+    """The first contacts with the one that is shown by default, and the place of that one among them."""
+    system, forms = sampled.system, sampled.system.structure.contacts
+    if not forms:
+        return {"contacts": [], "shown": None}
+    shown = contact_to_show(system, signal, np.abs(sampled.forces).max(axis=0))
+    places = sorted({*range(len(forms))[:_COORDINATES], shown})
+    found = [
         {
             "name": form.name,
+            "signal": force_of(form),
             "deflection": _rounded(sampled.deflections[:, i]),
             "force": _rounded(sampled.forces[:, i]),
             "stops": sorted(
@@ -107,8 +118,9 @@ def _contacts(sampled: Motion) -> list[dict[str, Any]]:
                 for side in stage.side.signs
             ),
         }
-        for i, form in enumerate(system.structure.contacts[:_COORDINATES])
+        for i, form in ((place, forms[place]) for place in places)
     ]
+    return {"contacts": found, "shown": places.index(shown)}
 
 
 def _log(sampled: Motion) -> list[dict[str, Any]]:

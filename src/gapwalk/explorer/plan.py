@@ -20,7 +20,7 @@ from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.plot.words import parameter_symbol
+from gapwalk.plot.words import pace_words, parameter_symbol
 from gapwalk.study.file import Study
 from gapwalk.study.map import KINDS
 from gapwalk.study.options import (
@@ -255,7 +255,7 @@ def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
         system, start = motion.system, tuple(motion.state.tolist())
     system = system.at(dict(action.values))
     options = SettleStudyOptions(system.coordinates[0], start)
-    title = f"settled at {parameter_symbol('frequency')} = {system.frequency:.6g}"
+    title = f"settled at {pace_words(system)}"
     return title, Task(_study_of(system, options, title, origin), Path())
 
 

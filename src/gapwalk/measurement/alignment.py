@@ -134,7 +134,7 @@ def found_phase(misfit: Misfit, orbit: Orbit) -> float:
 def aligned(misfit: Misfit, orbit: Orbit, phase: float) -> Alignment:
     """The alignment of an orbit at a phase."""
     theta, computed = misfit.angles(orbit.system.frequency) + phase, misfit.computed(orbit, phase)
-    found = agreement(theta, misfit.measured, computed, misfit.orders)
+    found = agreement(theta, misfit.measured, computed, misfit.orders, orbit.system.turns)
     return Alignment(
         orbit, misfit.record, misfit.signal, phase, misfit.periods, theta, misfit.measured, computed, found
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gapwalk.attractor.agreement import lines_of, orders_of
 from gapwalk.errors import ModelError
 from gapwalk.measurement.record import Record
+from gapwalk.model.system import pace_text
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.signal import Signal
 from gapwalk.orbit.orbit import Orbit
@@ -78,7 +79,7 @@ class Misfit:
         if not self.periods:
             raise ModelError(
                 f"{record.name}: it holds {turned[-1] / PERIOD:.3g} forcing periods, but the motion repeats after "
-                f"{orbit.period} at frequency {orbit.system.frequency:.6g}; are time, its scale and frequency right?"
+                f"{orbit.period} at {pace_text(orbit.system, 6)}; are time, its scale and frequency right?"
             )
         self._keep = turned < length * self.periods - 1e-6 * step
         measured = record.acceleration[self._keep]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import overload
 
 from gapwalk.errors import ModelError
+from gapwalk.model.problem import near_names
 from gapwalk.model.units.kind import PACES
 
 _SHOWN = 5  # names that are told where none is like the one that was asked for
@@ -127,7 +127,7 @@ class ParameterNames(Sequence[str]):
 
     def _unknown(self, name: str) -> str:
         known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        near = near_names(name, known)
         if not near:
             last = name.rsplit(".", 1)[-1]
             near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import datetime
-import difflib
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from gapwalk.errors import ModelError
 
@@ -16,6 +16,7 @@ Path = tuple[str | int, ...]
 
 _LISTED = 200  # problems in the text of an error; a matrix of strings would fill many screens
 _SHOWN = 60  # characters of a value that is given back
+_TOLD = 40  # names that are told where none is like the one that was asked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,18 +33,22 @@ class Problem:
         Line of the file, from 1; None if the problem has no line (a missing key at the top, say).
     file
         Name of the file as the user gave it.
+    place
+        The path as a person reads it, with the names of tables: ``contact "stop".clearance``; by default the path.
     """
 
     message: str
     path: str = ""
     line: int | None = None
     file: str = ""
+    place: str = ""
 
     def __str__(self) -> str:
         place = self.file
         if self.line:
             place = f"{self.file}:{self.line}" if self.file else f"line {self.line}"
-        text = f"{self.path} {self.message}" if self.path else self.message
+        path = self.place or self.path
+        text = f"{path} {self.message}" if path else self.message
         return _printable(f"{place}: {text}" if place else text)
 
 
@@ -82,6 +87,28 @@ def dotted(path: Path) -> str:
     return text
 
 
+def named(path: Path, data: object) -> str:
+    """The same with the names of tables in lists, where they have one of their own: ``contact "stop".clearance``."""
+    text = ""
+    for place, key in enumerate(path):
+        around, data = data, _inside(data, key)
+        name = _inside(data, "name")
+        if isinstance(key, int) and isinstance(around, Sequence) and isinstance(name, str) and name.isidentifier():
+            twice = sum(_inside(other, "name") == name for other in around) > 1
+            text += f"[{key}]" if twice else f' "{name}"'
+        else:
+            text += dotted((key,)) if isinstance(key, int) or not place else f".{dotted((key,))}"
+    return text
+
+
+def _inside(data: Any, key: str | int) -> Any:
+    """What a key leads to; None if it leads nowhere."""
+    if isinstance(data, Mapping):
+        return data.get(key)
+    is_place = isinstance(data, list) and isinstance(key, int) and key < len(data)
+    return data[key] if is_place else None
+
+
 def given(value: object) -> str:
     """Write a value as it may stand in a TOML file, in at most about 60 characters."""
     text = _toml(value)
@@ -89,11 +116,51 @@ def given(value: object) -> str:
 
 
 def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str:
-    """Offer the names most like `word`, or all of them if none is like it."""
-    near = difflib.get_close_matches(word, known, n=3, cutoff=0.55)
+    """Offer the names that are spelled nearly as `word`, or tell what there is if none is."""
+    near = near_names(word, known)
     if near:
         return f"did you mean {' or '.join(near)}?"
-    return f"{what} {', '.join(known)}"
+    more = f", ... ({len(known)} in all)" if len(known) > _TOLD else ""
+    return f"{what} {', '.join(known[:_TOLD])}{more}"
+
+
+def near_names(word: str, known: Sequence[str]) -> list[str]:
+    """At most three names that may have been meant: slips of the pen, beginnings, and names with it before a dot.
+
+    What only looks alike is another idea: who writes friction does not mean deflection.
+    """
+    plain, found = word.casefold(), []
+    parts = plain.split(".")
+    for name in known:
+        others = name.casefold().split(".")
+        if plain in others or (len(plain) > 2 and name.casefold().startswith(plain)):
+            found.append((0, name))
+        elif len(others) == len(parts):
+            slips = [(_slips(one, other), _allowed(one, other)) for one, other in zip(parts, others, strict=True)]
+            if all(count <= allowed for count, allowed in slips):
+                found.append((sum(count for count, _ in slips), name))
+    return [name for _, name in sorted(found, key=lambda each: each[0])[:3]]
+
+
+def _allowed(first: str, second: str) -> int:
+    """How many slips leave a word what it is: none in one or two letters, three in a long word."""
+    return sum(max(len(first), len(second)) > length for length in (2, 4, 9))
+
+
+def _slips(first: str, second: str) -> int:
+    """Letters to change, leave out, put in or swap with their neighbour, until two words are the same."""
+    if abs(len(first) - len(second)) > _allowed(first, second):
+        return len(first) + len(second)
+    before: list[int] = []
+    row = list(range(len(second) + 1))
+    for i, letter in enumerate(first, start=1):
+        older, before, row = before, row, [i]
+        for j, other in enumerate(second, start=1):
+            cost = min(before[j] + 1, row[-1] + 1, before[j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == second[j - 2] and first[i - 2] == other:
+                cost = min(cost, older[j - 2] + 1)
+            row.append(cost)
+    return row[-1]
 
 
 def _toml(value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar, get_args
 
@@ -11,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Tag, ValidationError
 from gapwalk.errors import ModelError
 from gapwalk.model.problem import Path, Problem, did_you_mean, given
 from gapwalk.model.source import Source
+from gapwalk.model.units.quantity import has_unit
 
 _TOP = "the top of the file, above the first table in brackets"
 _TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
@@ -125,13 +127,21 @@ def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem
         path = path[:-1] if path[-1:] == ("[key]",) else path  # pydantic's mark of a complaint about a key
         message, path = _located(error["ctx"]["error"], model, path)
     elif kind == "list_type" and isinstance(value, Mapping):
-        name = path[-1] if path else ""
-        message = f"is one table; it must be a list of tables: write [[{name}]] with two brackets"
+        name = str(path[-1]) if path else ""
+        field = owner.model_fields.get(name) if owner else None
+        if field is None or any(_parts_in([field.annotation])):
+            message = f"is one table; it must be a list of tables: write [[{name}]] with two brackets"
+        else:
+            message = f"is a table; it must be a list, as in {name} = [1.0]"
     else:
         allowed = _ALLOWED[kind].format(**error.get("ctx", {})) if kind in _ALLOWED else error["msg"]
         message = f"is {given(value)}; it must be {allowed}"
         if kind in ("float_type", "int_type") and isinstance(value, str) and _is_number(value):
             message += ", without quotes"
+        elif kind == "float_type" and isinstance(value, str) and re.fullmatch(r"\s*[-+]?\d+,\d+\s*", value):
+            message += f"; it has a point, not a comma: {value.strip().replace(',', '.')}"
+        elif kind == "float_type" and has_unit(value):
+            message += " without a unit, in units that fit together; only the quantities of drive trains have units"
     return source.problem(message, (*at, *path))
 
 

@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from gapwalk.files import open_file
-from gapwalk.model.problem import ModelFileError, Path, Problem, dotted
+from gapwalk.model.problem import ModelFileError, Path, Problem, dotted, named
 from gapwalk.model.toml_lines import key_lines
 from gapwalk.model.toml_size import crowded, too_much_to_parse
 
@@ -24,9 +24,11 @@ MAX_BYTES = 10_000_000
 _BEGIN = "`gapwalk new FILE` writes a model to begin with"
 
 # Slips that TOML's own messages do not explain.
+_RESULT = b"SQLite format 3\0"  # how a result file begins
 _SLIPS = (
     (r"[=\[,\s][-+]?(\.\d|\d+\.(?!\d))", "a number needs a digit on both sides of its point, as in 0.5"),
     (r"\b(True|TRUE|False|FALSE)\b", "write true or false in small letters"),
+    (r"[=\[]\s*[-+]?\d+,\d", "a number has a point, not a comma, as in 0.5"),
     (r"=\s*[A-Za-z]", "a text stands in quotes"),
     (r"=\s*$", "a value must follow on the same line"),
     (r"^\s*[\w.-]+\s*:", "write key = value"),
@@ -72,7 +74,7 @@ class Source:
 
     def problem(self, message: str, path: Path = ()) -> Problem:
         """A problem of this file, with its line."""
-        return Problem(message, dotted(path), self.line(path), self.name)
+        return Problem(message, dotted(path), self.line(path), self.name, named(path, self.data))
 
     def with_value(self, path: Path, value: object) -> Source:
         """The same source with another value at one path of tables, and of places in lists of tables."""
@@ -107,6 +109,9 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
     if len(content) > MAX_BYTES:
         size = f"is larger than {MAX_BYTES // 1_000_000} MB"
         raise ModelFileError([Problem(f"the file {size}; a model file is a short text", file=name)])
+    if content.startswith(_RESULT):
+        message = "this is a result, not a model file; `gapwalk show` tells what it holds, and gw.load reads it"
+        raise ModelFileError([Problem(message, file=name)])
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -166,6 +171,11 @@ def _syntax_problem(message: str, text: str, name: str) -> Problem:
         return Problem(f"not TOML: {reason} at the end of the file", line=len(lines), file=name)
     number, column = int(match[1]), int(match[2])
     shown = lines[number - 1].strip()[:60] if number <= len(lines) else ""
+    if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
+        key = twice[1]
+        own = ", and give each a name" if key == "study" else ""
+        message = f"[{key}] stands here a second time; where there are several, write [[{key}]] for each{own}"
+        return Problem(message, line=number, file=name)
     hint = next((hint for slip, hint in _SLIPS if re.search(slip, shown)), "")
     return Problem(
         f"not TOML: {reason}, column {column}: {shown}" + (f" ({hint})" if hint else ""),

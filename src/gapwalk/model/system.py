@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -211,6 +213,15 @@ class System(Shown):
         return self._at(0) * self.structure.frequency
 
     @property
+    def turns(self) -> int | None:
+        """Periods of the excitation in one turn of the shaft whose speed is the first parameter.
+
+        Orders are then counted per turn of that shaft. None where the first parameter is the frequency W of the
+        excitation: there they are multiples of it.
+        """
+        return None if self.units is None else self.units.turns
+
+    @property
     def units(self) -> Units | None:
         """The units of its parameters; None if they are plain numbers.
 
@@ -270,7 +281,8 @@ class System(Shown):
 
     def __repr__(self) -> str:
         contacts = ", ".join(contact.name for contact in self.structure.contacts) or "none"
-        return f"System(coordinates={', '.join(self.coordinates)}; contacts={contacts}; frequency={self.frequency:.6g})"
+        pace = f"{self.structure.pace}={pace_number(self, 6)}"
+        return f"System(coordinates={', '.join(self.coordinates)}; contacts={contacts}; {pace})"
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a System never changes; write system.at({{{name!r}: ...}}) for another one")
@@ -282,6 +294,33 @@ class System(Shown):
         values.flags.writeable = False
         object.__setattr__(self, "structure", structure)
         object.__setattr__(self, "values", values)
+
+
+def pace_number(system: System, digits: int = 8) -> str:
+    """The first parameter of a system with its unit, as it was given: ``0.5``, or ``902 rpm``."""
+    structure = system.structure
+    unit = "" if structure.units is None else structure.units.parameter(structure.pace)
+    return f"{system[structure.pace]:.{digits}g} {unit}".rstrip()
+
+
+def pace_text(system: System, digits: int = 8) -> str:
+    """The same with its name: ``frequency 0.5``, or ``speed 902 rpm``."""
+    return f"{system.structure.pace} {pace_number(system, digits)}"
+
+
+def check_system(value: object, call: str) -> None:
+    """Refuse what is no system where one is asked for, and say how to come to one."""
+    if isinstance(value, System):
+        return
+    if isinstance(value, str | os.PathLike):
+        hint = f"read the file first: gw.read_study({os.fspath(value)!r}).system"
+    elif callable(getattr(value, "system", None)):
+        hint = "write its system()"
+    elif isinstance(getattr(value, "system", None), System):
+        hint = "write its .system"
+    else:
+        hint = 'make one with gw.System(...), or read one: gw.read_study("model.toml").system'
+    raise ModelError(f"{call} takes a System, not {reprlib.repr(value)}; {hint}")
 
 
 def _contact_form(contact: Contact) -> ContactForm:
@@ -297,8 +336,11 @@ def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[n
     except (TypeError, ValueError):
         problems.append(f"{what} is {given!r}; it must be a matrix of {n} x {n} numbers")
         return default
+    if matrix.shape == (n,):  # as in a model file
+        return np.diag(matrix)
     if matrix.shape != (n, n):
-        problems.append(f"{what} has shape {matrix.shape}; it must be ({n}, {n}), a row per coordinate")
+        shapes = f"({n}, {n}), a row per coordinate, or ({n},), its diagonal"
+        problems.append(f"{what} has shape {matrix.shape}; it must be {shapes}")
         return default
     return matrix
 

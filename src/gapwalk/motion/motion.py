@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.problem import did_you_mean
+from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.forces import accelerations, contact_deflections, contact_forces
@@ -101,26 +103,28 @@ class Motion:
         Parameters
         ----------
         name
-            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or a contact's name
-            for its force. Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque
-            in a shaft or gear (``"clutch.torque"``). In a system with units, velocities and accelerations are in rad/s
-            and rad/s^2, whatever the unit of its angles.
+            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
+            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
+            Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
+            gear (``"clutch.torque"``). In a system with units, velocities and accelerations are in rad/s and rad/s^2,
+            whatever the unit of its angles.
 
         Raises
         ------
         ModelError
             If there is no such signal.
         """
-        base = name.rstrip("'")
-        contacts = [contact.name for contact in self.system.structure.contacts]
-        if base in self.system.coordinates and len(name) - len(base) <= 2:
-            kind = ("q", "v", "a")[len(name) - len(base)]
-            return getattr(self, kind)[:, self.system.coordinates.index(base)] * signal_factor(self.system, name)
-        if name in contacts:
-            return self.forces[:, contacts.index(name)]
-        if name in (known := train_signals(self.system.structure)):
-            return self._of_train[:, known.index(name)] * signal_factor(self.system, name)
-        raise ModelError(f"there is no signal {name!r}; signals are {', '.join(signal_names(self.system))}")
+        kind, column = self._column(signal_place(self.system, name))
+        return getattr(self, kind)[:, column] * signal_factor(self.system, name)
+
+    def _column(self, place: int) -> tuple[str, int]:
+        """Where the signal of a place in `signal_names` stands: which histories, and which of them."""
+        size, contacts = self.system.size, len(self.system.structure.contacts)
+        for kind, width in (("q", size), ("v", size), ("a", size), ("forces", contacts)):
+            if place < width:
+                return kind, place
+            place -= width
+        return "_of_train", place
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:
@@ -180,10 +184,34 @@ def check_state(system: System, state) -> NDArray[np.float64]:
 
 
 def signal_names(system: System) -> list[str]:
-    """Names of all signals of a motion of `system`."""
+    """Names of all signals of a motion of `system`: each is that of one signal."""
     derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    contacts = [contact.name for contact in system.structure.contacts]
-    return [*derivatives, *contacts, *train_signals(system.structure)]
+    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
+
+
+def force_of(contact: ContactForm) -> str:
+    """The name of the signal that is the force of a contact."""
+    return f"{contact.name}.force"
+
+
+def signal_place(system: System, name: str) -> int:
+    """The place of a signal in `signal_names`.
+
+    The name of a contact is short for its force, where no coordinate has that name. In a drive train it never is: there
+    a link's name is that of its deflection.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    """
+    known = signal_names(system)
+    if name in known:
+        return known.index(name)
+    forces = {} if train_signals(system.structure) else {form.name: form for form in system.structure.contacts}
+    if name not in forces:
+        raise ModelError(f"there is no signal {name!r}; {did_you_mean(str(name), known, 'signals are')}")
+    return known.index(force_of(forces[name]))
 
 
 def signal_factor(system: System, name: str) -> float:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.problem import did_you_mean
 from gapwalk.model.system import System
 from gapwalk.motion.forces import accelerations, contact_forces
-from gapwalk.motion.motion import Motion, signal_factor, signal_names
+from gapwalk.motion.motion import Motion, signal_factor, signal_place
 from gapwalk.motion.train import train_histories, train_signals
 
 _STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
@@ -89,8 +88,8 @@ class Signal:
                 )
             columns.append(train_histories(system, angles, q, v, a, forces))
         everything: NDArray[np.complex128] = np.hstack(columns)
-        shifted, known = everything.imag / _STEP, signal_names(system)
-        factors = [(known.index(name), factor * signal_factor(system, name)) for name, factor in self.terms]
+        shifted = everything.imag / _STEP
+        factors = [(signal_place(system, name), factor * signal_factor(system, name)) for name, factor in self.terms]
         return np.sum([factor * shifted[:, place] for place, factor in factors], axis=0)
 
 
@@ -106,15 +105,38 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
         terms = ((given, 1.0),)
     else:
         terms = given.terms if isinstance(given, Signal) else tuple(given.items())
-    known = signal_names(system)
     for name, factor in terms:
-        if name not in known:
-            raise ModelError(f"there is no signal {name!r}; {did_you_mean(name, known, 'signals are')}")
+        signal_place(system, name)
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not math.isfinite(factor):
             raise ModelError(f"the factor of {name} is {factor!r}; it must be a finite number")
     if not any(factor for _, factor in terms):
         raise ModelError("a signal names at least one of the system's, as in \"q1''\" or { \"q1''\" = 1.0 }")
     return given if isinstance(given, Signal) else Signal(terms)
+
+
+def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) -> int:
+    """The place of the contact whose force a picture shows, where none is asked for.
+
+    It is the one that the signal names. If it names none, it is one that does touch: of these one that acts on the
+    signal's coordinate, and of these the one with the largest force.
+
+    Parameters
+    ----------
+    system
+        The system; it has contacts.
+    signal
+        The signal that is shown with it, as in `Motion.signal`; empty for none.
+    forces : shape (contacts,)
+        The largest force of each, in size; 0 or NaN where it never touches.
+    """
+    base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
+
+    def rank(place: int) -> tuple[bool, bool, bool, float]:
+        name, size = system.structure.contacts[place].name, float(sizes[place])
+        own = base in coordinates and system.vector(f"{name}.deflection")[coordinates.index(base)] != 0.0
+        return base.partition(".")[0] == name, size > 0.0, bool(own), size
+
+    return max(range(len(sizes)), key=rank)
 
 
 def _size(factor: float) -> str:

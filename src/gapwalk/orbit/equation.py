@@ -55,6 +55,14 @@ class Method(Protocol):
         ...
 
 
+def check_method(method: object) -> None:
+    """Refuse what is no method; None stands for the default."""
+    if method is not None and not hasattr(method, "pose"):
+        raise ModelError(
+            f"method is {method!r}; write method=gw.Balance() for harmonic balance, or method=gw.Shooting()"
+        )
+
+
 class Equation(Protocol):
     """A periodic orbit of `system` as N equations in N unknowns and, possibly, one named parameter.
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
 from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.equation import Method, OrbitEquation, check_method
 from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
@@ -57,7 +57,9 @@ def find_orbit(
     ConvergenceError
         If no orbit is found from this start.
     """
+    check_system(system, "find_orbit")
     system = system.at(at, **values)
+    check_method(method)
     equation = (method or Shooting()).pose(system, None, period)
     return _solved(equation, equation.start(initial_state(system, start, period)), newton)
 

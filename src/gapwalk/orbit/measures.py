@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.problem import near_names
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
@@ -25,11 +26,14 @@ def measure(orbit: Orbit, name: str) -> float:
         values = _fine_signal(orbit, signal)
         mean, rms = float(values[:-1].mean()), float(np.sqrt(np.mean(values[:-1] ** 2)))
         return pick(np.array([values.max(), values.min(), mean, rms]), kind)
-    if kind.startswith("h") and signal:
+    if kind[:1] == "h" and kind[1:2].isdigit() and signal:
         return abs(harmonic(orbit, kind[1:], signal))
+    coordinates = orbit.system.coordinates
+    if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
+        raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
     raise ModelError(
         f"there is no measure {name!r}; write one of {', '.join(MEASURES)}, h0, h1, ... , a dot and a signal, "
-        "such as half.q1"
+        f"such as half.{coordinates[0]}"
     )
 
 
@@ -41,13 +45,18 @@ def pick(row: NDArray[np.float64], kind: str) -> float:
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
-    """Complex amplitude of a harmonic (``Re(c exp(i h theta))``); the order is a multiple of 1/m of W."""
+    """Complex amplitude of a harmonic (``Re(c exp(i h theta))``); the order is a multiple of 1/m of W.
+
+    Where the speed of a shaft is a parameter, it is an order per turn of that shaft.
+    """
+    turns = orbit.system.turns
     try:
-        line = Fraction(order) * orbit.period
+        line = Fraction(order) / (turns or 1) * orbit.period
     except ValueError:
         raise ModelError(f"harmonic {order!r} is no order; write h0, h1, h2, ... or h1/2") from None
     if line.denominator != 1 or line < 0:
-        raise ModelError(f"a period-{orbit.period} orbit has harmonics of 1/{orbit.period} of W, not of {order}")
+        step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns, orbit.period)}"
+        raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
     values = orbit.motion(4 * orbit.samples).signal(signal)[:-1]
     lines = np.fft.rfft(values) / len(values)
     if line >= len(lines):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.structure import ContactForm
-from gapwalk.model.system import System
+from gapwalk.model.system import System, pace_text
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import Motion, sample, switch_names
 from gapwalk.motion.switching import ContactEvent
@@ -146,7 +146,7 @@ class Orbit(Shown):
         stability = "stable" if self.stable else f"unstable ({self.instability.label})"
         state = ", ".join(f"{value:.6g}" for value in self.state[:4])
         return (
-            f"Orbit(period {self.period} at frequency {self.system.frequency:.8g}, {stability}, "
+            f"Orbit(period {self.period} at {pace_text(self.system)}, {stability}, "
             f"contacts {self.pattern}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
         )
 

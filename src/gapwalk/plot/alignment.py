@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
@@ -14,7 +13,8 @@ from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.pair import SECOND, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
-from gapwalk.plot.style import BLACK, GREY, rc
+from gapwalk.plot.style import BLACK, GREY, in_style
+from gapwalk.plot.words import pace_words
 
 SIZE = (9.5, 6.0)
 _SHOWN = 3  # periods of the orbit in the history
@@ -35,16 +35,16 @@ def plot_alignment(found: Alignment, title: str | None = None, *, figure: Figure
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(SIZE)
+    if figure is None:
+        figure = open_window(SIZE)
+    with in_style():
         _draw(figure, found, title)
     return figure
 
 
 def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(SIZE)
         _draw(figure, found, title)
     return figure
@@ -52,7 +52,7 @@ def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
 
 def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
     """Several records over several motions, one below the other, as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
         figure.suptitle(title, x=0.01, ha="left", fontsize=points(10.5), wrap=True)
         parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
@@ -67,8 +67,7 @@ def _draw(figure: Figure | SubFigure, found: Alignment, title: str | None) -> No
         height_ratios=[1.15, 1.0],  # type: ignore[arg-type]
     )
     _draw_history(axes["history"], found)
-    orders, first, second, _ = np.array(found.agreement.lines).T
-    draw_lines(axes["lines"], orders, first, second, found.signal.name)
+    draw_lines(axes["lines"], found.agreement.lines, found.signal.name, found.orbit.system.turns)
     _draw_rest(axes["rest"], found)
     agreed = _words(found)
     figure.suptitle(agreed if title is None else f"{title}\n{agreed}", x=0.01, ha="left", fontsize=points(10.5))
@@ -86,7 +85,7 @@ def _draw_history(ax, found: Alignment) -> None:
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
     computed = signal_along(found.orbit, found.signal, fine) - whole.mean()
-    ax.plot(fine / PERIOD, computed, label=f"computed at Ω = {found.orbit.system.frequency:.6g}", **SECOND)
+    ax.plot(fine / PERIOD, computed, label=f"computed at {pace_words(found.orbit.system)}", **SECOND)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high + 0.16 * (high - low))  # room for the legend
     ax.legend(loc="upper right", ncols=2)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
@@ -18,9 +17,9 @@ from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.errors import ModelError
 from gapwalk.plot.legend import draw_fill_legend
-from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
+from gapwalk.plot.sheet import NewFigure, new_sheet, open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import BLACK, GREY, rc
+from gapwalk.plot.style import BLACK, GREY, in_style
 from gapwalk.plot.words import coordinate_words
 
 SIZE = (6.6, 6.2)
@@ -56,7 +55,7 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
     if ax is None:
-        ax = open_window(SIZE).add_subplot()
+        ax = open_axes(SIZE)
     (left, right), (bottom, top) = found.window.within
     colors = [_RUNAWAY, _UNRESOLVED, *(fill_of(index) for index in range(len(found.attractors)))]
     ax.imshow(
@@ -83,8 +82,8 @@ def plot_basins(found: Basins, *, ax: Axes | None = None, strobes: str = "in the
 @takes_size
 def draw_basins(found: Basins, title: str = "", *, strobes: str = "in the plane", on: NewFigure = new_sheet) -> Figure:
     """The picture of basins, by default without pyplot."""
-    with mpl.rc_context(rc()):
-        figure = on(SIZE)
+    figure = on(SIZE)
+    with in_style():
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)
         plot_basins(found, ax=ax, strobes=strobes)

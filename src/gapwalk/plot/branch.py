@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
@@ -19,9 +18,9 @@ from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
 from gapwalk.plot.pieces import Piece, pieces_of
-from gapwalk.plot.sheet import make_layout, open_window
+from gapwalk.plot.sheet import make_layout, open_axes
 from gapwalk.plot.size import broken, takes_size
-from gapwalk.plot.style import LINES, SIZE, SYMBOLS, line_options, rc, symbol_options, unexplained_options
+from gapwalk.plot.style import LINES, SIZE, SYMBOLS, in_style, line_options, symbol_options, unexplained_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
@@ -79,8 +78,8 @@ def plot_branches(
     within
         Range of the parameter that is shown; by default all of it.
     """
-    with mpl.rc_context(rc()):
-        ax = open_window(SIZE).add_subplot() if ax is None else ax
+    ax = open_axes(SIZE) if ax is None else ax
+    with in_style():
         finish = begin_branches(branches, measure, ax, labels=labels, legend=legend, closeup=closeup, within=within)
         make_layout(ax)
         finish()

@@ -8,12 +8,10 @@ import io
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import matplotlib as mpl
-
 from gapwalk.errors import GapwalkError
 from gapwalk.plot.sheet import new_sheet
 from gapwalk.plot.size import CARD, drawn_at
-from gapwalk.plot.style import SIZE, rc
+from gapwalk.plot.style import SIZE, in_style
 
 _CELL = "text-align: left; padding: 1px 12px 1px 0; background: none; vertical-align: top"
 _MOST = 12  # rows of a table
@@ -76,7 +74,7 @@ def _row(cells: Sequence[str], kind: str) -> str:
 def _picture(draw: Callable[..., object]) -> str:
     """A small picture inside of the page; empty if it cannot be drawn."""
     try:
-        with drawn_at(CARD), mpl.rc_context(rc()):
+        with drawn_at(CARD), in_style():
             figure = new_sheet(SIZE)
             draw(ax=figure.add_subplot())
             content = io.BytesIO()

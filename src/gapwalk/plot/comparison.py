@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,7 +13,7 @@ from matplotlib.lines import Line2D
 from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet, sheet_bytes
-from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, SYMBOLS, VERMILLION, rc
+from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, SYMBOLS, VERMILLION, in_style
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.comparison import ResultComparison
 from gapwalk.study.export import write_whole
@@ -79,7 +78,7 @@ def plot_comparison(
     results = found.results
     is_map, units = results[0].map is not None, results[0].system.units
     full = full_measure(measure or results[0].walked.measure, results[0].system.coordinates)
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet((SIZE[0], 6.4))
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.4))
         above.set_title(results[0].title.replace("$", r"\$"), wrap=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
@@ -11,7 +9,8 @@ from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
-from gapwalk.plot.style import rc
+from gapwalk.plot.style import in_style
+from gapwalk.plot.words import order_words, pace_words
 
 _WIDTH, _HEIGHT, _ABOVE = 9.5, 2.9, 0.5  # of a row, and of title and legend, in inches
 
@@ -29,16 +28,16 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     figure
         Where to draw; by default a new figure of pyplot.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(_size(found))
+    if figure is None:
+        figure = open_window(_size(found))
+    with in_style():
         _draw(figure, found, title)
     return figure
 
 
 def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
     """The same as a figure without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(_size(found))
         _draw(figure, found, title)
     return figure
@@ -62,21 +61,21 @@ def _draw(figure: Figure | SubFigure, found: Contrast, title: str | None) -> Non
 
 
 def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
+    turns = pair.spectra[0].system.turns
     if pair.agreement is not None:
-        orders, first, second, _ = np.array(pair.agreement.lines).T
-        draw_lines(ax, orders, first, second, pair.signal)
+        draw_lines(ax, pair.agreement.lines, pair.signal, turns)
         return
     largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
     for found, style in zip(pair.spectra, (FIRST, SECOND), strict=True):
         ax.plot(found.orders[1:], found.amplitudes[1:], **{**style, "linewidth": 0.8})
     ax.set_yscale("log")
-    ax.set_xlim(0.0, 8.0)
+    ax.set_xlim(0.0, 8.0 * (turns or 1))
     ax.set_ylim(1e-4 * largest, 3.0 * largest)
-    ax.set_xlabel("multiples of the excitation frequency Ω")
+    ax.set_xlabel(order_words(turns))
     ax.set_ylabel(f"amplitude of {pair.signal}")
 
 
 def _title(found: Contrast) -> str:
-    first, second = (motion.system.frequency for motion in found.motions)
-    where = f"Ω = {first:g}" if first == second else f"Ω = {first:g} and {second:g}"
+    first, second = (pace_words(motion.system) for motion in found.motions)
+    where = first if first == second else f"{first} and {second.partition(' = ')[2]}"
     return f"{found.names[0]} and {found.names[1]} at {where}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
@@ -16,7 +15,7 @@ from gapwalk.plot.legend import draw_period_legend
 from gapwalk.plot.sheet import open_window
 from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import SHADE, diagram_size, rc
+from gapwalk.plot.style import SHADE, diagram_size, in_style
 from gapwalk.plot.words import full_measure, parameter_words, state_words
 
 AnyFigure = Figure | SubFigure
@@ -87,9 +86,9 @@ def draw_diagram(
     first = [limb.branch for limb in diagram.limbs if limb.period == shortest]
     strobes = Strobes(diagram, signal if signal in coordinates else coordinates[0])
     crowd = strobes.crowd() if closeup is None else closeup or None
-    with mpl.rc_context(rc()):
-        count = 3 if crowd else 2
-        figure = make(count)
+    count = 3 if crowd else 2
+    figure = make(count)
+    with in_style():
         panels = figure.subplots(count, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
         for letter, panel in zip("abc", panels, strict=False):
             panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)

@@ -24,7 +24,7 @@ from gapwalk.plot.history import plot_history
 from gapwalk.plot.map import plot_map
 from gapwalk.plot.regimes import plot_regimes
 from gapwalk.plot.style import BLUE
-from gapwalk.plot.words import parameter_symbol
+from gapwalk.plot.words import pace_words, parameter_symbol
 from gapwalk.study.family.record import Family
 from gapwalk.study.map.chart import Map
 from gapwalk.study.result import Result
@@ -49,10 +49,10 @@ def _(system: System) -> Card:
         (contact.name, _listed(f"{stage.name or contact.name} ({stage.side.value})" for stage in contact.stages))
         for contact in structure.contacts
     ]
-    orders = [f"{form.name} (order {form.order:g})" for form in structure.harmonics]
+    orders = [f"{form.name} (order {form.order * (system.turns or 1):g})" for form in structure.harmonics]
     facts = [
         ("coordinates", _listed(system.coordinates)),
-        (parameter_symbol("frequency", system.units), f"{system.frequency:.8g}"),
+        _pace(system),
         ("excitation", _listed(orders) or "none"),
         ("named parameters", str(len(system.parameters))),
     ]
@@ -64,7 +64,7 @@ def _(system: System) -> Card:
 @facts_of.register
 def _(orbit: Orbit) -> Card:
     facts = [
-        (parameter_symbol("frequency", orbit.system.units), f"{orbit.system.frequency:.8g}"),
+        _pace(orbit.system),
         ("period", _periods(orbit.period)),
         ("stability", "stable" if orbit.stable else f"unstable ({orbit.instability.label})"),
         ("largest multiplier", f"{np.abs(orbit.multipliers).max():.6g}"),
@@ -138,7 +138,7 @@ def _(family: Family) -> Card:
 @facts_of.register
 def _(settled: Settled) -> Card:
     facts = [
-        (parameter_symbol("frequency", settled.system.units), f"{settled.system.frequency:.8g}"),
+        _pace(settled.system),
         ("period", _periods(settled.period) if settled.period else "not periodic"),
         ("settled", f"{'after' if settled.converged else 'not within'} {settled.periods} forcing periods"),
         *(("", text) for text in settled.evidence[:3]),
@@ -235,3 +235,8 @@ def _listed(names: Iterable[str]) -> str:
     names = list(names)
     more = f", and {len(names) - _FEW} more" if len(names) > _FEW else ""
     return ", ".join(names[:_FEW]) + more
+
+
+def _pace(system: System) -> tuple[str, str]:
+    symbol, _, value = pace_words(system).partition(" = ")
+    return symbol, value

@@ -21,7 +21,7 @@ from gapwalk.plot.map_style import CODIM2, SECTION, codim2_options, locus_option
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet, open_window
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import BLACK, GREY, LINES, SIZE, SYMBOLS, rc, symbol_options
+from gapwalk.plot.style import BLACK, GREY, LINES, SIZE, SYMBOLS, in_style, symbol_options
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.record import Family
@@ -82,8 +82,8 @@ def plot_family(
     if not family.branches:
         raise ModelError("the family has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, family.system.coordinates)
-    with mpl.rc_context(rc()):
-        figure = figure or open_window(_TALL)
+    figure = figure or open_window(_TALL)
+    with in_style():
         panels = figure.subplots(2, 1, sharex=True, height_ratios=[1.25, 1.0])
         colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)
         _draw_members(panels[0], family, measure, colours)

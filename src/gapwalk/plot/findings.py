@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from gapwalk.errors import ModelError
@@ -15,7 +14,7 @@ from gapwalk.plot.regimes import draw_regimes
 from gapwalk.plot.settled import SIZE as SETTLED_SIZE
 from gapwalk.plot.settled import plot_settled
 from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.style import rc
+from gapwalk.plot.style import in_style
 from gapwalk.plot.sweep import draw_sweep
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.family.finding import FamilyFinding
@@ -35,7 +34,7 @@ def draw_finding(finding: Finding, options: StudyOptions, title: str) -> Figure:
 
 
 def _draw_settled(finding: SettleFinding, options: StudyOptions, title: str) -> Figure:
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(SETTLED_SIZE)
     asked = finding.options
     plot_settled(

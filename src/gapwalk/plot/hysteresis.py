@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 
 from gapwalk.motion.hysteresis import Hysteresis
-from gapwalk.plot.sheet import open_window
+from gapwalk.plot.sheet import open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, rc
+from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, in_style
 
 _STYLES = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
 
@@ -31,9 +30,9 @@ def plot_hysteresis(
         Where to draw; by default a new figure of pyplot.
     """
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
-    with mpl.rc_context(rc()):
-        if ax is None:
-            ax = open_window((6.0, 4.4)).add_subplot()
+    if ax is None:
+        ax = open_axes((6.0, 4.4))
+    with in_style():
         for place, loop in enumerate(loops):
             color, line = _STYLES[place % len(_STYLES)]
             name = names[place] if place < len(names) else loop.law.value

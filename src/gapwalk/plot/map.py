@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -27,9 +26,9 @@ from gapwalk.plot.map_style import (
     codim2_options,
     locus_options,
 )
-from gapwalk.plot.sheet import make_layout, new_sheet, open_window
+from gapwalk.plot.sheet import make_layout, new_sheet, open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import SIZE, rc
+from gapwalk.plot.style import SIZE, in_style
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
 
@@ -60,8 +59,8 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
     Axes
         The axes that were drawn in.
     """
-    with mpl.rc_context(rc()):
-        ax = open_window(_TALL).add_subplot() if ax is None else ax
+    ax = open_axes(_TALL) if ax is None else ax
+    with in_style():
         ax.set(xlim=chart.within[0], ylim=chart.within[1])
         units = chart.sections[0].branches[0].system.units if chart.branches else None
         ax.set_xlabel(parameter_words(chart.first, units))
@@ -86,7 +85,7 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
 
 def draw_map(chart: Map, title: str = "") -> Figure:
     """The picture of a map as a matplotlib figure, without pyplot."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet(_TALL)
         ax = figure.add_subplot()
         ax.set_title(title.replace("$", r"\$"), wrap=True)

@@ -6,7 +6,6 @@ import math
 import os
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +17,7 @@ from gapwalk.model.system import System
 from gapwalk.model.train import geometry
 from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.plot.sheet import new_sheet, sheet_bytes
-from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, rc
+from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, in_style, rc
 from gapwalk.study.export import write_whole
 
 _SHOWN = 6  # modes
@@ -55,7 +54,7 @@ def save_modes(system: System, modes: Modes, path: str | os.PathLike[str], title
 def draw_modes(system: System, modes: Modes, title: str = "") -> Figure:
     """The slowest modes as a matplotlib figure, one panel each."""
     shown = min(len(modes), _SHOWN)
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = new_sheet((SIZE[0], 0.8 + 1.05 * shown))
         figure.suptitle(title.replace("$", r"\$"), x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
         panels = figure.subplots(shown, 1, sharex=True, squeeze=False)[:, 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from gapwalk.attractor.agreement import LinePair
 from gapwalk.motion.flow import PERIOD
 from gapwalk.plot.style import BLACK, VERMILLION
+from gapwalk.plot.words import order_words
 
 FIRST: dict[str, Any] = {"color": BLACK, "linewidth": 1.2, "solid_joinstyle": "round"}
 SECOND: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
@@ -32,8 +35,9 @@ def draw_histories(
     ax.set_ylabel(signal)
 
 
-def draw_lines(ax: Axes, orders: NDArray[np.float64], first: ArrayLike, second: ArrayLike, signal: str) -> None:
-    """Draw the amplitudes of two line spectra side by side over multiples of the excitation frequency."""
+def draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | None) -> None:
+    """Draw the amplitudes of two line spectra side by side over their orders; `turns` is that of `System.turns`."""
+    orders, first, second, _ = np.array(lines).T
     amplitudes = np.array([first, second], dtype=float)
     largest = float(amplitudes.max(initial=0.0)) or 1.0
     floor = _DEPTH * largest
@@ -55,5 +59,5 @@ def draw_lines(ax: Axes, orders: NDArray[np.float64], first: ArrayLike, second: 
     ax.set_ylim(floor, 2.5 * largest)
     ax.set_xlim(0.0, top)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("multiples of the excitation frequency Ω")
+    ax.set_xlabel(order_words(turns))
     ax.set_ylabel(f"amplitude of {signal}")

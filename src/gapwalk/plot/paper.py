@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 from matplotlib.legend import Legend
@@ -22,7 +21,7 @@ from gapwalk.plot.paper_motions import WHOLE
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import lay_out, new_sheet
 from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, rc
+from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, in_style, rc
 from gapwalk.plot.words import measure_words, parameter_words, state_words
 from gapwalk.study.result import Result
 
@@ -59,7 +58,7 @@ def draw_paper_figure(figure: Figure, results: Mapping[str, Result], title: str 
 def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
     columns = figure.columns
     rows = -(-len(figure.panels) // columns)
-    with mpl.rc_context(rc()):
+    with in_style():
         picture = new_sheet((_WIDTH[columns] * columns, _HEIGHT * rows))
         picture.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
         axes = picture.subplots(rows, columns, squeeze=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from gapwalk.bifurcation.diagram import Diagram
@@ -17,7 +16,7 @@ from gapwalk.plot.diagram import draw_diagram
 from gapwalk.plot.map import draw_map
 from gapwalk.plot.sheet import new_sheet, sheet_bytes
 from gapwalk.plot.size import SizeName, sized
-from gapwalk.plot.style import SIZE, diagram_size, rc
+from gapwalk.plot.style import SIZE, diagram_size, in_style, rc
 from gapwalk.study.export import write_whole
 from gapwalk.study.map import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
@@ -86,7 +85,7 @@ def draw_picture(
     title, measure = (title or "").replace("$", r"\$"), measure or "half"
     if isinstance(found, Map):
         return draw_map(found, title)
-    with mpl.rc_context(rc()):
+    with in_style():
         if isinstance(found, Diagram):
             figure = draw_diagram(found, measure, lambda panels: _figure(diagram_size(panels), title))
             assert isinstance(figure, Figure)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
@@ -19,11 +18,12 @@ from gapwalk.attractor.regimes import Regimes
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
+from gapwalk.motion.signal import contact_to_show
 from gapwalk.plot.legend import draw_fill_legend
 from gapwalk.plot.regime_colors import NAMED, legend_words, period_of, regime_color
-from gapwalk.plot.sheet import NewFigure, new_sheet, open_window
+from gapwalk.plot.sheet import NewFigure, new_sheet, open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import BLACK, GREY, SYMBOLS, diagram_size, rc
+from gapwalk.plot.style import BLACK, GREY, SYMBOLS, diagram_size, in_style
 from gapwalk.plot.words import parameter_words
 
 _FIGURES = "cividis"  # of peak forces and impacts: even to any eye
@@ -65,7 +65,7 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus
         For a locus of other parameters.
     """
     if ax is None:
-        ax = open_window(diagram_size(1)).add_subplot()
+        ax = open_axes(diagram_size(1))
     entries = list(_entries(found))
     codes = np.zeros(found.regimes.shape)
     for code, entry in enumerate(entries):
@@ -78,7 +78,9 @@ def plot_regimes(found: Regimes, *, ax: Axes | None = None, loci: Iterable[Locus
     return ax
 
 
-def plot_contact_figures(found: Regimes, which: str = "peak force", contact: int = 0, *, ax: Axes) -> Axes:
+def plot_contact_figures(
+    found: Regimes, which: str = "peak force", contact: int | str | None = None, *, ax: Axes
+) -> Axes:
     """Draw the peak force or the impacts a period of one contact in the plane, with a scale.
 
     Parameters
@@ -88,28 +90,41 @@ def plot_contact_figures(found: Regimes, which: str = "peak force", contact: int
     which
         ``"peak force"`` or ``"impacts"``.
     contact
-        Number of the contact.
+        Name or number of the contact; by default the one that is hit hardest.
     ax
         Where to draw.
 
     Raises
     ------
     ModelError
-        If the map has no such figures.
+        If the map has no such figures, or the system no such contact.
     """
     figures = {"peak force": found.peak_force, "impacts": found.impacts}
     if which not in figures:
         raise ModelError(f'there is no figure {which!r} of a contact; write "peak force" or "impacts"')
     values = figures[which]
-    if not 0 <= contact < values.shape[2]:
-        raise ModelError(f"the map has figures of {values.shape[2]} contacts, so there is none of number {contact}")
-    name = found.system.structure.contacts[contact].name
-    cells = values[..., contact]
+    place = _place_of(found, contact)
+    name = found.system.structure.contacts[place].name
+    cells = values[..., place]
     top = float(np.nanquantile(cells, 0.998)) if np.isfinite(cells).any() else 1.0
     image = _draw_cells(ax, found, cells, cmap=_FIGURES, vmin=0.0, vmax=max(top, np.finfo(float).tiny))
     text = f"peak force of {name}" if which == "peak force" else f"impacts of {name} a forcing period"
     ax.figure.colorbar(image, ax=ax, label=text, pad=0.015, fraction=0.05, extend="max")
     return ax
+
+
+def _place_of(found: Regimes, contact: int | str | None) -> int:
+    names = [form.name for form in found.system.structure.contacts][: found.peak_force.shape[2]]
+    if not names:
+        raise ModelError("the map has no figures of contacts")
+    if contact is None:
+        forces = np.nan_to_num(found.peak_force).reshape(-1, len(names)).max(axis=0)
+        return contact_to_show(found.system, "", forces)
+    if isinstance(contact, str) and contact in names:
+        return names.index(contact)
+    if isinstance(contact, int) and 0 <= contact < len(names):
+        return contact
+    raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
 
 
 @takes_size
@@ -119,6 +134,7 @@ def draw_regimes(
     panels: Sequence[str] = ("peak force",),
     loci: Iterable[Locus] = (),
     on: NewFigure = new_sheet,
+    contact: int | str | None = None,
 ) -> Figure:
     """The picture of a regime map.
 
@@ -129,20 +145,22 @@ def draw_regimes(
     title
         Of the picture.
     panels
-        What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither; those of the first contact.
+        What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither.
     loci
         Loci of bifurcations in the same plane, drawn over the regimes.
     on
         Makes the figure; by default without pyplot.
+    contact
+        Name or number of the contact that these are of; by default the one that is hit hardest.
     """
     shown = panels if found.peak_force.shape[2] else ()
-    with mpl.rc_context(rc()):
-        figure = on(diagram_size(1 + len(shown)))
+    figure = on(diagram_size(1 + len(shown)))
+    with in_style():
         axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
         axes[0].set_title(title.replace("$", r"\$"), wrap=True)
         plot_regimes(found, ax=axes[0], loci=loci)
         for which, ax in zip(shown, axes[1:], strict=True):
-            plot_contact_figures(found, which, ax=ax)
+            plot_contact_figures(found, which, contact, ax=ax)
         for ax in axes[:-1]:
             ax.set_xlabel("")
     return figure

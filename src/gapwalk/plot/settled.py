@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.attractor import Attractor
@@ -15,12 +15,13 @@ from gapwalk.attractor.section import strobe
 from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.spectrum import SpectrumOptions, spectrum
 from gapwalk.motion.motion import integrate
+from gapwalk.motion.signal import contact_to_show
 from gapwalk.plot.history import plot_history, plot_loop
 from gapwalk.plot.section import plot_section
 from gapwalk.plot.sheet import open_window
 from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.spectrum import plot_spectrum
-from gapwalk.plot.style import rc
+from gapwalk.plot.style import in_style
 from gapwalk.plot.words import value_words
 
 SIZE = (9.0, 5.8)
@@ -51,7 +52,7 @@ def plot_settled(
     phase
         Phase of the excitation at which the section is taken, in radians.
     contact
-        The contact whose loop is drawn; by default the first.
+        The contact whose loop is drawn; by default the one that the signal names, else one that touches.
     options
         Of the spectrum.
     title
@@ -64,9 +65,9 @@ def plot_settled(
     ModelError
         If there is no such signal or contact.
     """
-    with mpl.rc_context(rc()):
-        if figure is None:
-            figure = open_window(SIZE)
+    if figure is None:
+        figure = open_window(SIZE)
+    with in_style():
         _draw(figure, _as_settled(motion), signal, phase, contact, options)
         figure.suptitle(
             title if title is not None else _title(motion), x=0.01, ha="left", fontsize=points(10.5), wrap=True
@@ -100,7 +101,8 @@ def _draw(
     plot_section(points, base, f"{base}'", ax=axes["section"])
     if contacts:
         turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
-        plot_loop(turns, contact or contacts[0].name, ax=axes["loop"])
+        shown = contact or contacts[contact_to_show(system, signal, np.abs(turns.forces).max(axis=0))].name
+        plot_loop(turns, shown, ax=axes["loop"])
     plot_spectrum(spectrum(settled, signal, options), ax=axes["spectrum"])
 
 

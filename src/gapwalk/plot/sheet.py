@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from gapwalk.plot.size import sheet_size
-from gapwalk.plot.style import DPI, rc
+from gapwalk.plot.style import DPI, in_style
 
 _PACKED = 3  # of 9: as small as at 6, for a picture without opacity, in two thirds of the time
 
@@ -25,18 +24,27 @@ NewFigure = Callable[[Size], Figure]
 
 def new_sheet(size: Size) -> Figure:
     """A figure without pyplot: nothing is left of it when it has been written."""
-    with mpl.rc_context(rc()):
+    with in_style():
         figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)  # what measures texts for the layout draws them, too
     return figure
 
 
 def open_window(size: Size) -> Figure:
-    """A figure of pyplot: it is shown in a window, or in a notebook below its cell."""
+    """A figure of pyplot: it is shown in a window, or in a notebook below its cell.
+
+    It is opened outside of `in_style`: the first one loads what shows figures, with settings of its own.
+    """
     import matplotlib.pyplot as plt  # only here: it chooses how to show windows, which costs time
 
-    with mpl.rc_context(rc()):
-        return plt.figure(figsize=sheet_size(*size), layout="constrained")
+    return plt.figure(figsize=sheet_size(*size), layout="constrained")
+
+
+def open_axes(size: Size) -> Axes:
+    """The same with axes that fill it."""
+    figure = open_window(size)
+    with in_style():
+        return figure.add_subplot()
 
 
 def make_layout(ax: Axes) -> None:
@@ -47,7 +55,7 @@ def make_layout(ax: Axes) -> None:
     figure = ax.get_figure(root=True)
     assert figure is not None
     engine = figure.get_layout_engine()
-    with mpl.rc_context(rc()):
+    with in_style():
         if engine is None:
             figure.draw_without_rendering()
         else:
@@ -58,7 +66,7 @@ def lay_out(figure: Figure) -> None:
     """Make the layout once and for all: with its engine each file would make it anew, and draw everything twice."""
     engine = figure.get_layout_engine()
     if engine is not None:
-        with mpl.rc_context(rc()):
+        with in_style():
             engine.execute(figure)
         figure.set_layout_engine(None)
 
@@ -66,7 +74,7 @@ def lay_out(figure: Figure) -> None:
 def sheet_bytes(figure: Figure, form: str) -> bytes:
     """A figure as the content of a file: ``png``, ``svg`` (the same figure gives the same bytes) or ``pdf``."""
     lay_out(figure)
-    with mpl.rc_context(rc()):
+    with in_style():
         return _png_bytes(figure) if form == "png" else _drawing_bytes(figure, form)
 
 

@@ -10,7 +10,7 @@ from gapwalk.attractor.spectrum import Spectrum
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.sheet import make_layout
 from gapwalk.plot.style import BLACK
-from gapwalk.plot.words import signal_words
+from gapwalk.plot.words import line_words, order_words, signal_words
 
 _DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED = 5  # lines that have their names beside them
@@ -18,7 +18,7 @@ _NOTABLE = 0.03  # height of those, relative to the largest
 
 
 def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels: bool = True) -> Axes:
-    """Draw the amplitudes of a spectrum over multiples of W, on a logarithmic scale.
+    """Draw the amplitudes of a spectrum over its orders, on a logarithmic scale.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels
     ax
         Where to draw; in its final size if lines are to be named.
     top
-        The highest multiple of W; by default as far as lines are notable.
+        The highest order; by default as far as lines are notable.
     labels
         Whether the highest lines are named (``2W``, ``W/3``).
     """
@@ -47,12 +47,12 @@ def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels
     ax.set_xlim(0.0, top)
     ax.set_ylim(floor, 4.0 * (largest or 1.0))
     ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
-    ax.set_xlabel("multiples of the excitation frequency Ω")
+    ax.set_xlabel(order_words(found.system.turns))
     ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
     if labels:
         make_layout(ax)
         named = [
-            Label(peak.name.replace("W", "Ω"), peak.order, peak.amplitude)
+            Label(line_words(peak.name), peak.order, peak.amplitude)
             for peak in found.peaks(_NAMED, _NOTABLE)
             if peak.order <= top and "." not in peak.name
         ]
@@ -65,4 +65,5 @@ def plot_spectrum(found: Spectrum, *, ax: Axes, top: float | None = None, labels
 
 def _extent(found: Spectrum, largest: float) -> float:
     notable = found.orders[found.amplitudes > 30 * _DEPTH * largest]
-    return float(np.ceil(min(max(float(notable.max(initial=0.0)), 2.0), 12.0) + 0.3))
+    unit = found.system.turns or 1
+    return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))

@@ -6,8 +6,12 @@ by colour alone: every kind has a line style and a marker of its own, so a grey 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+import matplotlib as mpl
 
 from gapwalk.continuation.branch import Kind
 from gapwalk.plot.size import points
@@ -53,12 +57,28 @@ _LENGTHS = ("size", "width", "pad")  # ends of the names of what is measured in 
 
 
 def rc() -> Any:
-    """The style at the present size (see `gapwalk.plot.size`), for `matplotlib.rc_context`."""
+    """The style at the present size (see `gapwalk.plot.size`), for `in_style`."""
     bare = {**_POINTS, **RC}
     return {
         name: points(value) if name.endswith(_LENGTHS) and isinstance(value, float) else value
         for name, value in bare.items()
     }
+
+
+@contextmanager
+def in_style() -> Iterator[None]:
+    """Draw in the style; afterwards its settings are again those of the user.
+
+    No other setting is put back, as `matplotlib.rc_context` does it: the first figure in a notebook loads what shows
+    figures there, and this sets `interactive` for the figures to come. So a window is opened before the style is set.
+    """
+    style = rc()
+    before = {name: mpl.rcParams[name] for name in style}
+    try:
+        mpl.rcParams.update(style)
+        yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 _POINTS = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -17,7 +16,7 @@ from gapwalk.errors import ModelError
 from gapwalk.plot.regime_colors import legend_words, regime_color
 from gapwalk.plot.sheet import make_layout, new_sheet, open_window
 from gapwalk.plot.size import points, takes_size
-from gapwalk.plot.style import BLACK, BLUE, VERMILLION, rc
+from gapwalk.plot.style import BLACK, BLUE, VERMILLION, in_style
 from gapwalk.plot.words import parameter_words, state_words
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import Sweep
@@ -76,8 +75,8 @@ def plot_sweep(
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
     names = [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)]
     units = sweep.system.units
-    with mpl.rc_context(rc()):
-        figure = figure or open_window(SIZE)
+    figure = figure or open_window(SIZE)
+    with in_style():
         shown = _shown_lanes(sweep)
         above = len(shown) * _STRIP
         strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, SIZE[1] - above])

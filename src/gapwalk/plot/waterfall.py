@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gapwalk.attractor.waterfall import Waterfall
-from gapwalk.plot.sheet import open_window
+from gapwalk.plot.sheet import open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import GREY, SIZE, rc
-from gapwalk.plot.words import parameter_words
+from gapwalk.plot.style import GREY, SIZE, in_style
+from gapwalk.plot.words import order_words, parameter_words
 
 _DEPTH = 1e-3  # smallest amplitude that has a colour, relative to the largest
 _TICKS = 8
@@ -37,9 +37,9 @@ def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _
     depth
         Smallest amplitude that has a colour, relative to the largest.
     """
-    with mpl.rc_context(rc()):
-        if ax is None:
-            ax = open_window(SIZE).add_subplot()
+    if ax is None:
+        ax = open_axes(SIZE)
+    with in_style():
         places, turns = _way(found.values)
         heights = found.amplitudes[:, 1:]
         largest = float(heights.max()) or 1.0
@@ -58,7 +58,7 @@ def plot_waterfall(found: Waterfall, *, ax: Axes | None = None, depth: float = _
         _mark(ax, found.values, places, turns)
         ax.grid(visible=False)
         ax.set_xlabel(parameter_words(found.parameter) + (", along the branch" if len(turns) else ""))
-        ax.set_ylabel("multiples of the excitation frequency Ω")
+        ax.set_ylabel(order_words(found.turns))
         ax.figure.colorbar(mesh, ax=ax, label=f"amplitude of {found.signal}", pad=0.02, extend="min")
     return ax
 

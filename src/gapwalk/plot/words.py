@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
 _MEASURES = {
@@ -30,7 +33,8 @@ def parameter_symbol(name: str, units: Units | None = None) -> str:
 def measure_words(name: str, units: Units | None = None) -> str:
     """The label of an axis over a measure such as ``half.q1`` or ``h1/2.q1``."""
     kind, _, signal = name.partition(".")
-    words = _MEASURES[kind].format(signal) if kind in _MEASURES else f"amplitude of harmonic {kind[1:]} of {signal}"
+    harmonic = "harmonic" if units is None or units.turns is None else "order"
+    words = _MEASURES[kind].format(signal) if kind in _MEASURES else f"amplitude of {harmonic} {kind[1:]} of {signal}"
     return _with(words, units and units.signal(signal)[1])
 
 
@@ -55,6 +59,22 @@ def value_words(value: float, name: str, units: Units | None = None) -> str:
     return " ".join(filter(None, (f"{symbol} = {value:.8g}", units and units.parameter(name))))
 
 
+def pace_words(system: System) -> str:
+    """The first parameter of a system in a sentence, as `value_words`."""
+    structure = system.structure
+    return value_words(system[structure.pace], structure.pace, structure.units)
+
+
+def order_words(turns: int | None) -> str:
+    """The label of an axis over orders; see `System.turns`."""
+    return "multiples of the excitation frequency Ω" if turns is None else "order (per turn of the reference shaft)"
+
+
+def line_words(name: str) -> str:
+    """The name of a spectral line beside it: ``2Ω``, or where orders are counted per turn, ``2``."""
+    return name.removeprefix("order ").replace("W", "Ω")
+
+
 def _parameter_words(name: str, units: Units | None) -> str:
     if name == "frequency":
         return "excitation frequency" + " Ω" * (units is None)
@@ -72,4 +92,5 @@ def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
     """The full name of a measure: ``half`` is that of the first coordinate, ``q1`` stands for ``half.q1``."""
     if measure in coordinates:
         return f"half.{measure}"
-    return measure if "." in measure else f"{measure}.{coordinates[0]}"
+    is_kind = measure in _MEASURES or re.fullmatch(r"h\d+(/\d+)?", measure)
+    return f"{measure}.{coordinates[0]}" if is_kind else measure

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import reprlib
 from collections.abc import Callable
 
+from gapwalk.errors import ModelError
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
@@ -72,6 +74,10 @@ def run(
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.
     """
+    if not isinstance(study, Study):
+        file = os.fspath(study) if isinstance(study, str | os.PathLike) else "model.toml"
+        hint = f"gw.run(gw.read_study({file!r}))"
+        raise ModelError(f"run takes a study, not {reprlib.repr(study)}; read one from a file: {hint}")
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)

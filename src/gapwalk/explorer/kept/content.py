@@ -13,13 +13,14 @@ from gapwalk.explorer.kept.blob import Blob
 from gapwalk.explorer.kept.lines import Lines
 from gapwalk.explorer.panels import panels_of
 from gapwalk.model.system import System
+from gapwalk.motion.motion import force_of
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _SAMPLES = 512  # of a motion, at most
 _COORDINATES = 6  # whose measures can be chosen
 _MEASURES = ("half", "max", "min")
-_LEFT_OUT = ("parameters", "seconds")  # of the panels: only a page with a server asks for them
+_LEFT_OUT = ("parameters", "seconds", "others")  # of the panels: only a page with a server asks for them
 
 
 def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) -> dict[str, Any]:
@@ -102,7 +103,7 @@ def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
 
 def _signals(system: System) -> list[str]:
     names = [f"{each}{dashes}" for each in system.coordinates[:_COORDINATES] for dashes in ("", "'", "''")]
-    return [*names, *(contact.name for contact in system.structure.contacts[:_COORDINATES])]
+    return [*names, *map(force_of, system.structure.contacts[:_COORDINATES])]
 
 
 def _words(name: str, system: System) -> str:

@@ -79,17 +79,17 @@ export class MotionView {
     $("panels").hidden = false;
     $("motion-text").textContent = motion.text;
     this.bodies.show(motion);
-    const dashes = signal.length - name.length, own = signal.startsWith(name) && dashes <= 2;
-    const named = motion.contacts.find((c) => c.name === signal);
-    const contact = name === signal ? null : named; // of one name, the deflection comes before the force
-    this.values = contact ? contact.force : own ? [motion.q, motion.v, motion.a][dashes][name] : motion.q[name];
+    const dashes = signal.length - name.length, own = signal.replace(/'+$/, "") === name;
+    const contact = motion.contacts.find((c) => c.signal === signal);
+    const other = motion.others?.[signal] ?? motion.q[name];
+    this.values = contact ? contact.force : own ? [motion.q, motion.v, motion.a][dashes][name] : other;
     const stops = !contact && own && dashes === 0 ? motion.contacts.filter((c) => same(c.deflection, motion.q[name])).flatMap((c) => c.stops) : [];
     const near = stops.filter((s) => s <= Math.max(...this.values) * 1.3 + 0.3 && s >= Math.min(...this.values) * 1.3 - 0.3);
     this.marks = {
-      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, x: "forcing periods", y: contact ? `force of ${signal}` : signal || name, height: 150 }),
+      history: chart($("history"), { curves: [[motion.theta, this.values]], across: near, x: "forcing periods", y: contact ? `force of ${contact.name}` : signal || name, height: 150 }),
       phase: chart($("phase"), { curves: [[motion.q[name], motion.v[name]]], x: name, y: `${name}'` }),
     };
-    const shown = named ?? motion.contacts[0];
+    const shown = contact ?? motion.contacts.find((c) => own && c.name === name) ?? motion.contacts[motion.shown];
     this.shownContact = shown;
     if (shown) this.marks.loop = chart($("loop"), { curves: [[shown.deflection, shown.force]], down: shown.stops.filter((s) => reaches(shown.deflection, s)), x: `deflection of ${shown.name}`, y: "force" });
     else $("loop").textContent = "no contact";
@@ -110,7 +110,7 @@ export class MotionView {
     this.details = details;
     // the mean would dwarf what vibrates; lines that stand close are a curve
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
-    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: "order (multiples of Ω)", y: details.signal, height: 140 });
+    chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: details.signal, height: 140 });
     chart($("section"), { dots: section.q.map((q, i) => [q, section.v[i]]), x: `${section.of}, each period`, y: `${section.of}'` });
   }
 

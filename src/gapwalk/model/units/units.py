@@ -129,7 +129,7 @@ class Units:
         dashes = len(name) - len(name.rstrip("'"))
         if dashes:
             return self.angle, f"rad/s{'^2' * (dashes > 1)}"
-        return 1.0, "N m" if name.endswith(".torque") else self.of(QuantityKind.ANGLE).text
+        return 1.0, "N m" if name.endswith((".torque", ".force")) else self.of(QuantityKind.ANGLE).text
 
     def state(self, name: str) -> str:
         """The unit of a coordinate, or of a velocity (``q'``), as states hold them: angles, and those over s."""

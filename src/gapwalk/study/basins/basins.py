@@ -12,7 +12,7 @@ from gapwalk.attractor.box import Box, Range, Window
 from gapwalk.attractor.catalogue import Effort
 from gapwalk.attractor.neighbours import beside_cells, beside_states
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
 from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
@@ -121,6 +121,7 @@ def basins(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     """
+    check_system(system, "basins")
     options = options or BasinOptions()
     window = Window.of(system, plane, fixed or {})
     columns, rows = check_resolution(resolution)

@@ -11,7 +11,7 @@ from enum import StrEnum
 from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.errors import ModelError
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.find import initial_state
 from gapwalk.study.grid import check_parameters, check_resolution
@@ -117,6 +117,7 @@ def regimes(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     """
+    check_system(system, "regimes")
     options = options or RegimeMapOptions()
     names, within = check_parameters(system, plane)
     state = initial_state(system, start)

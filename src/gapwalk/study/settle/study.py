@@ -12,6 +12,7 @@ import numpy as np
 
 from gapwalk.attractor.classify import ClassifyOptions, identify
 from gapwalk.attractor.impact import Impact
+from gapwalk.attractor.line import line_name
 from gapwalk.attractor.plain import attractor_of, plain_attractor
 from gapwalk.attractor.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
 from gapwalk.attractor.section import strobe
@@ -64,8 +65,16 @@ def read_settled(study: Study, parts: Mapping[int, bytes]) -> SettleFinding:
     section = np.array(plain["section"], dtype=float)
     if section.ndim != 2 or section.shape[1] != 2 * study.system.size:
         raise ValueError(f"a section of shape {section.shape} is none of this system")
-    lines = tuple(Peak(str(name), float(order), float(height)) for name, order, height in plain["lines"])
+    lines = tuple(_line(study.system.turns, *line) for line in plain["lines"])
     return SettleFinding(options, attractor, settled, section, _rattle(plain["rattle"], study.system), lines)
+
+
+def _line(turns: int | None, name: object, order: object, height: object) -> Peak:
+    """A stored line; older results count those of a train per period of the excitation, not per turn."""
+    line = Peak(str(name), float(order), float(height))  # pyright: ignore[reportArgumentType]
+    if turns is None or line.name.startswith("order"):
+        return line
+    return Peak(line_name(line.order * turns, range(1, 13), 1e-9, turns), line.order * turns, line.amplitude)
 
 
 def _plain(finding: SettleFinding) -> dict[str, Any]:

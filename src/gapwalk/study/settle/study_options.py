@@ -19,8 +19,8 @@ class SettleStudyOptions(StudyOptions):
     Parameters
     ----------
     signal
-        A coordinate, its velocity (``q1'``) or acceleration (``q1''``), or a contact, for its force: what the spectrum
-        is of, and what the picture shows.
+        A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
+        signal of `Motion.signal`: what the spectrum is of, and what the picture shows.
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     phase

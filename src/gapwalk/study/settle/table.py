@@ -8,11 +8,13 @@ from typing import Literal
 from pydantic import ValidationInfo, field_validator, model_validator
 
 from gapwalk.attractor.settle import SettleOptions
+from gapwalk.errors import ModelError
 from gapwalk.model.fields import Angle, Count, Positive, Text
 from gapwalk.model.problem import given
 from gapwalk.model.system import System
+from gapwalk.motion.motion import signal_place
 from gapwalk.study.settle.study_options import SettleStudyOptions
-from gapwalk.study.tables import Rest, RestOrState, StudyPart, Surroundings, check_signal, plain_start
+from gapwalk.study.tables import Rest, RestOrState, StudyPart, Surroundings, plain_start
 
 _LIMITS = ("max_periods", "max_period", "tolerance")
 
@@ -31,10 +33,12 @@ class SettlePart(StudyPart):
     @field_validator("signal")
     @classmethod
     def _is_a_signal(cls, signal: str, info: ValidationInfo[Surroundings]) -> str:
-        system = info.context.system
-        dashes = ("", "'", "''")
-        contacts = [] if system is None else [contact.name for contact in system.structure.contacts]
-        return check_signal(signal, [*(q + d for q in system.coordinates for d in dashes), *contacts] if system else [])
+        if signal and info.context.system:
+            try:
+                signal_place(info.context.system, signal)
+            except ModelError as error:
+                raise ValueError(f"is {given(signal)}, but {error}") from None
+        return signal
 
     @field_validator("phase")
     @classmethod

@@ -206,7 +206,8 @@ def _explain(name: str, error: Exception) -> str:
     code = getattr(error, "sqlite_errorname", "")
     folder = os.path.dirname(os.path.abspath(name))
     if code == "SQLITE_NOTADB":
-        return f"{name} is no result file of gapwalk"
+        hint = f", but a model file; compute a result first: gapwalk run {name}" if name.endswith(".toml") else ""
+        return f"{name} is no result file of gapwalk{hint}"
     if code.startswith("SQLITE_CORRUPT") or isinstance(error, UnicodeError):
         return f"{name} is damaged or cut short ({error})"
     if code.startswith(_LOCKED):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 
-from gapwalk.model.system import System
+from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.sweep.driver import Driver, Report
 from gapwalk.study.sweep.options import SweepOptions
@@ -58,6 +58,7 @@ def sweep(
     WorkError
         If other processes cannot do the work; what they have done is in the file.
     """
+    check_system(system, "sweep")
     driver = Driver(system, parameter, to, options or SweepOptions())
     with ExitStack() as stack:
         store = None if output is None else stack.enter_context(SweepStore(output, driver))
