@@ -69,7 +69,7 @@ class Check:
         return (border + inner) / self.cells
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Basins(Shown):
     """Basins of attraction in a plane of initial states at theta = 0.
 
@@ -173,7 +173,7 @@ class Share:
     high: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BasinShares:
     """How much of a box of initial states leads to each attractor, from random starts.
 

@@ -15,7 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Waterfall:
     """Spectra in orders (multiples of W), one after the other.
 

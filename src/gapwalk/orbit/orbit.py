@@ -22,7 +22,7 @@ from gapwalk.orbit.survey import Survey, Turns, survey
 _SIGNS = {1: "+", -1: "-"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Orbit(Shown):
     """A motion that repeats after `period` forcing periods.
 

@@ -17,7 +17,7 @@ from gapwalk.study.reduced.full_check import FullCheck
 from gapwalk.verification import Verification
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result(Shown):
     """What a study has found.
 

@@ -19,7 +19,7 @@ _POWERS = 6
 _BORDER = 1e-6  # distance from the unit circle within which a multiplier may be counted on either side
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reshot:
     """An orbit shot again, in more segments.
 

@@ -19,7 +19,7 @@ _SAME = 1e-6
 """Distance of two states, in half-widths of the box, within which they count as equal."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Entry:
     """One orbit, its states at the start of each forcing period, and how often it was met in which way."""
 

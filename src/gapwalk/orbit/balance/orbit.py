@@ -15,7 +15,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BalancedOrbit(Orbit):
     """A motion given by its Fourier series; the rest as for any orbit.
 

@@ -66,7 +66,7 @@ Report = Callable[[RegimeChunk, Pace], object]
 """Called with each chunk when it is done, and how far the job has come."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """What a regime map is to be over.
 
@@ -120,7 +120,7 @@ class Plan:
         return self.system.at(dict(zip(self.names, pair.tolist(), strict=True)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Piece:
     """Some of the cells."""
 
