@@ -14,7 +14,7 @@ from gapwalk.cli.outcome import BROKEN, DONE, FAILED, INTERRUPTED, failure_code,
 from gapwalk.cli.progress import progress_of
 from gapwalk.cli.screen import print_result
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.errors import GapwalkError, ModelError, found_by
 from gapwalk.model.problem import did_you_mean
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_changes
@@ -111,7 +111,7 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
     """Run one study, write what belongs to it, and print it."""
     screen = console(stderr=json)
     with progress_of(study.options, study.name, show=not quiet) as progress:
-        result = run(study, path, resume=resume, force=force, report=progress)
+        result = found_by(run, study, path, resume=resume, force=force, report=progress)
     if exit_code(result) != INTERRUPTED:
         write_products(result, path)
     if not quiet and not json:
@@ -167,12 +167,9 @@ def table_paths(result: Result, output: Path) -> dict[str, Path]:
 
 def exit_code(result: Result) -> int:
     """0 if all was walked to a proper end, 130 after Ctrl-C, 3 if the numerics gave up somewhere, 5 if it is wrong."""
-    if result.finding is not None and not result.complete:
+    if result.interrupted:
         return INTERRUPTED
     reasons = {end.reason for branch in result.branches for end in branch.ends}
-    grows = result.diagram is not None or result.map is not None
-    if EndReason.INTERRUPTED in reasons or (grows and not result.complete):
-        return INTERRUPTED
     if result.failures or EndReason.STOPPED in reasons:
         return FAILED
     return BROKEN if result.verification is not None and not result.verification.ok else DONE

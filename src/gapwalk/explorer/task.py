@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from gapwalk.errors import found_by
 from gapwalk.explorer.news import News, Progress
 from gapwalk.study.file import Study
 from gapwalk.study.run import run
@@ -62,4 +63,5 @@ def do(task: Task, tell: Callable[[Progress], object]) -> bool:
 def _run(task: Task, news: News) -> bool:
     reports = {"response": news.point, "diagram": news.limb, "map": news.chart}
     report = reports.get(task.study.options.kind, news.part)
-    return run(task.study, task.output, resume=task.resume and task.output.exists(), report=report).complete
+    resume = task.resume and task.output.exists()
+    return found_by(run, task.study, task.output, resume=resume, report=report).complete

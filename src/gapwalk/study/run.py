@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
+from gapwalk.errors import Interrupted
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
@@ -38,8 +39,8 @@ def run(
 ) -> Result:
     """Run a study.
 
-    Ctrl-C stops it: what has been found is returned, and not `complete`. A failure of the numerics on the way does not
-    lose the rest; the end of a branch, or the `failures` of a diagram or a map, say what happened.
+    A failure of the numerics on the way does not lose the rest; the end of a branch, or the `failures` of a diagram or
+    a map, say what happened.
 
     Parameters
     ----------
@@ -68,6 +69,8 @@ def run(
         If the study makes no sense.
     NumericalError
         If no first orbit is found.
+    Interrupted
+        After Ctrl-C: what has been found is in the file, and `found` of the exception is the result, not `complete`.
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.
@@ -75,4 +78,6 @@ def run(
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
+    if result.interrupted:
+        raise Interrupted(result)
     return with_verification(with_checks(result, output), study.options, output)

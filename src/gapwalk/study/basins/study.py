@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
+from gapwalk.errors import found_by
 from gapwalk.study.basins import job as basin_job
 from gapwalk.study.basins.basins import basins
 from gapwalk.study.basins.finding import BasinFinding
@@ -20,7 +21,8 @@ def work_basins(
     """Find the basins; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, BasinStudyOptions)
-    found = basins(
+    found = found_by(
+        basins,
         study.system,
         options.plane,
         options.resolution,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
+from gapwalk.errors import found_by
 from gapwalk.study.family.family import family
 from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.family.job import FamilyJob, Walk
@@ -21,7 +22,8 @@ def work_family(
     """Walk the members and join their special points; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, FamilyStudyOptions)
-    found = family(
+    found = found_by(
+        family,
         study.system,
         options.parameter,
         (options.begin, options.end),

@@ -10,13 +10,13 @@ import numpy as np
 from gapwalk.bifurcation.locus import Locus, follow_locus
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import ModelError, NumericalError
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.identity import phases
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.diagram import DiagramOptions, grow
 from gapwalk.study.map.chart import Map, Ranges, Section
@@ -84,7 +84,7 @@ def bifurcation_map(
     """All loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
 
     Branches are followed along the first parameter at several values of the second; each of their special points that
-    is on no locus yet begins one. Ctrl-C ends the work and keeps what there is.
+    is on no locus yet begins one.
 
     Parameters
     ----------
@@ -110,6 +110,8 @@ def bifurcation_map(
         For unknown or equal parameters, or empty ranges.
     NumericalError
         If a worker process dies.
+    Interrupted
+        After Ctrl-C; its `found` is the map as far as it has come, from which `resume` goes on.
     """
     options = options or MapOptions()
     if first == second:
@@ -129,7 +131,7 @@ def bifurcation_map(
             charter.add_sections(cuts, hands)
             charter.add_loci(hands)
     except KeyboardInterrupt:
-        return charter.chart
+        raise Interrupted(charter.chart) from None
     return replace(charter.chart, complete=True)
 
 
@@ -244,7 +246,7 @@ def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map
 
 
 def _are_alike(a: Orbit, b: Orbit) -> bool:
-    """Whether two orbits of neighbouring systems may be the same motion, begun at different forcing periods perhaps."""
-    states = stroboscopic(a)
+    """Whether two orbits of neighbouring systems may be the same motion, one begun later perhaps."""
+    states = phases(a)
     distance = float(np.abs(states - b.state).max(axis=1).min())
     return distance <= _ALIKE * magnitude(b.state, b.system)

@@ -6,7 +6,7 @@ import os
 from contextlib import nullcontext
 
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.errors import NumericalError
+from gapwalk.errors import NumericalError, found_by
 from gapwalk.study.file import Study
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.charting import Report, bifurcation_map
@@ -60,7 +60,8 @@ def _chart(
         if report is not None:
             report(chart, addition)
 
-    chart = bifurcation_map(
+    chart = found_by(
+        bifurcation_map,
         study.system,
         options.parameter,
         options.second.parameter,

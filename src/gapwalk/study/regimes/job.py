@@ -159,11 +159,11 @@ class RegimeJob:
     def take(self, done: Iterable[RegimeChunk]) -> None:
         """Take over chunks of the same job that have been done already."""
         self._chunks.update({chunk.number: chunk for chunk in done})
+        for chunk in self._chunks.values():
+            self._note(chunk)
 
     def judge(self, hands: Workers, report: Report | None = None) -> None:
         """Judge all cells that have not been judged yet."""
-        for chunk in self._chunks.values():
-            self._note(chunk)
         values = self.plan.values
         pieces = [
             _Piece(number, self.plan, values[place])
