@@ -61,7 +61,7 @@ def do(task: Task, tell: Callable[[Progress], object]) -> bool:
 
 
 def _run(task: Task, news: News) -> bool:
-    reports = {"response": news.point, "diagram": news.limb, "map": news.chart}
+    reports = {"response": news.point, "diagram": news.limb, "map": news.chart, "locus": news.chart}
     report = reports.get(task.study.options.kind, news.part)
     resume = task.resume and task.output.exists()
     return found_by(run, task.study, task.output, resume=resume, report=report).complete

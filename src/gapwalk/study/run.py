@@ -24,6 +24,7 @@ _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
     "diagram": run_diagram,
     "map": run_map,
+    "locus": run_map,
     **dict.fromkeys(JOBS, run_job),
 }
 
@@ -56,8 +57,8 @@ def run(
     report
         Called with what is new, once it is in the file: of a response, each point and the special points before it
         (`gapwalk.study.store.walk_store.Report`); of a diagram, the diagram and the branch that was added to it
-        (`gapwalk.study.diagram.study.Report`); of a map, the map and the section or the locus that was added to it
-        (`gapwalk.study.map.Report`); of a family, a sweep, basins and regimes, each part of the work and the
+        (`gapwalk.study.diagram.study.Report`); of a map or a locus, the map and the section or the locus that was added
+        to it (`gapwalk.study.map.Report`); of a family, a sweep, basins and regimes, each part of the work and the
         `gapwalk.study.work.pace.Pace` of all. What a resumed result has already comes first.
 
     Raises
