@@ -9,7 +9,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import Interrupted, found_by
+from gapwalk.errors import Interrupted
+from gapwalk.study.interruption import found_by
 from tests.interruption import until_ctrl_c
 from tests.systems import clutch, linear
 

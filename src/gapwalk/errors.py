@@ -1,10 +1,6 @@
 """The errors that gapwalk raises; each message says what was given, what is allowed, and what to write instead."""
 
-from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
-
-P = ParamSpec("P")
-R = TypeVar("R")
+from typing import Any
 
 
 class GapwalkError(Exception):
@@ -85,11 +81,3 @@ class Interrupted(KeyboardInterrupt):
 
     def __reduce__(self) -> tuple[type["Interrupted"], tuple[Any]]:
         return Interrupted, (self.found,)
-
-
-def found_by(call: Callable[P, R], *arguments: P.args, **options: P.kwargs) -> R:
-    """What a call returns; after Ctrl-C, what it had found by then."""
-    try:
-        return call(*arguments, **options)
-    except Interrupted as stop:
-        return stop.found

@@ -14,13 +14,14 @@ from gapwalk.cli.outcome import BROKEN, DONE, FAILED, INTERRUPTED, failure_code,
 from gapwalk.cli.progress import progress_of
 from gapwalk.cli.screen import print_result
 from gapwalk.continuation.walk import EndReason
-from gapwalk.errors import GapwalkError, ModelError, found_by
+from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.problem import did_you_mean
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_changes
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
+from gapwalk.study.interruption import found_by
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
 from gapwalk.study.store.claim import check_claim

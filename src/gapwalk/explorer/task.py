@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from gapwalk.errors import found_by
 from gapwalk.explorer.news import News, Progress
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.run import run
 
 

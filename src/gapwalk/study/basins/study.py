@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
-from gapwalk.errors import found_by
 from gapwalk.study.basins import job as basin_job
 from gapwalk.study.basins.basins import basins
 from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.basins.store import basins_of
 from gapwalk.study.basins.study_options import BasinStudyOptions
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.store.cell_store import parted
 
 

@@ -16,12 +16,13 @@ from gapwalk.bifurcation.search import Progress, SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import Interrupted, ModelError, NumericalError, found_by
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.interruption import found_by
 from gapwalk.study.work.workers import Workers, workers
 
 Report = Callable[[Diagram, Limb], None]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
-from gapwalk.errors import found_by
 from gapwalk.study.family.family import family
 from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.family.job import FamilyJob, Walk
@@ -13,6 +12,7 @@ from gapwalk.study.family.record import Family
 from gapwalk.study.family.store import unpacked
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.store.cell_store import parted
 
 

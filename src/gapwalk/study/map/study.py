@@ -6,8 +6,9 @@ import os
 from contextlib import nullcontext
 
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.errors import NumericalError, found_by
+from gapwalk.errors import NumericalError
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.locus.study_options import LocusStudyOptions
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.charting import Report, bifurcation_map, chart_loci

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
-from gapwalk.errors import found_by
 from gapwalk.orbit.find import initial_state
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.regimes.finding import RegimeFinding
 from gapwalk.study.regimes.job import Plan, RegimeChunk, RegimeJob
 from gapwalk.study.regimes.mapping import places_of, regimes

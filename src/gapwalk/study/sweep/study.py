@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 
-from gapwalk.errors import found_by
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.finding import SweepFinding
 from gapwalk.study.sweep.record import stretches_of
