@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from gapwalk.study.family.record import Family
     from gapwalk.study.family.store import load_family
     from gapwalk.study.file import Study, read_studies, read_study
+    from gapwalk.study.locus.study_options import LocusStudyOptions
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
     from gapwalk.study.regimes.mapping import RegimeMapOptions, regimes
@@ -127,6 +128,7 @@ __all__ = [
     "Kind",
     "Limb",
     "Locus",
+    "LocusStudyOptions",
     "Map",
     "MapOptions",
     "MapStudyOptions",

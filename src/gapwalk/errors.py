@@ -1,5 +1,7 @@
 """The errors that gapwalk raises; each message says what was given, what is allowed, and what to write instead."""
 
+from typing import Any
+
 
 class GapwalkError(Exception):
     """Base class of every error that gapwalk raises on purpose."""
@@ -51,3 +53,31 @@ class WorkError(NumericalError):
     def __init__(self, message: str, pieces: tuple[int, ...] = ()) -> None:
         super().__init__(message)
         self.pieces = pieces
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a call that had found something by then: it is stored, if the call stores, and it is here.
+
+    It is raised, so that nothing that comes after the call is done with a part of the answer.
+
+    Attributes
+    ----------
+    found
+        What the call would have returned, as far as it had come.
+
+    Examples
+    --------
+    >>> try:
+    ...     tree = gw.diagram(system, "frequency", (0.4, 1.4))
+    ... except gw.errors.Interrupted as stop:
+    ...     tree = stop.found
+
+    In a notebook, in the next cell: ``import sys; tree = sys.last_value.found``.
+    """
+
+    def __init__(self, found: Any) -> None:
+        super().__init__("what was found until then is `found` of this exception, after it sys.last_value.found")
+        self.found = found
+
+    def __reduce__(self) -> tuple[type["Interrupted"], tuple[Any]]:
+        return Interrupted, (self.found,)

@@ -34,6 +34,7 @@ HOMES = {
     "Kind": "continuation.branch",
     "Limb": "bifurcation.diagram",
     "Locus": "bifurcation.locus",
+    "LocusStudyOptions": "study.locus.study_options",
     "Map": "study.map",
     "MapOptions": "study.map",
     "MapStudyOptions": "study.options",

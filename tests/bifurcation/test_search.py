@@ -30,6 +30,7 @@ from gapwalk.orbit import ShootingEquation, find_orbit
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.paper import case
 from gapwalk.study.work.workers import workers
+from tests.interruption import until_ctrl_c
 from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
 
 AMPLITUDE = "harmonic1.amplitude"
@@ -334,7 +335,7 @@ def test_what_was_found_before_an_interruption_is_kept():
         if len(seen) == 3:
             raise KeyboardInterrupt
 
-    result = search(linear(), "frequency", [0.5, 0.6, 0.7], options=options, report=interrupt)
+    result = until_ctrl_c(search, linear(), "frequency", [0.5, 0.6, 0.7], options=options, report=interrupt)
     assert [(each.done, each.total) for each in seen] == [(1, 6), (2, 6), (3, 6)]
     assert not result.complete
     assert result.values == (0.5, 0.6)

@@ -22,6 +22,7 @@ from gapwalk.study.export import points_csv, special_points_csv
 from gapwalk.study.file import check_study
 from gapwalk.study.store import walk_store
 from gapwalk.study.store.plain_options import options_of, plain_options
+from tests.interruption import until_ctrl_c
 from tests.study.balances import balanced, growing_study
 from tests.study.diagrams import clutch_diagram, islands
 from tests.study.killing import killed_after
@@ -245,7 +246,7 @@ def test_a_diagram_that_is_interrupted_comes_to_the_same_result(tmp_path) -> Non
         if limb.name == "P2-1":
             raise KeyboardInterrupt
 
-    assert not gw.run(study, path, report=report).complete
+    assert not until_ctrl_c(gw.run, study, path, report=report).complete
     assert_same_result(gw.run(study, path, resume=True), gw.run(study))
     assert all(isinstance(point.orbit, BalancedOrbit) for b in gw.load(path).branches for point in b.points)
 

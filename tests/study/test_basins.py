@@ -18,6 +18,7 @@ from gapwalk.study.basins.store import load_basins
 from gapwalk.study.regimes.store import load_regimes
 from gapwalk.study.work.workers import Workers, workers
 from tests.independent import integrate
+from tests.interruption import until_ctrl_c
 from tests.systems import linear
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
@@ -79,7 +80,7 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     def stop(chunk, pace):
         raise KeyboardInterrupt
 
-    basins(double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
+    until_ctrl_c(basins, double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
     with pytest.raises(StoreError, match=r"is not complete: 1 of 2 chunks are done; go on with it by gapwalk\.basins"):
         load_basins(path)
     paces = []
@@ -253,7 +254,7 @@ def test_ctrl_c_keeps_what_is_done():
         assert pace.done == 1
         raise KeyboardInterrupt
 
-    found = basins(double_well(), WELLS, (100, 50), options=in_process(), report=stop)
+    found = until_ctrl_c(basins, double_well(), WELLS, (100, 50), options=in_process(), report=stop)
     assert not found.complete
     assert found.notes == ("stopped when 4096 of 5000 states were done",)
     assert 904 - 64 <= found.unresolved <= 904  # some of the others were looked at before

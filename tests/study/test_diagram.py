@@ -10,6 +10,7 @@ from gapwalk.orbit.identity import is_same
 from gapwalk.paper import case
 from gapwalk.study.diagram.diagram import DiagramOptions, diagram
 from tests.bifurcation.test_special_points import symmetric
+from tests.interruption import until_ctrl_c
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -64,7 +65,7 @@ def test_a_stopped_diagram_goes_on_to_the_same_result(tree):
         if limb.name == "P2-1":
             raise KeyboardInterrupt
 
-    partial = clutch_diagram(report=stop)
+    partial = until_ctrl_c(clutch_diagram, report=stop)
     assert not partial.complete
     assert [limb.name for limb in partial.limbs] == ["P1-1", "P2-1"]
     rest = clutch_diagram(resume=partial)

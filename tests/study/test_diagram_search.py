@@ -17,6 +17,7 @@ from gapwalk.study.diagram import diagram as growing
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.diagram.search_table import SearchPart
 from gapwalk.study.document import result_document
+from tests.interruption import until_ctrl_c
 from tests.study.diagrams import islands
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_result
@@ -66,7 +67,7 @@ def test_ctrl_c_then_resume_gives_the_same_names_in_the_same_order(path, after, 
         if len(diagram.limbs) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.run(islands(), path, report=report)
+    stopped = until_ctrl_c(gw.run, islands(), path, report=report)
     assert stopped.names == undisturbed.names[:after]
     assert (stopped.diagram.search is None) == (after == 1)
     assert_same_result(gw.run(islands(), path, resume=True), undisturbed)
@@ -82,7 +83,7 @@ def test_a_search_that_is_stopped_keeps_what_it_has_and_is_resumed(path, monkeyp
 
     with monkeypatch.context() as patch:
         patch.setattr(growing, "search", stopped_search)
-        stopped = gw.run(islands(), path)
+        stopped = until_ctrl_c(gw.run, islands(), path)
     assert not stopped.complete
     assert stopped.names == ("P3-1",)
     part = gw.load(path).diagram

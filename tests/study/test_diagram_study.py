@@ -13,6 +13,7 @@ from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.diagram import diagram as growing
+from tests.interruption import until_ctrl_c
 from tests.study.diagrams import clutch_diagram, many_branches
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
@@ -90,7 +91,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
         if len(diagram.limbs) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.run(clutch_diagram(), path, report=report)
+    stopped = until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
     assert not stopped.complete
     assert len(stopped.branches) == after
     assert_same_result(stopped, gw.load(path))
@@ -103,7 +104,7 @@ def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
     def report(diagram, limb) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.run(clutch_diagram(), report=report)
+    stopped = until_ctrl_c(gw.run, clutch_diagram(), report=report)
     assert not stopped.complete
     assert stopped.names == ("P1-1",)
 

@@ -10,6 +10,7 @@ from gapwalk.errors import ModelError, StoreError
 from gapwalk.study.family.joint import Fate
 from gapwalk.study.family.member import Place
 from gapwalk.study.family.nearness import LIMIT, distance_between, nearest_pairs
+from tests.interruption import until_ctrl_c
 from tests.study.families import second_resonance
 from tests.study.same import assert_same_branch
 from tests.systems import clutch
@@ -258,12 +259,12 @@ def test_a_stopped_family_goes_on_to_the_same_result(family, tmp_path) -> None:
         if pace.done in (2, 4):
             raise KeyboardInterrupt
 
-    stopped = second_resonance(output=path, report=stop)
+    stopped = until_ctrl_c(second_resonance, output=path, report=stop)
     assert not stopped.complete
     assert [member.value for member in stopped.members] == list(LOADS[:2])
     assert "2 members of 3" in repr(stopped)
     assert gw.load_family(path).joints == {}
-    again = second_resonance(output=path, report=stop)
+    again = until_ctrl_c(second_resonance, output=path, report=stop)
     assert len(again.members) == 3
     assert len(again.joints or {}) == 1
     assert not again.complete

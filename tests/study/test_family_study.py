@@ -13,6 +13,7 @@ from gapwalk.study.export import export_csv
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import check_study
 from gapwalk.study.store.plain_options import options_of, plain_options
+from tests.interruption import until_ctrl_c
 from tests.study.families import MODEL, second_resonance, study_of
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch
@@ -65,7 +66,7 @@ def test_a_result_belongs_to_its_study(tmp_path) -> None:
     def stop(part, pace) -> None:
         raise KeyboardInterrupt
 
-    stopped = gw.run(study_of(), path, report=stop)
+    stopped = until_ctrl_c(gw.run, study_of(), path, report=stop)
     assert not stopped.complete
     assert stopped.finding is not None
     assert stopped.finding.stored == "1 of 3 members are stored, joined at 0 places"

@@ -14,6 +14,7 @@ from gapwalk.model.source import parse_source
 from gapwalk.study.file import check_study
 from gapwalk.study.store.claim import check_claim
 from gapwalk.study.store.plain_options import options_of, plain_options
+from tests.interruption import until_ctrl_c
 from tests.study.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.study.killing import killed_after
 
@@ -76,7 +77,7 @@ def test_a_study_finds_what_the_function_finds_and_a_stopped_one_goes_on(kind, t
         raise KeyboardInterrupt
 
     if kind != "settle":
-        stopped = gw.run(study, parts, report=stop)
+        stopped = until_ctrl_c(gw.run, study, parts, report=stop)
         assert not stopped.complete
         assert seen == [1]
         assert not gw.load(parts).complete

@@ -10,6 +10,7 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.study.map import MapOptions, bifurcation_map
+from tests.interruption import until_ctrl_c
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -97,7 +98,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
         if part.loci:
             raise KeyboardInterrupt
 
-    partial = islands(report=stop)
+    partial = until_ctrl_c(islands, report=stop)
     assert not partial.complete
     assert len(partial.loci) == 1
     whole = islands(resume=partial)

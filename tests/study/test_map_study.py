@@ -15,6 +15,7 @@ from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.map import charting
+from tests.interruption import until_ctrl_c
 from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
@@ -111,7 +112,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
         if len(chart.sections) + len(chart.loci) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.run(clutch_map(), path, report=report)
+    stopped = until_ctrl_c(gw.run, clutch_map(), path, report=report)
     assert not stopped.complete
     assert len(stopped.map.sections) + len(stopped.map.loci) == after
     assert_same_result(stopped, gw.load(path))
@@ -132,7 +133,7 @@ def test_ctrl_c_in_a_section_leaves_out_that_section(path, monkeypatch, undistur
 
     with monkeypatch.context() as patch:
         patch.setattr(charting, "grow", interrupted)
-        stopped = gw.run(clutch_map(), path)
+        stopped = until_ctrl_c(gw.run, clutch_map(), path)
     assert [section.value for section in stopped.map.sections] == [0.2]
     assert not stopped.map.loci
     assert_same_result(gw.run(clutch_map(), path, resume=True), undisturbed)

@@ -11,6 +11,7 @@ from gapwalk.paper import case
 from gapwalk.study.regimes.mapping import Carry, RegimeMapOptions, regimes
 from gapwalk.study.regimes.store import load_regimes
 from gapwalk.study.work.workers import workers
+from tests.interruption import until_ctrl_c
 from tests.systems import linear
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
@@ -78,7 +79,7 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     def stop(chunk, pace):
         raise KeyboardInterrupt
 
-    regimes(SET_15, plane, size, options=options, report=stop, output=path)
+    until_ctrl_c(regimes, SET_15, plane, size, options=options, report=stop, output=path)
     with pytest.raises(StoreError, match="is not complete: 1 of 2 chunks are done"):
         load_regimes(path)
     paces = []
@@ -124,8 +125,8 @@ def test_ctrl_c_keeps_what_is_done():
         assert (pace.done, pace.total) == (1, 2)
         raise KeyboardInterrupt
 
-    found = regimes(
-        linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (17, 64), options=in_process(), report=stop
+    found = until_ctrl_c(
+        regimes, linear(), {"mean.a": (-1.0, 1.0), "frequency": (0.3, 3.0)}, (17, 64), options=in_process(), report=stop
     )
     assert not found.complete
     assert found.cells == {"period 1": 1024, "undecided": 64}

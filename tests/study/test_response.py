@@ -11,6 +11,7 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.study import response
+from tests.interruption import until_ctrl_c
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import stop_study
 
@@ -78,7 +79,7 @@ def test_ctrl_c_stops_between_two_points_without_a_file_too() -> None:
         if count == 10:
             signal.raise_signal(signal.SIGINT)
 
-    result = gw.run(stop_study(), report=report)
+    result = until_ctrl_c(gw.run, stop_study(), report=report)
     assert not result.complete
     assert len(result.branches[0].points) == 11
     assert "interrupted" in str(result.branches[0].ends[-1])

@@ -18,6 +18,7 @@ from gapwalk.motion import Flow
 from gapwalk.study.store import walk_store
 from gapwalk.study.store.database import APPLICATION, SCHEMA, lock
 from gapwalk.study.store.stored import read
+from tests.interruption import until_ctrl_c
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
 
@@ -137,7 +138,7 @@ def test_an_interrupted_run_goes_on_as_if_never_stopped(path, after) -> None:
         if count == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.run(study, path, report=report)
+    stopped = until_ctrl_c(gw.run, study, path, report=report)
     assert not stopped.complete
     assert stopped.branches[0].ends[-1].reason is EndReason.INTERRUPTED
     assert len(stopped.branches[0].points) <= after + 2

@@ -22,6 +22,7 @@ from gapwalk.study.sweep.store import pack, unpack
 from gapwalk.study.sweep.transient import Patience
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import workers
+from tests.interruption import until_ctrl_c
 from tests.study.killing import killed_after
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
@@ -136,7 +137,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
         if len(done) == after:
             signal.raise_signal(signal.SIGINT)
 
-    stopped = gw.sweep(*FOLDS, options=options(), report=report, output=path)
+    stopped = until_ctrl_c(gw.sweep, *FOLDS, options=options(), report=report, output=path)
     assert not stopped.complete
     assert np.count_nonzero(stopped.regimes != "") == sum(len(stretch.regimes) for stretch in done)
     assert [(pace.done, pace.total) for pace in paces] == [(k, 6) for k in range(1, after + 1)]

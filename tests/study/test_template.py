@@ -16,6 +16,7 @@ from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import check_study, read_studies, read_study
+from gapwalk.study.locus.study_options import LocusStudyOptions
 from gapwalk.study.map import MapOptions
 from gapwalk.study.options import BranchOptions, MapStudyOptions
 from gapwalk.study.template import template, write_template
@@ -65,12 +66,27 @@ def test_what_the_comments_of_the_template_offer_is_right() -> None:
 
 def test_what_the_comments_of_the_template_offer_of_maps_is_right() -> None:
     text = template()
-    offered = text[text.index("# second = ") : text.index('# A study kind = "family"')]
+    offered = text[text.index("# second = ") : text.index('# A study kind = "locus"')]
     lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "map"', *lines]))))
     assert isinstance(study.options, MapStudyOptions)
     assert study.options.limits == MapOptions()
     assert study.options.second.parameter == "mean.q1"
+
+
+def test_what_the_comments_of_the_template_offer_of_loci_is_right() -> None:
+    text = template()
+    offered = text[text.index("# of = ") : text.index('# A study kind = "family"')]
+    lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
+    lines.append(next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# second = ")))
+    study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "locus"', *lines]))))
+    assert isinstance(study.options, LocusStudyOptions)
+    assert (study.options.which.words, study.options.sections) == ("grazing of stage2 nearest to 1.2", (0.25,))
+
+
+def test_the_example_of_loci_is_of_figure_13() -> None:
+    for study in read_studies(EXAMPLES / "locus.toml"):
+        assert study.system == case("13").at(frequency=study.system.frequency)
 
 
 def test_what_the_comments_of_the_template_offer_of_families_is_right() -> None:

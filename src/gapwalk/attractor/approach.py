@@ -37,7 +37,7 @@ _NEAR = 0.2  # distance, relative to the motion, within which an orbit is worth 
 _NEWTON = Newton(iterations=8, halvings=1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Approach:
     """An orbit near a motion, and what the motion does there.
 

@@ -24,7 +24,7 @@ class AttractorKind(StrEnum):
     UNDECIDED = "undecided"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Attractor(Shown):
     """A motion on which others settle.
 

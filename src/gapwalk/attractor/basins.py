@@ -81,7 +81,7 @@ class Check:
         return (wrong + self.shifted_wrong) / self.cells
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Basins(Shown):
     """Basins of attraction in a plane of initial states at theta = 0.
 
@@ -185,7 +185,7 @@ class Share:
     high: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BasinShares:
     """How much of a box of initial states leads to each attractor, from random starts.
 

@@ -22,7 +22,7 @@ _LONG = 6  # forcing periods shown of motions that do not repeat sooner
 _LINES = 20  # highest order of the lines that are compared
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SignalPair:
     """One signal of two motions.
 

@@ -14,7 +14,7 @@ _SHARE = 0.9  # of a motion's strobes that must be so near
 _CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Haunt:
     """What is known of the place of an attractor.
 

@@ -53,7 +53,7 @@ class LyapunovOptions:
                 raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lyapunov:
     """Lyapunov exponents of a motion.
 

@@ -45,8 +45,8 @@ def match(
     """
     if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
         same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]
-        if any(same):
-            return same.index(True)
+        if sum(same) == 1:
+            return same.index(True)  # several: the same motion in phases that lead from different starts
     states = motion.strobes if isinstance(motion, Attractor | Settled) else np.atleast_2d(np.asarray(motion, float))
     if isinstance(motion, Settled) and motion.orbit is not None:
         states = motion.orbit.state[None, :]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -41,7 +41,7 @@ class Plane:
         ``"upwards"``, ``"downwards"`` or ``"both"``.
     """
 
-    normal: Mapping[str, float]
+    normal: Mapping[str, float] = field(hash=False)
     level: float = 0.0
     crossing: Crossing = Crossing.UPWARDS
 

@@ -34,7 +34,7 @@ class RegimeCheck:
     different: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Regimes(Shown):
     """The regimes in the plane of two parameters, cell by cell; arrays begin with the lowest row.
 

@@ -20,7 +20,7 @@ _SAMPLES = 128  # a forcing period, between which crossings are bracketed
 _EXACT = 1e-13  # of an angle
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
     """States of one motion at one phase, or on one plane.
 

@@ -14,7 +14,7 @@ from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Settled(Shown):
     """A motion after its transient.
 

@@ -63,7 +63,7 @@ class Peak(NamedTuple):
     amplitude: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """The spectrum of one signal.
 

@@ -26,7 +26,7 @@ _SEED = 1995
 _NEUTRAL = 1e-9  # distance of a multiplier from the unit circle below which the linear map decides nothing
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trap:
     """Ellipsoids about the m strobes of a stable orbit.
 

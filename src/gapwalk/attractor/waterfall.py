@@ -15,7 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Waterfall:
     """Spectra in orders, one after the other: multiples of W, or per turn of the shaft whose speed is a parameter.
 

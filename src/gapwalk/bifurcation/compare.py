@@ -38,7 +38,7 @@ class Match:
         return self.second.value - self.first.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison(Shown):
     """What two branches have in common, and what not.
 

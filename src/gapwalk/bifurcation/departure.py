@@ -13,6 +13,7 @@ from gapwalk.continuation.range import Range, check_range
 from gapwalk.continuation.scales import scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.identity import true_period
 from gapwalk.orbit.newton import solve
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
@@ -59,14 +60,27 @@ def depart(
     ModelError
         For an unknown parameter, a range that does not hold the orbit, or one that leads where no system is.
     ConvergenceError
-        If the orbit is none, to the tolerance of the method.
+        If the orbit is none, to the tolerance of the method, or one of a shorter period gone round several times.
     """
     start = orbit.system[parameter]
+    _check_period(orbit, parameter)
     within = check_range(start, to).along(parameter, orbit.system)
     for bound in (within.low, within.high):
         orbit.system.at({parameter: bound})
     equation = (method or Shooting()).pose(orbit.system, parameter, orbit.period)
     return _leave(equation, orbit, with_natural_change(within, equation, orbit), direction)
+
+
+def _check_period(orbit: Orbit, parameter: str) -> None:
+    """A ConvergenceError for a motion of a shorter period: walked so, its flips would be branch points."""
+    shortest = true_period(orbit)
+    periods = "1 forcing period" if shortest == 1 else f"{shortest} forcing periods"
+    if shortest < orbit.period:
+        raise ConvergenceError(
+            f"the motion at {parameter} = {orbit.system[parameter]:.10g} repeats after {periods}, so it is none "
+            f"of period {orbit.period}; write period = {shortest}, or a start on a motion of period {orbit.period}: "
+            'one leaves each flip of half of it, gw.follow(flip, ...) in Python and kind = "diagram" in a file'
+        )
 
 
 def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int) -> Departure:

@@ -83,7 +83,7 @@ class Cascade:
         return tuple(float(ratio) for ratio in steps[:-1] / steps[1:])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Diagram(Shown):
     """All branches that were found over a range of one parameter.
 

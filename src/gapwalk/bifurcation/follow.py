@@ -13,7 +13,7 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method, check_method
 from gapwalk.orbit.orbit import Orbit
@@ -59,6 +59,8 @@ def follow(
         For an unknown parameter, a range that does not hold the start, or a special point that no other branch leaves.
     VerificationError
         If the branch is to be verified, and a check fails.
+    Interrupted
+        After Ctrl-C; its `found` is the branch as far as it was walked.
     """
     branch = walk_out(_departures(start, parameter, to, method), walk, report)
     if verify:
@@ -86,16 +88,22 @@ def _departures(
 
 def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
     """The whole branch from one departure, or from two in opposite directions of one point."""
-    trails, walked = [], []
-    for departure in departures:
-        trails.append(Trail(departure, walk))
-        walked.append([])
-        for point, special in trails[-1]:
-            walked[-1].append((point, special))
-            if report is not None:
-                report(point, special)
-        if trails[-1].end is not None and trails[-1].end.reason is EndReason.CLOSED:
-            break
+    trails: list[Trail] = []
+    walked: list[list[Step]] = []
+    try:
+        for departure in departures:
+            walked.append([])
+            trails.append(Trail(departure, walk))
+            for point, special in trails[-1]:
+                walked[-1].append((point, special))
+                if report is not None:
+                    report(point, special)
+            if trails[-1].end is not None and trails[-1].end.reason is EndReason.CLOSED:
+                break
+    except KeyboardInterrupt:
+        if not trails:
+            raise
+        raise Interrupted(join(trails, walked[: len(trails)])) from None
     return join(trails, walked)
 
 

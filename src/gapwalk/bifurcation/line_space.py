@@ -16,6 +16,7 @@ from gapwalk.continuation.scales import powers_of_two
 from gapwalk.orbit.balance import Balance, BalancedOrbit
 from gapwalk.orbit.balance.equation import BalanceEquation
 from gapwalk.orbit.balance.kernels import from_real_form, real_form
+from gapwalk.orbit.identity import repeats
 from gapwalk.orbit.orbit import Orbit
 
 _ROUGH = 2.0  # truncation errors by which an exact motion may be off its balanced one
@@ -46,8 +47,9 @@ class LineSpace:
         if self._branch.period % orbit.period:
             return []
         lines = from_real_form(self._finest.unknowns(orbit).reshape(self._contacts, -1))
-        later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / self._branch.period)
-        return [real_form(lines * later**j).ravel() for j in range(orbit.period)]
+        count = repeats(orbit.system)
+        later = np.exp(2j * np.pi * np.arange(lines.shape[1]) / (self._branch.period * count))
+        return [real_form(lines * later**j).ravel() for j in range(orbit.period * count)]
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
         """See `Space.goal`."""

@@ -14,7 +14,7 @@ from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.identity import SAME, stroboscopic
+from gapwalk.orbit.identity import SAME, phases
 from gapwalk.orbit.orbit import Orbit
 
 _STEPS = (1e-4, 2e-5, 4e-6)  # with which first step a flip is sought along its parent: smaller where one went astray
@@ -22,7 +22,7 @@ _LARGEST, _POINTS = 2e-3, 15  # and how far
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Whether an orbit is that of a special point, begun at another forcing period or gone round twice perhaps.
+    """Whether an orbit is that of a special point, begun later or gone round twice perhaps.
 
     Balanced, a doubled branch meets its parent where the truncated equation has it, and the parent's flip is where its
     multipliers have it: the two differ by the truncation.
@@ -31,7 +31,7 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
     same = max(SAME, _truncation(orbit), _truncation(special.orbit))
     if abs(value - wanted) > same * (1.0 + abs(wanted)):
         return False
-    off = np.abs(stroboscopic(special.orbit) - orbit.state).max(axis=1)
+    off = np.abs(phases(special.orbit) - orbit.state).max(axis=1)
     return bool(off.min() <= same * magnitude(orbit.state, orbit.system))
 
 

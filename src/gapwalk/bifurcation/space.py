@@ -35,7 +35,7 @@ class Space(Protocol):
         ...
 
     def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
-        """Where a motion lies, not scaled, begun at each of its forcing periods; shape (size,) each."""
+        """Where a motion lies, not scaled, begun at each of its phases; shape (size,) each."""
         ...
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:

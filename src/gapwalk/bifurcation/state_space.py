@@ -12,7 +12,7 @@ from gapwalk.bifurcation.space import Knot, orbit_of
 from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.identity import phases
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
@@ -36,7 +36,7 @@ class StateSpace:
 
     def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
         """See `Space.places`."""
-        return list(stroboscopic(orbit))
+        return list(phases(orbit))
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
         """See `Space.goal`."""

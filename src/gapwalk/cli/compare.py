@@ -67,8 +67,6 @@ def _result_of(text: str, changes: list[str]) -> Result:
     study = read_study(file, parse_changes(changes), name)
     with progress_of(study.options, study.name or file) as progress:
         result = run(study, report=progress)
-    if not result.complete:
-        raise KeyboardInterrupt
     return result
 
 

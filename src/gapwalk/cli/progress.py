@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+import time
 from collections import Counter
+from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
@@ -35,11 +39,18 @@ def progress_of(
     return WalkProgress(options, title, show=show)
 
 
+_FIRST, _AGAIN = 10.0, 30.0  # seconds until a line is written where there is no terminal, and between two such lines
+
+
 class _Line:
-    """One line, with a time, that vanishes at the end; nothing where stderr is no terminal, or `show` is false."""
+    """One line, with a time, that vanishes at the end; nothing where `show` is false.
+
+    Where stderr is no terminal, as in a log, a line is written now and then, whether anything is new or not.
+    """
 
     def __init__(self, description: str, columns: list[ProgressColumn], total: float | None, *, show: bool) -> None:
         screen = console(stderr=True)
+        self._log = _Log(description) if show and not screen.is_terminal else None
         self._progress = Progress(
             SpinnerColumn(),
             TextColumn("{task.description}"),
@@ -55,13 +66,52 @@ class _Line:
     def update(
         self, description: str, reached: str, completed: float | None = None, total: float | None = None
     ) -> None:
+        if self._log is not None:
+            self._log.words = f"{description}  {reached}"
         self._progress.update(self._task, description=description, completed=completed, total=total, reached=reached)
 
     def __enter__(self) -> None:
         self._progress.start()
+        if self._log is not None:
+            self._log.start()
 
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
+        if self._log is not None:
+            self._log.stop()
+
+
+class _Log:
+    """Writes now and then how far a long job has come.
+
+    Parameters
+    ----------
+    words
+        How far it has come at its beginning.
+    """
+
+    def __init__(self, words: str) -> None:
+        self.words = words
+        self._begun = time.monotonic()
+        self._done = threading.Event()
+        self._writer = threading.Thread(target=self._write, name="gapwalk progress", daemon=True)
+
+    def start(self) -> None:
+        """Write from now on."""
+        self._begun = time.monotonic()
+        self._writer.start()
+
+    def stop(self) -> None:
+        """Write no more."""
+        self._done.set()
+        self._writer.join()
+
+    def _write(self) -> None:
+        pause = _FIRST
+        while not self._done.wait(pause):
+            pause = _AGAIN
+            with suppress(OSError, ValueError):  # nobody reads it
+                print(f"{self.words.strip()}  {time.monotonic() - self._begun:.0f} s", file=sys.stderr, flush=True)
 
 
 class StudyProgress:

@@ -21,6 +21,7 @@ from gapwalk.study.changes import parse_changes
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
+from gapwalk.study.interruption import found_by
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
 from gapwalk.study.store.claim import check_claim
@@ -113,7 +114,7 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
     """Run one study, write what belongs to it, and print it."""
     screen = console(stderr=json)
     with progress_of(study.options, study.name, show=not quiet) as progress:
-        result = run(study, path, resume=resume, force=force, report=progress)
+        result = found_by(run, study, path, resume=resume, force=force, report=progress)
     if exit_code(result) != INTERRUPTED:
         write_products(result, path)
     if not quiet and not json:
@@ -169,12 +170,9 @@ def table_paths(result: Result, output: Path) -> dict[str, Path]:
 
 def exit_code(result: Result) -> int:
     """0 if all was walked to a proper end, 130 after Ctrl-C, 3 if the numerics gave up somewhere, 5 if it is wrong."""
-    if result.finding is not None and not result.complete:
+    if result.interrupted:
         return INTERRUPTED
     reasons = {end.reason for branch in result.branches for end in branch.ends}
-    grows = result.diagram is not None or result.map is not None
-    if EndReason.INTERRUPTED in reasons or (grows and not result.complete):
-        return INTERRUPTED
     if result.failures or EndReason.STOPPED in reasons:
         return FAILED
     return BROKEN if result.verification is not None and not result.verification.ok else DONE

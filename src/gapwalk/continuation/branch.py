@@ -38,7 +38,7 @@ class Kind(StrEnum):
     GRAZING = "grazing"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpecialPoint(Shown):
     """A point where motions appear, vanish, turn into others, or touch a stop.
 
@@ -112,7 +112,7 @@ class SpecialPoint(Shown):
         return f"SpecialPoint({self.kind.value} at {self.value:.10g}, {self.change}{contact})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Branch(Shown):
     """A family of orbits along one parameter.
 

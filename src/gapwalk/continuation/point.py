@@ -12,7 +12,7 @@ from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BranchPoint:
     """One orbit on a branch.
 

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from gapwalk.explorer.news import News, Progress
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.run import run
 
 
@@ -60,6 +61,7 @@ def do(task: Task, tell: Callable[[Progress], object]) -> bool:
 
 
 def _run(task: Task, news: News) -> bool:
-    reports = {"response": news.point, "diagram": news.limb, "map": news.chart}
+    reports = {"response": news.point, "diagram": news.limb, "map": news.chart, "locus": news.chart}
     report = reports.get(task.study.options.kind, news.part)
-    return run(task.study, task.output, resume=task.resume and task.output.exists(), report=report).complete
+    resume = task.resume and task.output.exists()
+    return found_by(run, task.study, task.output, resume=resume, report=report).complete

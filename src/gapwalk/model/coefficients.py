@@ -38,7 +38,7 @@ class StageSlots:
     cubic: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class ContactSlots:
     """Where the coefficients of one contact stand: arrays of shape (n,), its stages, its damping."""
 

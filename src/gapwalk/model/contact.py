@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gapwalk.errors import ModelError
@@ -85,14 +85,15 @@ class Contact:
     """
 
     name: str
-    deflection: Mapping[str, float]
+    deflection: Mapping[str, float] = field(hash=False)
     stages: tuple[Stage, ...]
-    force: Mapping[str, float] | None = None
+    force: Mapping[str, float] | None = field(default=None, hash=False)
     damping: DampingLaw = DampingLaw.NONE
     impact_damping: float = 0.0
     viscous_damping: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "stages", tuple(self.stages))
         problems = list(_stage_problems(self)) + list(_damping_problems(self))
         if problems:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gapwalk.errors import ModelError
 
@@ -28,7 +28,7 @@ class Harmonic:
     """
 
     amplitude: float
-    acts_on: Mapping[str, float]
+    acts_on: Mapping[str, float] = field(hash=False)
     order: int = 1
     phase: float = 0.0
     name: str = ""

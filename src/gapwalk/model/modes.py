@@ -29,7 +29,7 @@ class Clearances(StrEnum):
     """The first stage of every contact."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Modes(Shown):
     """Undamped natural vibrations, slowest first.
 

@@ -51,7 +51,7 @@ class ContactRest:
         return f"{self.name} closed{'+' if self.side > 0 else '-'}{f' ({self.closed[-1]})' if self.closed[-1] else ''}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equilibrium:
     """A position in which a system rests.
 

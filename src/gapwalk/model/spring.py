@@ -33,7 +33,7 @@ Range = tuple[tuple[Slope, ...], float, float]
 """A stretch of a deflection: the stages that are closed on it, from where, to where."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spring:
     """The spring of a contact.
 

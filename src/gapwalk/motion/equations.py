@@ -18,7 +18,7 @@ from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlo
 from gapwalk.model.contact import DampingLaw
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """The right-hand sides for one coefficient layout and one pattern of non-zero coefficients.
 

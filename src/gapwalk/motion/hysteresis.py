@@ -24,7 +24,7 @@ _NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the for
 _BESIDE = 1e-9  # rad: a force that jumps is drawn on both sides of its jump
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hysteresis:
     """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle.
 

@@ -44,7 +44,7 @@ class ContactRecord:
     velocity: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion of `system`, sampled at `theta` and exact at each sample.
 

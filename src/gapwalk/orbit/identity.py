@@ -1,10 +1,14 @@
-"""When two orbits are the same motion: equal up to a shift by whole forcing periods, or by traversing it twice."""
+"""When two orbits are the same motion: equal up to a shift after which the forcing repeats, or gone round twice."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.orbit import Orbit
 
@@ -17,6 +21,21 @@ def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
     return orbit.strobes(orbit.period)
 
 
+def repeats(system: System) -> int:
+    """How often the excitation repeats within a forcing period: orders 3 and 6 alone do so three times."""
+    return math.gcd(*(harmonic.order for harmonic in system.structure.harmonics)) or 1
+
+
+def phases(orbit: Orbit) -> NDArray[np.float64]:
+    """The states at theta = 0 of all orbits that are this motion, begun later; shape (m * `repeats`, 2n).
+
+    Where the excitation repeats three times in a forcing period, a motion that comes a third of it later is another
+    orbit, and the same motion.
+    """
+    count = repeats(orbit.system)
+    return orbit.strobes(orbit.period * count, PERIOD / count)
+
+
 def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
     """The smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
     states = stroboscopic(orbit)
@@ -25,10 +44,10 @@ def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
 
 
 def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
-    """Whether two orbits of the same system are the same motion, begun at different forcing periods perhaps."""
+    """Whether two orbits of the same system are the same motion, one begun later perhaps; see `phases`."""
     if a.period != b.period:
         return False
-    return bool(np.any(_distances(stroboscopic(a), b) <= tolerance))
+    return bool(np.any(_distances(phases(a), b) <= tolerance))
 
 
 def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ from gapwalk.orbit.survey import Survey, Turns, survey
 _SIGNS = {1: "+", -1: "-"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Orbit(Shown):
     """A motion that repeats after `period` forcing periods.
 
@@ -88,11 +88,12 @@ class Orbit(Shown):
         count = (samples or self.samples) * self.period
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
-    def strobes(self, count: int) -> NDArray[np.float64]:
-        """The states at the start of the first `count` forcing periods, shape (count, 2n)."""
+    def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
+        """The first `count` states that lie `apart` radians of theta from each other, shape (count, 2n)."""
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
-        for _ in range(count - 1):
-            states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD).state)
+        for number in range(count - 1):
+            start = number * apart % PERIOD
+            states.append(flow.integrate(coefficients, states[-1], start, start + apart).state)
         return np.array(states)
 
     @property

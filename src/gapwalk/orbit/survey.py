@@ -34,7 +34,7 @@ class Turns(NamedTuple):
         return before if nearer else after
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Survey:
     """What one pass over an orbit shows, exact to rounding.
 

@@ -114,8 +114,6 @@ def _do(piece: _Piece) -> str:
         result = run(study, path, resume=not anew, force=anew and path.exists())
     except NumericalError as error:
         return str(error)
-    if not result.complete:
-        raise KeyboardInterrupt
     return "; ".join(result.failures)
 
 

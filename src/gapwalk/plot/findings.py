@@ -54,7 +54,6 @@ def _draw_basins(finding: BasinFinding, options: StudyOptions, title: str) -> Fi
 
 
 def _draw_regimes(finding: RegimeFinding, options: StudyOptions, title: str) -> Figure:
-    assert finding.regimes is not None
     return draw_regimes(finding.regimes, title)
 
 

@@ -27,7 +27,7 @@ from gapwalk.reduction.kept import Kept
 from gapwalk.reduction.matrices import Matrices
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Basis:
     """The vectors in which motions are looked for.
 

@@ -22,7 +22,7 @@ HARMONICS = 10
 """Harmonics of the highest frequency of the excitation that are looked at; the k-th counts 1/k^2."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Flexibility:
     """Deflections of the contacts under unit forces, at some frequencies.
 
@@ -79,7 +79,7 @@ def _by_dense_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Compl
     return np.asarray(np.concatenate(parts), dtype=np.complex128)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Accuracy:
     """How far the flexibility of reduced systems is from that of the full one.
 

@@ -20,7 +20,7 @@ _AGAIN = 1e-8  # share of a static response that is left beside the modes, below
 _ASIDE = 1e-6  # shift of an iterative solver below the lowest mode, relative to the mean stiffness per inertia
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Interior:
     """The system with its kept coordinates held.
 

@@ -17,7 +17,7 @@ _SPARSE = 0.1  # share of entries that are not zero, below which a matrix counts
 _ROUNDING = 1e-10  # relative size of what counts as a rounding error in a symmetric matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Matrices:
     """The linear part of a system of n degrees of freedom.
 

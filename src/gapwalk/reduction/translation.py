@@ -78,7 +78,7 @@ def scalars_of(structure: Structure) -> list[str]:
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Translation:
     """From the reduced system with other values to the full one with the same.
 

@@ -198,6 +198,8 @@ def _walk_words(tables: Iterable[Mapping[str, object]], name: str) -> str:
     if all(name in varied_parameters(table) for table in tables):
         return "study.over gives it a value for each member; change those in the file"
     key = "study.second.from" if all(_walks_second(table, name) for table in tables) else "study.from"
+    if key == "study.second.from" and all(table.get("kind") == "locus" for table in tables):
+        key = "study.second.at"
     return f"the study walks it from {key} on; set {key} instead"
 
 

@@ -44,7 +44,7 @@ class Lone(NamedTuple):
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pair:
     """A branch, or a locus, that both results have.
 

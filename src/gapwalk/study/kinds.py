@@ -12,6 +12,7 @@ _HOMES = {
     "response": "branch_table.ResponsePart",
     "diagram": "branch_table.DiagramPart",
     "map": "map.table.MapPart",
+    "locus": "locus.table.LocusPart",
     "family": "family.table.FamilyPart",
     "settle": "settle.table.SettlePart",
     "sweep": "sweep.table.SweepPart",

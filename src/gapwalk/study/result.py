@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
+from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
 from gapwalk.notebook.shown import Shown
 from gapwalk.study.file import Study
@@ -17,7 +18,7 @@ from gapwalk.study.reduced.full_check import FullCheck
 from gapwalk.verification import Verification
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result(Shown):
     """What a study has found.
 
@@ -99,6 +100,13 @@ class Result(Shown):
             found += [f"{name}: {end}" for name, locus in loci for end in locus.ends if end.reason.is_failure]
         parts = [part for part in (self.diagram, self.map) if part is not None]
         return (*found, *(text for part in parts for text in part.failures))
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended the work; a run with `resume` goes on with it."""
+        if self.finding is not None or self.diagram is not None or self.map is not None:
+            return not self.complete
+        return any(end.reason is EndReason.INTERRUPTED for branch in self.branches for end in branch.ends)
 
     @property
     def names(self) -> tuple[str, ...]:

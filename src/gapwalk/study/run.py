@@ -6,7 +6,7 @@ import os
 import reprlib
 from collections.abc import Callable
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
@@ -25,6 +25,7 @@ _RUNNERS: dict[str, Callable[..., Result]] = {
     "response": run_response,
     "diagram": run_diagram,
     "map": run_map,
+    "locus": run_map,
     **dict.fromkeys(JOBS, run_job),
 }
 
@@ -40,8 +41,8 @@ def run(
 ) -> Result:
     """Run a study.
 
-    Ctrl-C stops it: what has been found is returned, and not `complete`. A failure of the numerics on the way does not
-    lose the rest; the end of a branch, or the `failures` of a diagram or a map, say what happened.
+    A failure of the numerics on the way does not lose the rest; the end of a branch, or the `failures` of a diagram or
+    a map, say what happened.
 
     Parameters
     ----------
@@ -57,8 +58,8 @@ def run(
     report
         Called with what is new, once it is in the file: of a response, each point and the special points before it
         (`gapwalk.study.store.walk_store.Report`); of a diagram, the diagram and the branch that was added to it
-        (`gapwalk.study.diagram.study.Report`); of a map, the map and the section or the locus that was added to it
-        (`gapwalk.study.map.Report`); of a family, a sweep, basins and regimes, each part of the work and the
+        (`gapwalk.study.diagram.study.Report`); of a map or a locus, the map and the section or the locus that was added
+        to it (`gapwalk.study.map.Report`); of a family, a sweep, basins and regimes, each part of the work and the
         `gapwalk.study.work.pace.Pace` of all. What a resumed result has already comes first.
 
     Raises
@@ -70,6 +71,8 @@ def run(
         If the study makes no sense.
     NumericalError
         If no first orbit is found.
+    Interrupted
+        After Ctrl-C: what has been found is in the file, and `found` of the exception is the result, not `complete`.
     KeyboardInterrupt
         After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
         verified.
@@ -81,4 +84,6 @@ def run(
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
         study = as_before(study, read(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
+    if result.interrupted:
+        raise Interrupted(result)
     return with_verification(with_checks(result, output), study.options, output)

@@ -36,6 +36,8 @@ def _options(options: StudyOptions, form: NonDimensional) -> StudyOptions:
         name = given["parameter"]
         changed = {"parameter": form.name(name)}
         changed |= {end: form.value(name, given[end]) for end in ("begin", "end")}
+        if given.get("near") is not None:
+            changed["near"] = form.value(name, given["near"])
         changed["search_values"] = _scaled(given.get("search_values"), name, form)
     second = given.get("second")
     if isinstance(second, SecondParameter):

@@ -18,7 +18,7 @@ _MOST = 24  # segments
 _POWERS = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reshot:
     """An orbit shot again, in more segments.
 

@@ -14,7 +14,7 @@ from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MultiplierEquation:
     """An orbit, and ``g = 0``, with g a condition on its derivatives that makes it critical.
 

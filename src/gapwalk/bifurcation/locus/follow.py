@@ -10,6 +10,7 @@ from gapwalk.bifurcation.locus.locus import Codim2Point, Locus, LocusEnd, LocusE
 from gapwalk.bifurcation.locus.trail import LocusStep, LocusTrail
 from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
+from gapwalk.errors import Interrupted
 from gapwalk.orbit.equation import Method
 
 LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
@@ -49,18 +50,25 @@ def follow_locus(
         For a branch point, which has no locus; for unknown or equal parameters; for ranges without the start.
     ConvergenceError
         If the start is no special point of its kind, to the tolerance of the method; or if it takes more harmonics.
+    Interrupted
+        After Ctrl-C; its `found` is the locus as far as it was walked.
     """
     trails: list[LocusTrail] = []
     walked: list[list[LocusStep]] = []
-    for departure in depart_locus(special, first, second, to, method):
-        trails.append(LocusTrail(departure, walk))
-        walked.append([])
-        for step in trails[-1]:
-            walked[-1].append(step)
-            if report is not None:
-                report(*step)
-        if trails[-1].end is not None and trails[-1].end.reason is LocusEndReason.CLOSED:
-            return join_locus(trails[-1:], walked[-1:])  # one direction shows the whole of a closed curve
+    try:
+        for departure in depart_locus(special, first, second, to, method):
+            walked.append([])
+            trails.append(LocusTrail(departure, walk))
+            for step in trails[-1]:
+                walked[-1].append(step)
+                if report is not None:
+                    report(*step)
+            if trails[-1].end is not None and trails[-1].end.reason is LocusEndReason.CLOSED:
+                return join_locus(trails[-1:], walked[-1:])  # one direction shows the whole of a closed curve
+    except KeyboardInterrupt:
+        if not trails:
+            raise
+        raise Interrupted(join_locus(trails, walked[: len(trails)])) from None
     return join_locus(trails, walked)
 
 

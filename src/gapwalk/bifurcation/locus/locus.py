@@ -55,7 +55,7 @@ class LocusEnd:
         return f"{text} ({self.detail})" if self.detail else text
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocusPoint:
     """One point of a locus.
 
@@ -125,7 +125,7 @@ class Codim2(StrEnum):
     """On a grazing locus: a pair on the unit circle."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Codim2Point:
     """A point of a locus where a second thing happens.
 
@@ -159,7 +159,7 @@ class Codim2Point:
         return f"Codim2Point({self.kind.value} at ({first:.10g}, {second:.10g}){contact})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Locus:
     """The special points of one kind in the plane of two parameters, as one curve.
 

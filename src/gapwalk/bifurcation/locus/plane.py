@@ -23,7 +23,7 @@ of the depth.
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Place:
     """Some unknowns at a point of the plane, and the equations of an orbit there.
 

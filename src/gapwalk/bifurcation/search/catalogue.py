@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.identity import stroboscopic, true_period
+from gapwalk.orbit.identity import phases, true_period
 from gapwalk.orbit.newton import Newton
 from gapwalk.orbit.orbit import Orbit
 
@@ -19,9 +19,9 @@ _SAME = 1e-6
 """Distance of two states, in half-widths of the box, within which they count as equal."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Entry:
-    """One orbit, its states at the start of each forcing period, and how often it was met in which way."""
+    """One orbit, its `phases`, and how often it was met in which way."""
 
     orbit: Orbit
     states: NDArray[np.float64]
@@ -30,7 +30,7 @@ class Entry:
 
 
 class Catalogue:
-    """Orbits of one system, none twice, whatever forcing period they begin with.
+    """Orbits of one system, no motion twice, in whatever phase it is met.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ class Catalogue:
         """The entry of an orbit, an old one if there is one."""
         known = self.at(orbit.state, orbit.period)
         if known is None:
-            known = Entry(orbit, stroboscopic(orbit))
+            known = Entry(orbit, phases(orbit))
             self.entries.append(known)
             self._states = np.concatenate((self._states, known.states))
-            self._owners += [known] * orbit.period
-            self._periods = np.append(self._periods, [orbit.period] * orbit.period)
-            self._stable = np.append(self._stable, [orbit.stable] * orbit.period)
+            self._owners += [known] * len(known.states)
+            self._periods = np.append(self._periods, [orbit.period] * len(known.states))
+            self._stable = np.append(self._stable, [orbit.stable] * len(known.states))
         return known
 
     def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
@@ -81,7 +81,7 @@ class Catalogue:
         return self._owners[nearest], float(distances[nearest])
 
     def states(self, period: int) -> NDArray[np.float64]:
-        """All states, at the start of a forcing period, of orbits that repeat after `period` of them; shape (K, 2n)."""
+        """All phases of orbits that repeat after `period` of them; shape (K, 2n)."""
         return self._states[period % self._periods == 0]
 
 

@@ -27,7 +27,7 @@ _MOST = 40  # new orbits beside which others are looked for: without damping the
 _KICK = 0.1  # how far from a known orbit the search for its neighbours begins, in half-widths of the box
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chunk:
     """A block of starts at one value of the parameter.
 
@@ -58,7 +58,7 @@ class Chunk:
     options: SearchOptions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Catch:
     """What one chunk has found: orbits with their hits from transients and from Newton's method, and the rest.
 

@@ -10,7 +10,7 @@ from gapwalk.bifurcation.membership import Curve
 from gapwalk.bifurcation.search.result import Found
 from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import NumericalError
+from gapwalk.errors import Interrupted, NumericalError
 from gapwalk.orbit.equation import Method
 
 
@@ -46,7 +46,7 @@ def isolated(
 ) -> Isolated:
     """Follow each new orbit of a search that lies on no branch followed before: neither known nor new.
 
-    Those to which most transients have settled come first. Ctrl-C, or `stop`, ends it between two branches.
+    Those to which most transients have settled come first. `stop` ends it between two branches.
 
     Parameters
     ----------
@@ -89,5 +89,5 @@ def isolated(
             if report is not None:
                 report(branch)
     except KeyboardInterrupt:
-        return Isolated(tuple(branches), tuple(lost), False)
+        raise Interrupted(Isolated(tuple(branches), tuple(lost), False)) from None
     return Isolated(tuple(branches), tuple(lost), True)

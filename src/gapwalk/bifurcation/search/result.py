@@ -40,7 +40,7 @@ class Found:
         return self.branch is None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tally:
     """What was tried at one value of the parameter.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from gapwalk.bifurcation.search.options import SearchOptions
 from gapwalk.bifurcation.search.result import Found, SearchResult, Tally
 from gapwalk.bifurcation.search.starts import spread_starts, state_box
 from gapwalk.continuation.branch import Branch
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
@@ -45,7 +44,7 @@ def search(
 ) -> SearchResult:
     """Search for periodic orbits at several values of a parameter, from many starts.
 
-    Ctrl-C, or `stop`, ends it between two pieces of work: what has been found is returned, and not `complete`.
+    `stop` ends it between two pieces of work: what has been found is returned, and not `complete`.
 
     Parameters
     ----------
@@ -71,6 +70,8 @@ def search(
     ------
     ModelError
         For an unknown parameter, a value that is not allowed, or options that make no sense.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     chosen = [float(value) for value in dict.fromkeys(np.asarray(values, dtype=float).ravel().tolist())]
     if not chosen:
@@ -85,11 +86,20 @@ def search(
         if report is not None:
             report(Progress(len(catches), len(chunks), chunks[number].value, catch))
 
-    with suppress(KeyboardInterrupt):  # what has been found is worth keeping
+    try:
         (hands or Alone()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+    except KeyboardInterrupt:
+        raise Interrupted(_result(parameter, chunks, catches, curves, numbers)) from None
+    return _result(parameter, chunks, catches, curves, numbers)
+
+
+def _result(
+    parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
+) -> SearchResult:
+    """What has been found by the pieces of work that are done."""
     found: list[Found] = []
     tallies: list[Tally] = []
-    for value in chosen:
+    for value in dict.fromkeys(chunk.value for chunk in chunks):
         done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
         if done:
             tallies.append(_tally(value, done))

@@ -26,7 +26,7 @@ _LONGEST = 10  # times the patience: the longest transient; what shrinks more sl
 _DOUBTS = 8  # times in one patience that a long transient is asked whether its returns shrink
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Settling:
     """What became of one transient.
 

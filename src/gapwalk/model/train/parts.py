@@ -68,6 +68,9 @@ class Link(ABC):
     impact_damping: float | None = None
     viscous_damping: float | None = None
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stages", tuple(self.stages))
+
     @property
     @abstractmethod
     def is_rigid(self) -> bool:

@@ -67,7 +67,7 @@ class Train:
     inertias: Sequence[Inertia]
     shafts: Sequence[Shaft] = ()
     gears: Sequence[Gear] = ()
-    mean: Mapping[str, float] = field(default_factory=dict)
+    mean: Mapping[str, float] = field(default_factory=dict, hash=False)
     harmonics: Sequence[Harmonic] = ()
     frequency: float = 1.0
     reaction: str | None = None
@@ -75,6 +75,8 @@ class Train:
     units: Units | None = None
 
     def __post_init__(self) -> None:
+        for name in ("inertias", "shafts", "gears", "harmonics"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         problems = [*_name_problems(self)] or self._read_units()
         problems = problems or [*_number_problems(self)] or [*_part_problems(self)]
         if not problems:

@@ -15,7 +15,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.mass.scheme import Linear
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Crowd:
     """Many states, each with its system.
 

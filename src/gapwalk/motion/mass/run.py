@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MassSurvey:
     """What the trajectories did over the last forcing periods of a run; NaN where one ran away.
 
@@ -32,7 +32,7 @@ class MassSurvey:
     impacts: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MassRun:
     """Many trajectories after some forcing periods, at a stated accuracy.
 

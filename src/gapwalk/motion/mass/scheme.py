@@ -26,7 +26,7 @@ _MODAL_FROM = 3  # degrees of freedom from which two numbers a mode are fewer th
 _LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost, which leaves more than are asked for
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linear:
     """The linear part of one or many systems of equal structure, in matrices over time (not theta).
 
@@ -115,7 +115,7 @@ class Linear:
         return part
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scheme:
     """What one step of a given length does, for each lane.
 

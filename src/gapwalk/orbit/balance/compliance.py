@@ -69,7 +69,7 @@ class Compliance(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DirectCompliance:
     """The linear part solved line by line.
 

@@ -25,7 +25,7 @@ _STEP = 1e-150  # of the complex step
 _POWERS = np.arange(5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Laws:
     """Polynomials of every stage on every side ("switch"), in the order of the flow's switches.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gapwalk.model.coefficients import CoefficientLayout
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Linear:
     """The matrices of the equations of motion, or their derivatives by a parameter.
 

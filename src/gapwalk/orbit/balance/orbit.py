@@ -15,7 +15,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BalancedOrbit(Orbit):
     """A motion given by its Fourier series; the rest as for any orbit.
 
@@ -50,9 +50,9 @@ class BalancedOrbit(Orbit):
         n = self.system.size
         return Motion(self.system, theta, states[:, :n], states[:, n:], self.events)
 
-    def strobes(self, count: int) -> NDArray[np.float64]:
-        """The states at the start of the first `count` forcing periods, shape (count, 2n)."""
-        return self.series.states(PERIOD * np.arange(count, dtype=float))
+    def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
+        """The first `count` states that lie `apart` radians of theta from each other, shape (count, 2n)."""
+        return self.series.states(apart * np.arange(count, dtype=float))
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:

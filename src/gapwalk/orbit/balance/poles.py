@@ -16,7 +16,7 @@ _PROPORTIONAL = 1e-10  # relative size of the couplings below which the damping 
 _DOUBLE = 1e-6  # relative distance of a mode's two eigenvalues below which they count as one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Poles:
     """The linear part as a sum over its 2n eigenvalues, or over some of them and what the others give at rest.
 

@@ -12,7 +12,7 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.balance.lines import differentiated, grid, waves
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Series:
     """``q(theta) = Re sum_k lines_k exp(i k theta / m)``.
 

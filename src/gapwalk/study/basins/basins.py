@@ -11,7 +11,7 @@ from gapwalk.attractor.basins import Basins, BasinShares, in_order
 from gapwalk.attractor.box import Box, Range, Window
 from gapwalk.attractor.catalogue import Effort
 from gapwalk.attractor.neighbours import beside_cells, beside_states
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
@@ -89,7 +89,7 @@ def basins(
     Each cell is judged by the state at its centre. It is followed by the fast flow until it is in a trap about a known
     attractor (see `gapwalk.attractor.trap`); the attractors themselves are exact. Cells at borders between basins, and
     samples of the others, are followed again by the exact flow, which mends labels and tells how many are wrong.
-    Ctrl-C ends the work and keeps what there is.
+
 
     Parameters
     ----------
@@ -120,6 +120,8 @@ def basins(
         If the file is of something else, is being written by another run, or cannot be written.
     WorkError
         If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     check_system(system, "basins")
     options = options or BasinOptions()
@@ -147,15 +149,20 @@ def basins(
             with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
                 job.sort(crew, keep)
                 job.check(crew, beside_cells(rows, columns), options.borders, options.check)
-                job.complete = True
         except KeyboardInterrupt:
-            pass
-        attractors, labels = in_order(job.catalogue.attractors, job.labels)
-        how = (job.checked, job.error, job.complete, tuple(job.notes()))
-        found = Basins(system, window, labels.reshape(rows, columns), attractors, *how)
-        if store is not None and found.complete:
+            raise Interrupted(_basins(system, job, window, (rows, columns))) from None
+        job.complete = True
+        found = _basins(system, job, window, (rows, columns))
+        if store is not None:
             store.finish(basin_arrays(found))
     return found
+
+
+def _basins(system: System, job: BasinJob, window: Window, shape: tuple[int, int]) -> Basins:
+    """The basins, as far as the job has come."""
+    attractors, labels = in_order(job.catalogue.attractors, job.labels)
+    how = (job.checked, job.error, job.complete, tuple(job.notes()))
+    return Basins(system, window, labels.reshape(shape), attractors, *how)
 
 
 def basin_shares(
@@ -192,6 +199,8 @@ def basin_shares(
         For a box that makes no sense.
     WorkError
         If other processes cannot do the work.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     options = options or BasinOptions()
     room = Box.of(system, box)
@@ -207,9 +216,14 @@ def basin_shares(
         with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
             job.sort(crew, report)
             job.check(crew, beside_states(states), options.borders, options.check)
-            job.complete = True
     except KeyboardInterrupt:
-        pass
+        raise Interrupted(_shares(system, job, room, confidence)) from None
+    job.complete = True
+    return _shares(system, job, room, confidence)
+
+
+def _shares(system: System, job: BasinJob, room: Box, confidence: float) -> BasinShares:
+    """The shares, as far as the job has come."""
     attractors, labels = in_order(job.catalogue.attractors, job.labels)
-    how = (job.complete, tuple(job.notes()), job.checked, job.error)
-    return BasinShares(system, room, states, labels, attractors, confidence, *how)
+    how = (confidence, job.complete, tuple(job.notes()), job.checked, job.error)
+    return BasinShares(system, room, job.states, labels, attractors, *how)

@@ -64,7 +64,7 @@ Report = Callable[[BasinChunk, Pace], object]
 """Called with each chunk when it is done, and how far the job has come."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Piece:
     """Some of the states, and what is known of the attractors."""
 

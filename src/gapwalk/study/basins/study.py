@@ -11,6 +11,7 @@ from gapwalk.study.basins.finding import BasinFinding
 from gapwalk.study.basins.store import basins_of
 from gapwalk.study.basins.study_options import BasinStudyOptions
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.store.cell_store import parted
 
 
@@ -20,7 +21,8 @@ def work_basins(
     """Find the basins; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, BasinStudyOptions)
-    found = basins(
+    found = found_by(
+        basins,
         study.system,
         options.plane,
         options.resolution,

@@ -16,12 +16,13 @@ from gapwalk.bifurcation.search import Progress, SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import ModelError, NumericalError
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.study.interruption import found_by
 from gapwalk.study.work.workers import Workers, workers
 
 _MOST = 100_000  # of any count
@@ -81,6 +82,13 @@ class Growth(NamedTuple):
     diagram: Diagram
     finished: bool
 
+    @property
+    def whole(self) -> Diagram:
+        """The diagram; Interrupted, with the diagram, after Ctrl-C."""
+        if not self.finished:
+            raise Interrupted(self.diagram)
+        return self.diagram
+
 
 @dataclass(frozen=True)
 class _Piece:
@@ -111,7 +119,7 @@ def diagram(
     """The tree of branches over a range of one parameter: P1, P2, P4, ... to the longest period asked for.
 
     Each branch comes once: one that is met from both of its ends is walked from the first, and orbits that differ by a
-    shift of whole forcing periods are the same orbit. Ctrl-C ends the work and keeps what there is.
+    shift of whole forcing periods are the same orbit.
 
     Parameters
     ----------
@@ -134,9 +142,11 @@ def diagram(
         For an unknown parameter or a range that does not hold the start.
     ConvergenceError
         If no first orbit is found.
+    Interrupted
+        After Ctrl-C; its `found` is the diagram as far as it has come, from which `resume` goes on.
     """
     orbit = start if isinstance(start, Orbit) else find_orbit(system, period, start, method=method)
-    return grow(orbit, parameter, to, options, walk, method, report, resume).diagram
+    return grow(orbit, parameter, to, options, walk, method, report, resume).whole
 
 
 def empty_diagram(parameter: str, to: tuple[float, float]) -> Diagram:
@@ -233,7 +243,8 @@ class Grower:
         """
         result = self.diagram.search
         if result is None or not result.complete:
-            result = search(
+            result = found_by(
+                search,
                 system,
                 self.diagram.parameter,
                 self._search_values(),

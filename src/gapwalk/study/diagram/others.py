@@ -30,8 +30,7 @@ def find_others(
 ) -> Diagram:
     """Search for motions that hang together with no known branch, and follow all that is found.
 
-    What the search has covered, and what it may have missed, is in the `notes` of the diagram. Ctrl-C ends the work and
-    keeps what there is.
+    What the search has covered, and what it may have missed, is in the `notes` of the diagram.
 
     Parameters
     ----------
@@ -50,9 +49,11 @@ def find_others(
     ------
     ModelError
         For an unknown parameter, a value that is not allowed, or no value at which to search.
+    Interrupted
+        After Ctrl-C; its `found` is the diagram as far as it has come, from which `resume` goes on.
     """
     options = options or DiagramOptions(search_values=_VALUES)
-    return grow_others(system, parameter, to, known, options, walk, method, report, resume).diagram
+    return grow_others(system, parameter, to, known, options, walk, method, report, resume).whole
 
 
 def grow_others(

@@ -9,7 +9,7 @@ from contextlib import ExitStack, nullcontext
 from gapwalk.bifurcation.departure import directions
 from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
@@ -40,8 +40,7 @@ def family(
     """The response of one system, repeated for several values of a parameter, with the special points joined.
 
     Between two neighbouring members each special point is followed along its exact locus: to a special point of the
-    next member, to another one with which it meets and vanishes, or out of the range. Ctrl-C ends the work and keeps
-    what there is.
+    next member, to another one with which it meets and vanishes, or out of the range.
 
     Parameters
     ----------
@@ -73,6 +72,8 @@ def family(
         If the file is of something else, is being written by another run, or cannot be written.
     WorkError
         If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     over, options = Over.of(over), options or FamilyOptions()
     begin, end = (float(value) for value in to)
@@ -93,7 +94,7 @@ def family(
                 with workers(options.workers) if hands is None else nullcontext(hands) as found:
                     job.work(found, (lambda number, part: None) if store is None else store.add, report)
         except KeyboardInterrupt:
-            pass
+            raise Interrupted(job.family) from None
     return job.family
 
 

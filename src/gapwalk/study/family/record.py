@@ -51,7 +51,7 @@ class Strand:
         return all(joint.fate is Fate.JOINED for joint in self.joints)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Family(Shown):
     """The branches of one system along one parameter, repeated for several values of another one.
 

@@ -12,6 +12,7 @@ from gapwalk.study.family.record import Family
 from gapwalk.study.family.store import unpacked
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.store.cell_store import parted
 
 
@@ -21,7 +22,8 @@ def work_family(
     """Walk the members and join their special points; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, FamilyStudyOptions)
-    found = family(
+    found = found_by(
+        family,
         study.system,
         options.parameter,
         (options.begin, options.end),

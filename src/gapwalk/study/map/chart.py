@@ -16,7 +16,7 @@ Ranges = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of both parameters."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
     """The branches along the first parameter at one value of the second.
 
@@ -40,7 +40,7 @@ class Section:
             yield f"P{branch.period}-{counts[branch.period]}", branch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Map(Shown):
     """The loci in the plane of two parameters.
 

@@ -7,18 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.locus import Locus, follow_locus
 from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
-from gapwalk.errors import ModelError, NumericalError
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.identity import phases
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.diagram import DiagramOptions, grow
+from gapwalk.study.locus.which import Which
 from gapwalk.study.map.chart import Map, Ranges, Section
 from gapwalk.study.map.options import MapOptions
 from gapwalk.study.work.workers import Workers, workers
@@ -40,7 +42,7 @@ class _Cut:
     within: tuple[float, float]
     start: str | Sequence[float]
     period: int
-    options: DiagramOptions
+    options: DiagramOptions | None  # None: one branch, and none that leaves it
     walk: WalkOptions | None
     method: Method | None
 
@@ -84,7 +86,7 @@ def bifurcation_map(
     """All loci of folds, flips, Neimark-Sacker and grazing points that are met in the plane of two parameters.
 
     Branches are followed along the first parameter at several values of the second; each of their special points that
-    is on no locus yet begins one. Ctrl-C ends the work and keeps what there is.
+    is on no locus yet begins one.
 
     Parameters
     ----------
@@ -110,6 +112,8 @@ def bifurcation_map(
         For unknown or equal parameters, or empty ranges.
     NumericalError
         If a worker process dies.
+    Interrupted
+        After Ctrl-C; its `found` is the map as far as it has come, from which `resume` goes on.
     """
     options = options or MapOptions()
     if first == second:
@@ -129,7 +133,37 @@ def bifurcation_map(
             charter.add_sections(cuts, hands)
             charter.add_loci(hands)
     except KeyboardInterrupt:
-        return charter.chart
+        raise Interrupted(charter.chart) from None
+    return replace(charter.chart, complete=True)
+
+
+def chart_loci(
+    system: System,
+    first: str,
+    second: str,
+    to: Ranges,
+    which: Which,
+    *,
+    start: str | Sequence[float] = "settle",
+    period: int = 1,
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    report: Report | None = None,
+    resume: Map | None = None,
+) -> Map:
+    """The loci of some special points of one branch, as a map whose one section is that branch, at the system's values.
+
+    Parameters and errors are those of `bifurcation_map`.
+    """
+    ranges = (_range(system, first, to[0]), _range(system, second, to[1]))
+    cut = _Cut(system, first, second, ranges[0], start, period, None, walk, method)
+    options = MapOptions(sections=(system[second],), kinds=(which.kind,), workers=1)
+    charter = _Charter(resume or Map(first, second, ranges), options, walk, method, report)
+    try:
+        charter.add_sections([cut], Workers())
+        charter.add_loci(Workers(), which)
+    except KeyboardInterrupt:
+        raise Interrupted(charter.chart) from None
     return replace(charter.chart, complete=True)
 
 
@@ -159,17 +193,19 @@ class _Charter:
 
         hands.run(_follow_section, left, accept)
 
-    def add_loci(self, hands: Workers) -> None:
-        """Follow the loci that begin at the special points of the sections."""
+    def add_loci(self, hands: Workers, which: Which | None = None) -> None:
+        """Follow the loci that begin at the special points of the sections, or at some of them."""
         low, high = self.chart.within[0]
         specials = [
             (section.value, special)
             for section in self.chart.sections
             for branch in section.branches
-            for special in branch.special_points
+            for special in (branch.special_points if which is None else which.of(branch.special_points))
             # a fold between two points of a branch may lie just beyond the edge
             if special.kind in self.options.kinds and low <= special.value <= high
         ]
+        if which is not None and not specials:
+            self.chart = replace(self.chart, failures=(*self.chart.failures, _none_of(which, self.chart)))
         left = specials[self.chart.tried :]
         done = self.chart.tried
 
@@ -206,11 +242,31 @@ def _follow_section(cut: _Cut) -> _Found:
         orbit = find_orbit(system, cut.period, cut.start, method=cut.method)
     except NumericalError as error:
         return _Found(failures=(f"{where} no branch could be followed: {error}",))
+    if cut.options is None:
+        return _follow_alone(cut, orbit, where)
     grown, finished = grow(orbit, cut.first, cut.within, cut.options, cut.walk, cut.method)
     if not finished:
         raise KeyboardInterrupt  # a section counts only as a whole
     notes, failures = ([f"{where}: {text}" for text in texts] for texts in (grown.notes, grown.failures))
     return _Found(grown.branches, tuple(notes), tuple(failures))
+
+
+def _follow_alone(cut: _Cut, orbit: Orbit, where: str) -> _Found:
+    """Follow the branch through the first orbit of a section, and no other."""
+    try:
+        return _Found((follow(orbit, cut.first, cut.within, walk=cut.walk, method=cut.method),))
+    except NumericalError as error:
+        return _Found(failures=(f"{where} no branch could be followed: {error}",))
+
+
+def _none_of(which: Which, chart: Map) -> str:
+    """Why there is nothing to follow."""
+    found = [
+        f"{special.kind.value}{special.contact and f' of {special.contact}'} at {special.value:.8g}"
+        for branch in chart.branches
+        for special in branch.special_points
+    ]
+    return f"the branch has no {which.words}; it has {', '.join(found) or 'no special points'}"
 
 
 def _follow_piece(piece: _Piece) -> Locus | str:
@@ -244,7 +300,7 @@ def _lies_on_locus(locus: Locus, special: SpecialPoint, value: float, chart: Map
 
 
 def _are_alike(a: Orbit, b: Orbit) -> bool:
-    """Whether two orbits of neighbouring systems may be the same motion, begun at different forcing periods perhaps."""
-    states = stroboscopic(a)
+    """Whether two orbits of neighbouring systems may be the same motion, one begun later perhaps."""
+    states = phases(a)
     distance = float(np.abs(states - b.state).max(axis=1).min())
     return distance <= _ALIKE * magnitude(b.state, b.system)

@@ -1,4 +1,4 @@
-"""The study of a map: its sections and loci are stored one by one, and an interrupted run goes on."""
+"""The study of a map, or of a locus: its sections and loci are stored one by one, and an interrupted run goes on."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from contextlib import nullcontext
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.errors import NumericalError
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
+from gapwalk.study.locus.study_options import LocusStudyOptions
 from gapwalk.study.map.chart import Map, Section
-from gapwalk.study.map.charting import Report, bifurcation_map
+from gapwalk.study.map.charting import Report, bifurcation_map, chart_loci
 from gapwalk.study.map.read import StoredMap
 from gapwalk.study.map.store import MapStore
 from gapwalk.study.options import MapStudyOptions
@@ -29,7 +31,7 @@ def run_map(
     force: bool = False,
     report: Report | None = None,
 ) -> Result:
-    """Run the study of a map; parameters and errors as in `gapwalk.run`."""
+    """Run the study of a map, or of a locus; parameters and errors as in `gapwalk.run`."""
     options = study.options
     assert isinstance(options, MapStudyOptions)
     with nullcontext() if output is None else lock(output):
@@ -60,19 +62,12 @@ def _chart(
         if report is not None:
             report(chart, addition)
 
-    chart = bifurcation_map(
-        study.system,
-        options.parameter,
-        options.second.parameter,
-        options.within,
-        start=options.start,
-        period=options.period,
-        options=options.limits,
-        walk=options.walk,
-        method=options.method,
-        report=keep,
-        resume=known,
-    )
+    plane = (study.system, options.parameter, options.second.parameter, options.within)
+    begin = {"start": options.start, "period": options.period, "walk": options.walk, "method": options.method}
+    if isinstance(options, LocusStudyOptions):
+        chart = found_by(chart_loci, *plane, options.which, **begin, report=keep, resume=known)
+    else:
+        chart = found_by(bifurcation_map, *plane, **begin, options=options.limits, report=keep, resume=known)
     if not chart.sections:
         raise KeyboardInterrupt  # there is nothing to keep
     if chart.complete and not chart.branches:

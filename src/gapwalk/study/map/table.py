@@ -21,7 +21,8 @@ from gapwalk.study.store.plain import with_tuples
 from gapwalk.study.tables import BranchPart, Surroundings, Value, check_parameter, check_value
 
 
-def _has_a_locus(value: object) -> Kind:
+def has_a_locus(value: object) -> Kind:
+    """The kind of a special point that has a locus; a ValueError for anything else."""
     known = [kind.value for kind in KINDS]
     if isinstance(value, str) and value in known:
         return Kind(value)
@@ -58,18 +59,12 @@ class SecondPart(Part):
         return end
 
 
-class MapPart(BranchPart):
-    """The study ``kind = "map"``: all loci that bound regimes in the plane of two parameters."""
+class PlanePart(BranchPart):
+    """What the schemas of the studies in the plane of two parameters have in common."""
 
-    kind: Literal["map"]
     second: SecondPart = Field(
         description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'
     )
-    sections: CountOrValues | None = None
-    max_period: Count | None = None
-    kinds: Annotated[list[Annotated[Kind, BeforeValidator(_has_a_locus)]], Field(min_length=1)] | None = None
-    workers: Count | None = None
-    search: SearchPart | None = None
 
     @field_validator("second")
     @classmethod
@@ -77,6 +72,24 @@ class MapPart(BranchPart):
         if second.parameter == info.data.get("parameter"):
             raise ValueError(f"has the parameter {given(second.parameter)}, which is the first one; choose another")
         return second
+
+    @field_validator("shooting")
+    @classmethod
+    def _has_one_segment(cls, shooting: ShootingPart) -> ShootingPart:
+        if shooting.options().segments > 1:
+            raise ModelError(f"segments is {shooting.segments}; a locus is followed with one, so leave this out")
+        return shooting
+
+
+class MapPart(PlanePart):
+    """The study ``kind = "map"``: all loci that bound regimes in the plane of two parameters."""
+
+    kind: Literal["map"]
+    sections: CountOrValues | None = None
+    max_period: Count | None = None
+    kinds: Annotated[list[Annotated[Kind, BeforeValidator(has_a_locus)]], Field(min_length=1)] | None = None
+    workers: Count | None = None
+    search: SearchPart | None = None
 
     @field_validator("sections")
     @classmethod
@@ -88,13 +101,6 @@ class MapPart(BranchPart):
             if second is not None:
                 check_inside(sections, "sections", (second.begin, second.end))
         return sections
-
-    @field_validator("shooting")
-    @classmethod
-    def _has_one_segment(cls, shooting: ShootingPart) -> ShootingPart:
-        if shooting.options().segments > 1:
-            raise ModelError(f"segments is {shooting.segments}; a locus is followed with one, so leave this out")
-        return shooting
 
     @field_validator("search")
     @classmethod

@@ -18,21 +18,21 @@ _ARRAYS = ("regimes", "periods", "exponents", "peak_force", "impacts", "states")
 
 @dataclass(frozen=True)
 class RegimeFinding(Finding):
-    """A regime map; None until all is done, and how many of its chunks of cells are done."""
+    """A regime map, as far as it has come, and how many of its chunks of cells are done."""
 
-    regimes: Regimes | None
+    regimes: Regimes
     done: int
     total: int
 
     @property
-    def record(self) -> Regimes | None:
+    def record(self) -> Regimes:
         """The regime map."""
         return self.regimes
 
     @property
     def complete(self) -> bool:
         """Whether nothing is left to do."""
-        return self.regimes is not None and self.regimes.complete
+        return self.regimes.complete
 
     @property
     def stored(self) -> str:
@@ -42,14 +42,12 @@ class RegimeFinding(Finding):
     @property
     def notes(self) -> tuple[str, ...]:
         """What could not be done."""
-        return () if self.regimes is None else self.regimes.notes
+        return self.regimes.notes
 
     def document(self, points: bool) -> dict[str, Any]:
         """How many cells have each regime, and how far the words hold; with everything cell by cell if wanted."""
         found = self.regimes
         document: dict[str, Any] = {"chunks": {"done": self.done, "total": self.total}}
-        if found is None:
-            return document
         document |= {
             "plane": dict(zip((found.first, found.second), map(list, found.within), strict=True)),
             "resolution": list(found.resolution),
@@ -64,8 +62,7 @@ class RegimeFinding(Finding):
 
     def tables(self) -> Mapping[str, Callable[[], Rows]]:
         """What there is at each cell."""
-        found = self.regimes
-        return {} if found is None else {"cells": lambda: _cell_rows(found)}
+        return {"cells": lambda: _cell_rows(self.regimes)}
 
 
 def _cell_rows(found: Regimes) -> Iterator[list[object]]:

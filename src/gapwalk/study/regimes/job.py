@@ -66,7 +66,7 @@ Report = Callable[[RegimeChunk, Pace], object]
 """Called with each chunk when it is done, and how far the job has come."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """What a regime map is to be over.
 
@@ -120,7 +120,7 @@ class Plan:
         return self.system.at(dict(zip(self.names, pair.tolist(), strict=True)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Piece:
     """Some of the cells."""
 
@@ -159,11 +159,11 @@ class RegimeJob:
     def take(self, done: Iterable[RegimeChunk]) -> None:
         """Take over chunks of the same job that have been done already."""
         self._chunks.update({chunk.number: chunk for chunk in done})
+        for chunk in self._chunks.values():
+            self._note(chunk)
 
     def judge(self, hands: Workers, report: Report | None = None) -> None:
         """Judge all cells that have not been judged yet."""
-        for chunk in self._chunks.values():
-            self._note(chunk)
         values = self.plan.values
         pieces = [
             _Piece(number, self.plan, values[place])

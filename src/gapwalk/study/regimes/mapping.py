@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regimes import Regimes
-from gapwalk.errors import ModelError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.find import initial_state
@@ -85,7 +85,7 @@ def regimes(
 
     At the centre of each cell a motion is followed by the fast flow until it is known what it is. Those that seem
     quasi-periodic get another look with the exact flow, and a sample of all is classified by it, from where the motion
-    has come to. Ctrl-C ends the work and keeps what there is.
+    has come to.
 
     Parameters
     ----------
@@ -116,6 +116,8 @@ def regimes(
         If the file is of something else, is being written by another run, or cannot be written.
     WorkError
         If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     check_system(system, "regimes")
     options = options or RegimeMapOptions()
@@ -145,11 +147,11 @@ def regimes(
             with nullcontext(hands) if hands is not None else workers(options.workers) as crew:
                 job.judge(crew, keep)
                 job.check(crew, options.check, options.seed)
-                job.complete = True
         except KeyboardInterrupt:
-            pass
+            raise Interrupted(job.record()) from None
+        job.complete = True
         found = job.record()
-        if store is not None and found.complete:
+        if store is not None:
             store.finish(regime_arrays(found))
     return found
 

@@ -19,7 +19,7 @@ from gapwalk.study.finding import Finding, Rows, plain_numbers
 from gapwalk.study.settle.study_options import SettleStudyOptions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SettleFinding(Finding):
     """Where a motion has settled.
 

@@ -91,6 +91,7 @@ _CHUNK_TABLES = (
 
 EXTRA_TABLES: dict[str, tuple[str, ...]] = {
     "map": _MAP_TABLES,
+    "locus": _MAP_TABLES,
     **dict.fromkeys(("family", "settle", "sweep", "basins", "regimes"), _CHUNK_TABLES),
 }
 """The tables that only some kinds of study have, by kind."""

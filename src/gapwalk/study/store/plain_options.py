@@ -17,6 +17,7 @@ _HOMES = {
     "response": "options.ResponseOptions",
     "diagram": "options.DiagramStudyOptions",
     "map": "options.MapStudyOptions",
+    "locus": "locus.study_options.LocusStudyOptions",
     "family": "family.study_options.FamilyStudyOptions",
     "settle": "settle.study_options.SettleStudyOptions",
     "sweep": "sweep.study_options.SweepStudyOptions",

@@ -20,7 +20,7 @@ BLOCK = 20
 """Values in a stretch: one piece of work, and what a killed run loses at most of each lane."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lane:
     """One start of a sweep, taken one way.
 
@@ -42,7 +42,7 @@ class Lane:
         return f"Lane({self.way}, start {self.start})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sweep(Shown):
     """The settled motions over a parameter.
 

@@ -16,7 +16,7 @@ from gapwalk.study.sweep.transient import Patience, let_settle
 from gapwalk.study.sweep.wandering import wandering_words
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
     """What is to be done: one piece of work.
 
@@ -62,7 +62,7 @@ class Task:
     seed: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stretch:
     """What was seen at the values of a stretch, in the order in which they were visited.
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 
 from gapwalk.study.file import Study
+from gapwalk.study.interruption import found_by
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.finding import SweepFinding
 from gapwalk.study.sweep.record import stretches_of
@@ -21,7 +22,8 @@ def work_sweep(
     options = study.options
     assert isinstance(options, SweepStudyOptions)
     to = (options.begin, options.end)
-    return SweepFinding(sweep(study.system, options.parameter, to, options=options.limits, report=report, output=shelf))
+    found = found_by(sweep, study.system, options.parameter, to, options=options.limits, report=report, output=shelf)
+    return SweepFinding(found)
 
 
 def read_sweep(study: Study, parts: Mapping[int, bytes]) -> SweepFinding:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 
+from gapwalk.errors import Interrupted
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.sweep.driver import Driver, Report
@@ -30,7 +31,7 @@ def sweep(
     """Drive a sweep over a range of one parameter.
 
     At each value the transient is let settle, for as long as it takes, and section points are recorded. The state is
-    carried over exactly to the next value, up to a tiny kick. Ctrl-C ends the work and keeps what there is.
+    carried over exactly to the next value, up to a tiny kick.
 
     Parameters
     ----------
@@ -57,6 +58,8 @@ def sweep(
         If the file is of something else, is being written by another run, or cannot be written.
     WorkError
         If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
     """
     check_system(system, "sweep")
     driver = Driver(system, parameter, to, options or SweepOptions())
@@ -76,7 +79,7 @@ def sweep(
                 with _crew(driver.options, hands) as found:
                     driver.drive(found, keep)
         except KeyboardInterrupt:
-            pass
+            raise Interrupted(driver.sweep()) from None
     return driver.sweep()
 
 
