@@ -13,7 +13,8 @@ from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
-from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.bifurcation.passage import pass_graze
+from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
@@ -108,6 +109,12 @@ class Trail(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
+                stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+                step = self._pass_graze(first) if stuck else None
+                if step is not None:
+                    return step
+                if stuck and self.walk.persist():
+                    continue
                 self._end_at_parent(before, first)
                 self._explain_small_step(first)
                 raise
@@ -180,6 +187,19 @@ class Trail(Iterator[Step]):
                 break
             ahead *= _NEARER
         return beside
+
+    def _pass_graze(self, first: BranchPoint) -> Step | None:
+        """The step over a graze at which the walk got stuck, because a stiff stop turns the branch within rounding."""
+        passage = pass_graze(self.departure.corrector, first)
+        if passage is None:
+            return None
+        self.walk.go_on(passage.point, 0.5 * passage.distance)
+        self.detector = Detector(self.departure.corrector)  # test functions may have jumped
+        neighbours, parameter = (first.value, passage.point.value), self.departure.equation.parameter or ""
+        special = [
+            with_nature(each, parameter, neighbours) if each.kind is Kind.FOLD else each for each in passage.special
+        ]
+        return self._until_parent(first, self._until_vertex(passage.point, special))
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

@@ -24,6 +24,9 @@ from gapwalk.orbit.equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
+_SHORT = (
+    2e-8  # step at which a walk first stops, for its owner to see whether there is another way on than shorter ones
+)
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -119,6 +122,7 @@ class Walk(Iterator[BranchPoint]):
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
+        self._least = max(options.smallest_step, _SHORT)
 
     @property
     def state(self) -> WalkState:
@@ -142,6 +146,19 @@ class Walk(Iterator[BranchPoint]):
         """End the walk at a point before the one that was yielded last."""
         self.point, self.end = last, end
 
+    def persist(self) -> bool:
+        """Go on with shorter steps where steps have become short; False if they are the smallest allowed."""
+        if self.step < self.options.smallest_step:
+            return False
+        self._least, self.end = self.options.smallest_step, None
+        return True
+
+    def go_on(self, point: BranchPoint, step: float) -> None:
+        """Go on from a point beyond the last one that was reached in another way, with the next step as given."""
+        self.previous, self.point, self.step = self.point, point, self._bounded(point, step)
+        self.count += 1
+        self.end, self._least = None, max(self.options.smallest_step, _SHORT)
+
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it proved wrong, and go on with shorter steps."""
         self.previous, self.point, self.count = state.previous, state.point, state.count
@@ -152,7 +169,7 @@ class Walk(Iterator[BranchPoint]):
     def _advance(self) -> BranchPoint | None:
         """The next point; None, with `end` set, if there is none."""
         while True:
-            if self.step < self.options.smallest_step:
+            if self.step < self._least:
                 detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
                 self.end = End(EndReason.STEP, self.point.value, detail)
                 return None
@@ -168,6 +185,8 @@ class Walk(Iterator[BranchPoint]):
                 return self._last_point(point)
             step = next_step(self.step, correction, _angle(self.point.tangent, point.tangent), self.options)
             self.step = self._bounded(point, step)
+            if self.step > 10.0 * _SHORT:
+                self._least = max(self.options.smallest_step, _SHORT)
             return point
 
     def _bounded(self, point: BranchPoint, step: float) -> float:
