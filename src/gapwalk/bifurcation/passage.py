@@ -25,12 +25,13 @@ from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.shooting import ShootingEquation
-from gapwalk.orbit.touch import LEAD, Held, TouchEquation, touches
+from gapwalk.orbit.touch import LEAD, Held, Touch, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
 _BEYOND = 5e-7  # arclength from the graze at which the walk goes on
 _GROWTH = 0.7  # of the logarithm of the depth from one orbit to the next
 _LEAST = 1e-16  # depth, in the scale of positions, that is nothing but rounding
+_BLUR = 1.5  # label up to which it is not known what happens first; depths are a few of the above there
 _ASIDE = 1e-9  # the same at which the depth is calibrated
 _SAME = 1e-2  # share by which the depths of touches differ at most that happen at once, in a symmetric motion
 _SAFETY = 4.0  # times the difference of two computations, of which neither is exact
@@ -57,19 +58,21 @@ class Passage(NamedTuple):
 
 
 def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
-    """The step from a point of a walk over the graze just ahead of it; None where there is none, or no way over it."""
+    """The step from a point of a walk over the graze beside it; None where there is none, or no way over it."""
     if not isinstance(corrector.equation, ShootingEquation):
         return None
-    try:
-        return _Corner(corrector, corrector.equation, point).passage()
-    except NumericalError:
-        return None
+    for at_once in (True, False):
+        try:
+            return _Corner(corrector, corrector.equation, point, at_once).passage()
+        except NumericalError:
+            continue
+    return None
 
 
 class _Corner:
     """The orbits about a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
 
-    def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint) -> None:
+    def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint, at_once: bool) -> None:
         self._corrector, self._equation, self._first = corrector, equation, point
         found = touches(point.orbit)
         if not found:
@@ -77,37 +80,40 @@ class _Corner:
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
-        self._touches = [
-            touch
-            for touch in found
-            if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
-        ]
+        self._touches = [first]
+        if at_once:
+            self._touches += [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
         self._free = math.copysign(1.0, first.acceleration)  # sign of the depth where the breakpoint is not passed
         self._posed = TouchEquation(equation, point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
-        if first.depth * self._way > 0.0 or abs(first.depth) * length_of(ahead) > _REACH:
-            raise ConvergenceError("no graze lies just ahead")
+        if abs(first.depth) * length_of(ahead) > _REACH:
+            raise ConvergenceError("no graze lies near")
         self._posed.calibrate(start, self._free * _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
 
+    @staticmethod
+    def _is_twin(touch: Touch, first: Touch, slack: float) -> bool:
+        """Whether two touches happen at once, in a symmetric motion."""
+        return abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
+
     def passage(self) -> Passage:
         """The step over the graze."""
-        begin = next(iter(self._held))
-        if begin >= 0.0:
-            raise ConvergenceError("the graze is passed already")
-        label = begin
-        while label < -_GROWTH:
-            label = min(label + self._growth(label), 0.0)
+        label = begin = next(iter(self._held))
+        while label < -_BLUR:
+            label = min(label + self._growth(label), -_BLUR)
             self._at(label)
         graze = self._at(0.0)
-        label, deepest = 0.0, abs(self._label(self._posed.deepest))
+        if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
+            raise ConvergenceError("the graze lies behind, and far enough")
+        label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
             label += self._growth(label)
-            self._at(label)
+        self._at(label)
+        self._nodes = sorted(known for known in self._points if known != 0.0)
         special = list(self._special(begin, label))
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
@@ -138,53 +144,70 @@ class _Corner:
 
     def _placed(self, label: float) -> BranchPoint:
         """The point at a label with its arclength, by the points that are known before it."""
-        labels = sorted(known for known in self._points if known <= label)
+        labels = sorted(known for known in self._points if next(iter(self._held)) <= known <= label)
         lengths = [length_of(self._points[b].x - self._points[a].x) for a, b in pairwise(labels)]
         return replace(self._points[label], arclength=self._first.arclength + sum(lengths), memo={})
 
     def _special(self, begin: float, end: float) -> Iterator[SpecialPoint]:
         """The special points between two labels, in order."""
-        found: list[tuple[float, Kind, str]] = [
-            (0.0, Kind.GRAZING, describe_switch(self._first.orbit, touch.switch)) for touch in self._touches
-        ]
+        found: list[tuple[float, Kind, str]] = []
+        if begin < 0.0:
+            names = [describe_switch(self._first.orbit, touch.switch) for touch in self._touches]
+            found = [(0.0, Kind.GRAZING, name) for name in names]
         for kind in BIFURCATIONS:
             found += [(label, kind, "") for label in self._zeros(kind)]
         vertices = [label for label, kind, _ in found if kind is Kind.BRANCH_POINT]
-        found = [
-            item
-            for item in found
-            if item[1] is not Kind.FOLD or not any(abs(item[0] - vertex) < _NEAR for vertex in vertices)
-        ]
-        found.sort(key=lambda item: item[0])
+        found = sorted(
+            (item for item in found if item[1] is not Kind.FOLD or all(abs(item[0] - v) > _NEAR for v in vertices)),
+            key=lambda item: item[0],
+        )
         marks = [begin, *(label for label, _, _ in found), end]
-        sides = [self._at(begin), *(self._at(0.5 * (a + b)) for a, b in pairwise(marks[1:-1])), self._at(end)]
+        sides = [
+            self._beside(begin),
+            *(self._beside(0.5 * (a + b)) for a, b in pairwise(marks[1:-1])),
+            self._beside(end),
+        ]
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             yield SpecialPoint(
                 kind, self._placed(label), before.instability, after.instability, self._error(kind, label), contact
             )
 
+    def _beside(self, label: float) -> BranchPoint:
+        """A point between special points; where these are nearer to the graze than can be told, one just before it."""
+        return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._free))
+
     def _zeros(self, kind: Kind) -> list[float]:
-        """The labels at which a test function vanishes: over so small a part of the branch it does so but once."""
+        """The labels at which a test function vanishes: over so small a part of the branch it does so but once.
+
+        What vanishes nearer to the graze than can be told does so where the breakpoint is passed.
+        """
         from scipy.optimize import brentq  # imported late: it takes long
 
-        labels = sorted(self._points)
-        changes = [(a, b) for a, b in pairwise(labels) if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
-        zeros = [float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP)) for a, b in changes]
-        return [zero for zero in zeros if is_genuine(kind, self._at(zero))]
+        nodes = pairwise(self._nodes)
+        changes = [(a, b) for a, b in nodes if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
+        zeros = []
+        for a, b in changes:
+            if a < 0.0 < b:
+                zeros.append(-1e-3 * self._way * self._free)
+                self._at(zeros[-1])
+                continue
+            zero = float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP))
+            if is_genuine(kind, self._at(zero)):
+                zeros.append(zero)
+        return zeros
 
     @cached_property
-    def _second(self) -> TouchEquation:
-        """The same orbits with shorter segments before the touches: a second opinion."""
+    def _second(self) -> tuple[TouchEquation, Held]:
+        """The same orbits with shorter segments before the touches, and one of them: a second opinion."""
         posed = TouchEquation(self._equation, self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
-        posed.calibrate(posed.at(self._first.orbit), self._free * _ASIDE * self._unit)
-        return posed
+        return posed, posed.calibrate(posed.at(self._first.orbit), self._free * _ASIDE * self._unit)
 
     def _error(self, kind: Kind, label: float) -> float:
-        """Estimated error of the parameter at a special point: how far that of the same orbit posed otherwise is off."""
+        """Estimated error of the parameter at a special point: by how much it differs where it is posed otherwise."""
         here, scale = self._at(label), float(self._corrector.scales[-1])
         try:
-            start = self._second.at(here.orbit)
-            other = self._point(self._second, self._second.hold(start, self._depth(label)))
+            second, start = self._second
+            other = self._point(second, second.hold(start, self._depth(label)))
             beside = self._at(label + _NEAR)
         except NumericalError:
             return math.inf

@@ -23,6 +23,7 @@ from gapwalk.motion.unit import magnitude
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
+_SHARP = 1e-6  # arclength of a step within which a graze is passed by its depth, not by the arclength
 _NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -110,7 +111,7 @@ class Trail(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
-                step = self._pass_graze(first) if stuck else None
+                step = self._pass_graze(state.walk) if stuck else None
                 if step is not None:
                     return step
                 if stuck and self.walk.persist():
@@ -118,6 +119,10 @@ class Trail(Iterator[Step]):
                 self._end_at_parent(before, first)
                 self._explain_small_step(first)
                 raise
+            if self._grazes_sharply(first, point):
+                step = self._pass_graze(state.walk)
+                if step is not None:
+                    return step
             doubt = self.departure.equation.doubt(point.orbit)
             if doubt:
                 self.walk.finish(first, End(EndReason.COARSE, first.value, doubt))
@@ -188,12 +193,19 @@ class Trail(Iterator[Step]):
             ahead *= _NEARER
         return beside
 
-    def _pass_graze(self, first: BranchPoint) -> Step | None:
-        """The step over a graze at which the walk got stuck, because a stiff stop turns the branch within rounding."""
+    def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Whether a contact grazes in so short a step that a stiff stop must have turned the branch there."""
+        short = point.arclength - first.arclength < _SHARP
+        beginning = first is self.first and self.departure.singular
+        return short and not beginning and first.orbit.closings != point.orbit.closings
+
+    def _pass_graze(self, state: WalkState) -> Step | None:
+        """The step over a graze from a state of the walk: a stiff stop turns the branch within rounding there."""
+        first = state.point
         passage = pass_graze(self.departure.corrector, first)
         if passage is None:
             return None
-        self.walk.go_on(passage.point, 0.5 * passage.distance)
+        self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.departure.corrector)  # test functions may have jumped
         neighbours, parameter = (first.value, passage.point.value), self.departure.equation.parameter or ""
         special = [

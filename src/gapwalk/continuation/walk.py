@@ -153,10 +153,10 @@ class Walk(Iterator[BranchPoint]):
         self._least, self.end = self.options.smallest_step, None
         return True
 
-    def go_on(self, point: BranchPoint, step: float) -> None:
-        """Go on from a point beyond the last one that was reached in another way, with the next step as given."""
-        self.previous, self.point, self.step = self.point, point, self._bounded(point, step)
-        self.count += 1
+    def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
+        """Go on from a point that was reached from a state in another way, with the next step as given."""
+        self.previous, self.point, self.step = state.point, point, self._bounded(point, step)
+        self.count = state.count + 1
         self.end, self._least = None, max(self.options.smallest_step, _SHORT)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:

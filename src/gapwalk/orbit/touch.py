@@ -1,11 +1,11 @@
 """Orbits that are about to touch a breakpoint, posed so that the stiffness beyond it does not matter.
 
 Where a deflection just touches the breakpoint of a stage of stiffness k, what the stage does to the motion grows with
-the depth d as ``k d^1.5``, and from depths of about 1/k on as its root. Newton's method in the state at theta = 0 sees a
-slope that comes from nowhere within a depth of 1/k^2, and goes to and fro over the breakpoint. So the depth that is to
-be reached is prescribed instead: a segment begins just before the touch, where the depth to which the motion would go
-unimpeded is an explicit and smooth function of the state. With the depth held, the impact is held too, and the rest of
-the equations is smooth.
+the depth d as ``k d^1.5``, and from depths of about 1/k on as its root. Newton's method in the state at theta = 0 sees
+a slope that comes from nowhere within a depth of 1/k^2, and goes to and fro over the breakpoint. So the depth that is
+to be reached is prescribed instead: a segment begins just before the touch, where the depth to which the motion would
+go unimpeded is an explicit and smooth function of the state. With the depth held, the impact is held too, and the rest
+of the equations is smooth.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from gapwalk.errors import ConvergenceError
 from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
@@ -32,6 +31,7 @@ _STEADY = 0.02  # share by which the acceleration may change from there to the t
 _SHORTEST = 1e-6  # radians before a touch below which its segment is of no use
 _ITERATIONS = 12
 _CALIBRATIONS = 2
+_UNEVEN = 0.1  # share by which the depths of touches that happen at once may differ
 _SETTLED = 1e-16  # length of a Newton step, in scaled variables, that changes nothing
 _ROUNDING = 1e-9  # the same where steps grow no shorter
 
@@ -121,7 +121,7 @@ class TouchEquation:
     near
         An orbit nearby.
     touches
-        The touches; the depth of the first is prescribed.
+        The touches, which all go to the same depth: more than one only where the motion is symmetric.
     scales : shape (N + 1,)
         Scales of the equation's unknowns, and of the parameter.
     lead
@@ -143,13 +143,13 @@ class TouchEquation:
     ) -> None:
         self._own, self._near = equation, near
         leads = [self._lead(touch, lead) for touch in touches]
-        full = PERIOD * equation.period
-        marks = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
-        self._posed = replace(equation, marks=tuple(marks))
-        self._segment, self._theta = self._posed.knots.index(marks[0]), marks[0]
-        self._gauge = _Gauge(layout_of(equation.system.structure), touches[0].switch)
-        self._switch, self._offset = touches[0].switch, 0.0
-        rate = coefficients_of(near.system)[0]
+        full, rate = PERIOD * equation.period, coefficients_of(near.system)[0]
+        self._thetas = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
+        self._posed = replace(equation, marks=tuple(self._thetas))
+        self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
+        self._switches = [touch.switch for touch in touches]
+        self._gauges = [_Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
+        self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
         )
@@ -160,10 +160,8 @@ class TouchEquation:
     def at(self, orbit: Orbit) -> Held:
         """An orbit of the equation as one of this."""
         value = orbit.system[self._own.parameter or ""]
-        states = self._posed.unknowns(orbit).reshape(-1, self._size)
-        coefficients, direction = self._posed.coefficients(value)
-        depth, _, _ = self._gauge.row(coefficients, direction, self._theta, states[self._segment])
-        return self._solve(states, value, depth + self._offset)
+        unknowns = np.append(self._posed.unknowns(orbit), value)
+        return self._solve(unknowns, float(self._depths(unknowns)[0][0]))
 
     def hold(self, start: Held, depth: float) -> Held:
         """The orbit with a prescribed depth near another.
@@ -177,7 +175,7 @@ class TouchEquation:
         if start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
             unknowns = unknowns + ahead * start.slope * self._scales
-        return self._solve(unknowns[:-1].reshape(start.states.shape), float(unknowns[-1]), depth)
+        return self._solve(unknowns, depth)
 
     def calibrate(self, start: Held, depth: float) -> Held:
         """Take what the acceleration changes before the touch into account, by the depth of an orbit that just misses.
@@ -188,14 +186,19 @@ class TouchEquation:
             An orbit nearby.
         depth
             A depth on that side on which the breakpoint is not passed.
+
+        Returns
+        -------
+        Held
+            The orbit with about that depth.
         """
         for _ in range(_CALIBRATIONS):
             start = self.hold(start, depth)
             unknowns, evaluation = self.evaluation(start)
-            turns = self._own.orbit(unknowns, start.value, evaluation).turning_depths[self._switch]
-            found = turns.values[turns.nearest(self._theta, PERIOD * self._own.period)]
-            self._offset += found - start.depth
-            start = start._replace(depth=found)
+            depths = self._own.orbit(unknowns, start.value, evaluation).turning_depths
+            for number, (switch, theta) in enumerate(zip(self._switches, self._thetas, strict=True)):
+                turns = depths[switch]
+                self._offsets[number] += turns.values[turns.nearest(theta, PERIOD * self._own.period)] - depth
         return start
 
     def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
@@ -225,34 +228,53 @@ class TouchEquation:
             lead /= 4.0
         raise ConvergenceError(f"there is too little time before the touch at theta = {touch.theta:.6g}")
 
-    def _solve(self, states: NDArray[np.float64], value: float, depth: float) -> Held:
-        """Newton's method for a prescribed depth, down to rounding.
+    def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
+        """Newton's method for a prescribed depth of all touches, down to rounding.
 
-        [ G_u         G_a       ] [ du ]     [ -G               ]
-        [ depth_u     depth_a   ] [ da ]  =  [ wanted depth - depth ]
+            [ G_u         G_a       ] [ du ]     [ -G                    ]
+            [ depths_u    depths_a  ] [ da ]  =  [ wanted depth - depths ]
+
+        In a symmetric motion there are as many more equations as there are touches at once, but not more conditions.
+        They make it regular even where another branch crosses, on which one touch is deeper than the other.
         """
-        unknowns, shape, before = np.append(states.ravel(), value), states.shape, np.inf
+        before = np.inf
         for _ in range(_ITERATIONS):
             value = float(unknowns[-1])
             evaluation = self._posed.evaluate(unknowns[:-1], value)
-            coefficients, direction = self._posed.coefficients(value)
-            states = unknowns[:-1].reshape(shape)
-            found, by_state, by_value = self._gauge.row(coefficients, direction, self._theta, states[self._segment])
             assert evaluation.by_parameter is not None
-            matrix = np.zeros((len(unknowns), len(unknowns)), order="F")
-            matrix[:-1, :-1], matrix[:-1, -1] = evaluation.by_unknowns, evaluation.by_parameter
-            matrix[-1, self._segment * self._size : (self._segment + 1) * self._size] = by_state
-            matrix[-1, -1] = by_value
-            right = np.zeros((len(unknowns), 2), order="F")
-            right[:-1, 0], right[-1, 0], right[-1, 1] = -evaluation.residual, depth - self._offset - found, 1.0
-            _, _, steps, singular = lapack.dgesv(matrix * self._scales, right)
+            depths, rows = self._depths(unknowns)
+            matrix = np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
+            right = np.zeros((len(matrix), 2))
+            right[:, 0] = np.append(-evaluation.residual, depth - depths)
+            right[len(unknowns) - 1 :, 1] = 1.0
+            steps = np.linalg.lstsq(matrix * self._scales, right, rcond=None)[0]
             length = float(np.linalg.norm(steps[:, 0]))
-            if singular or not length < 1.0:
+            if not length < 1.0:
                 break
             if length < _SETTLED or (length < _ROUNDING and length > 0.5 * before):
-                return Held(states, value, depth, evaluation, steps[:, 1])
+                self._check(right[:, 0], unknowns, depth)
+                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1])
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
-        raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {value:.12g}")
+        raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
+
+    def _check(self, left: NDArray[np.float64], unknowns: NDArray[np.float64], depth: float) -> None:
+        """See that all equations are fulfilled, though there may be more of them than unknowns."""
+        size = float(np.abs(unknowns[:-1]).max())
+        residual, depths = np.abs(left[: len(unknowns) - 1]).max(), np.abs(left[len(unknowns) - 1 :]).max()
+        if residual > self._own.tolerance * size or depths > _UNEVEN * abs(depth) + self._own.tolerance * size * 1e-3:
+            raise ConvergenceError("the touches do not go to the same depth at once")
+
+    def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The depth of each touch, and its derivatives by all unknowns and the parameter."""
+        coefficients, direction = self._posed.coefficients(float(unknowns[-1]))
+        depths, rows = self._offsets.copy(), np.zeros((len(self._gauges), len(unknowns)))
+        for number, (gauge, segment) in enumerate(zip(self._gauges, self._segments, strict=True)):
+            place = slice(segment * self._size, (segment + 1) * self._size)
+            depth, rows[number, place], rows[number, -1] = gauge.row(
+                coefficients, direction, self._thetas[number], unknowns[place]
+            )
+            depths[number] += depth
+        return depths, rows
 
 
 class _Gauge:
