@@ -83,14 +83,13 @@ class _Corner:
         self._touches = [first]
         if at_once:
             self._touches += [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
-        self._free = math.copysign(1.0, first.acceleration)  # sign of the depth where the breakpoint is not passed
         self._posed = TouchEquation(equation, point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
         if abs(first.depth) * length_of(ahead) > _REACH:
             raise ConvergenceError("no graze lies near")
-        self._posed.calibrate(start, self._free * _ASIDE * self._unit)
+        self._posed.calibrate(start, _ASIDE * self._unit)
         start = self._posed.at(point.orbit)
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
@@ -120,7 +119,7 @@ class _Corner:
 
     def _growth(self, label: float) -> float:
         """To the next orbit: where the breakpoint is not passed, nothing happens on the way."""
-        return _GROWTH if label * self._way * self._free < 0.0 else 3.0 * _GROWTH
+        return _GROWTH if label * self._way * self._posed.free < 0.0 else 3.0 * _GROWTH
 
     def _label(self, depth: float) -> float:
         return self._way * math.asinh(depth / (_LEAST * self._unit))
@@ -174,7 +173,7 @@ class _Corner:
 
     def _beside(self, label: float) -> BranchPoint:
         """A point between special points; where these are nearer to the graze than can be told, one just before it."""
-        return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._free))
+        return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._posed.free))
 
     def _zeros(self, kind: Kind) -> list[float]:
         """The labels at which a test function vanishes: over so small a part of the branch it does so but once.
@@ -188,7 +187,7 @@ class _Corner:
         zeros = []
         for a, b in changes:
             if a < 0.0 < b:
-                zeros.append(-1e-3 * self._way * self._free)
+                zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])
                 continue
             zero = float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP))
@@ -199,8 +198,12 @@ class _Corner:
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
         """The same orbits with shorter segments before the touches, and one of them: a second opinion."""
+        outermost = max(
+            self._points, key=lambda label: label * self._way * self._posed.free
+        )  # the easiest to begin from
+        orbit = self._points[outermost].orbit
         posed = TouchEquation(self._equation, self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
-        return posed, posed.calibrate(posed.at(self._first.orbit), self._free * _ASIDE * self._unit)
+        return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
 
     def _error(self, kind: Kind, label: float) -> float:
         """Estimated error of the parameter at a special point: by how much it differs where it is posed otherwise."""

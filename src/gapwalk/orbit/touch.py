@@ -154,6 +154,8 @@ class TouchEquation:
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
         )
         """Depth up to which a touch begins after its segment, by far."""
+        self.free = float(np.sign(touches[0].acceleration))
+        """Sign of the depths at which the breakpoint is not passed."""
         self._size = 2 * equation.system.size
         self._scales = np.append(np.tile(scales[: self._size], len(self._posed.knots) - 1), scales[-1])
 
@@ -171,11 +173,12 @@ class TouchEquation:
         NumericalError
             If there is none.
         """
-        unknowns = np.append(start.states.ravel(), start.value)
-        if start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
+        unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
+        if depth * self.free > 0.0:
+            ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
+        elif start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
-            unknowns = unknowns + ahead * start.slope * self._scales
-        return self._solve(unknowns, depth)
+        return self._solve(unknowns + ahead * start.slope * self._scales, depth)
 
     def calibrate(self, start: Held, depth: float) -> Held:
         """Take what the acceleration changes before the touch into account, by the depth of an orbit that just misses.
@@ -185,7 +188,7 @@ class TouchEquation:
         start
             An orbit nearby.
         depth
-            A depth on that side on which the breakpoint is not passed.
+            Size of a depth by which the breakpoint is missed.
 
         Returns
         -------
@@ -193,12 +196,12 @@ class TouchEquation:
             The orbit with about that depth.
         """
         for _ in range(_CALIBRATIONS):
-            start = self.hold(start, depth)
+            start = self.hold(start, self.free * depth)
             unknowns, evaluation = self.evaluation(start)
             depths = self._own.orbit(unknowns, start.value, evaluation).turning_depths
             for number, (switch, theta) in enumerate(zip(self._switches, self._thetas, strict=True)):
                 turns = depths[switch]
-                self._offsets[number] += turns.values[turns.nearest(theta, PERIOD * self._own.period)] - depth
+                self._offsets[number] += turns.values[turns.nearest(theta, PERIOD * self._own.period)] - start.depth
         return start
 
     def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
