@@ -29,12 +29,14 @@ from gapwalk.orbit.touch import LEAD, Held, Touch, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
 _BEYOND = 5e-7  # arclength from the graze at which the walk goes on
+_LITTLE = 1e-8  # arclength by which a step over a graze must lead on
 _GROWTH = 0.7  # of the logarithm of the depth from one orbit to the next
 _LEAST = 1e-16  # depth, in the scale of positions, that is nothing but rounding
 _BLUR = 1.5  # label up to which it is not known what happens first; depths are a few of the above there
 _ASIDE = 1e-9  # the same at which the depth is calibrated
 _SAME = 1e-2  # share by which the depths of touches differ at most that happen at once, in a symmetric motion
 _SAFETY = 4.0  # times the difference of two computations, of which neither is exact
+_FINEST = 1e-3  # to which special points of one kind are told apart, as a share of the depth
 _SHARP = 1e-9  # to which zeros are located, as a share of the depth
 _NEAR = 0.01  # the same over which a test function is straight
 
@@ -112,7 +114,8 @@ class _Corner:
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
             label += self._growth(label)
         self._at(label)
-        self._nodes = sorted(known for known in self._points if known != 0.0)
+        if length_of(self._at(label).x - self._first.x) < _LITTLE:
+            raise ConvergenceError("the graze is passed, but nothing is gained")
         special = list(self._special(begin, label))
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
@@ -153,13 +156,16 @@ class _Corner:
         if begin < 0.0:
             names = [describe_switch(self._first.orbit, touch.switch) for touch in self._touches]
             found = [(0.0, Kind.GRAZING, name) for name in names]
+        nodes = self._resolved(sorted(label for label in self._points if label != 0.0))
         for kind in BIFURCATIONS:
-            found += [(label, kind, "") for label in self._zeros(kind)]
+            found += [(label, kind, "") for label in self._zeros(kind, nodes)]
         vertices = [label for label, kind, _ in found if kind is Kind.BRANCH_POINT]
         found = sorted(
             (item for item in found if item[1] is not Kind.FOLD or all(abs(item[0] - v) > _NEAR for v in vertices)),
             key=lambda item: item[0],
         )
+        if not found:
+            return
         marks = [begin, *(label for label, _, _ in found), end]
         sides = [
             self._beside(begin),
@@ -175,15 +181,33 @@ class _Corner:
         """A point between special points; where these are nearer to the graze than can be told, one just before it."""
         return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._posed.free))
 
-    def _zeros(self, kind: Kind) -> list[float]:
+    def _resolved(self, nodes: list[float]) -> list[float]:
+        """Labels of orbits with more between where the number of unstable multipliers changes without a reason."""
+        resolved = nodes[:1]
+        for a, b in pairwise(nodes):
+            if (b - a > _FINEST and a * b > 0.0) and not self._is_explained(self._at(a), self._at(b)):
+                resolved += self._resolved([a, 0.5 * (a + b), b])[1:]
+            else:
+                resolved.append(b)
+        return resolved
+
+    @staticmethod
+    def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
+        """Whether the signs of test functions at two points may explain the unstable multipliers at both."""
+        signs = {kind: value(kind, a) * value(kind, b) < 0.0 for kind in BIFURCATIONS}
+        most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
+        change = abs(b.instability.total - a.instability.total)
+        return change <= most and (most - change) % 2 == 0
+
+    def _zeros(self, kind: Kind, nodes: list[float]) -> list[float]:
         """The labels at which a test function vanishes: over so small a part of the branch it does so but once.
 
         What vanishes nearer to the graze than can be told does so where the breakpoint is passed.
         """
         from scipy.optimize import brentq  # imported late: it takes long
 
-        nodes = pairwise(self._nodes)
-        changes = [(a, b) for a, b in nodes if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
+        pairs = pairwise(nodes)
+        changes = [(a, b) for a, b in pairs if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
         zeros = []
         for a, b in changes:
             if a < 0.0 < b:
