@@ -161,16 +161,14 @@ def test_a_walk_over_a_graze_can_be_stopped_and_resumed_before_and_after_it():
 
 @pytest.mark.parametrize("deflection", [{"a": 1.0}, {"a": 1.0, "b": -1.0}])
 def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_sides(deflection):
-    stop = Contact(
-        "stop", deflection, (Stage(1.0, 1e6, side=Side.POSITIVE),), damping=DampingLaw.HUNT_CROSSLEY, impact_damping=0.1
-    )
-    system = System(
-        ["a", "b"],
-        [[2.0, -1.0], [-1.0, 1.7]],
-        np.diag([0.05, 0.05]),
-        mass=np.diag([1.0, 1.3]),
-        contacts=[stop],
-        harmonics=[Harmonic(0.3, {"b": 1.0})],
-        frequency=4.0,
-    )
-    print(walk(system, 0.3).special_points)
+    stage = Stage(1.0, 1e6, side=Side.POSITIVE)
+    stop = Contact("stop", deflection, (stage,), damping=DampingLaw.HUNT_CROSSLEY, impact_damping=0.1)
+    stiffness, damping, mass = [[2.0, -1.0], [-1.0, 1.7]], np.diag([0.05, 0.05]), np.diag([1.0, 1.3])
+    harmonic = Harmonic(0.3, {"b": 1.0})
+    system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=4.0)
+    down, up = walk(system, 0.3).special_points, walk(system.at(frequency=0.3), 4.0).special_points[::-1]
+    assert [each.kind for each in down] == [each.kind for each in up]
+    assert sum(each.kind is Kind.GRAZING for each in down) >= 4
+    for a, b in zip(down, up, strict=True):
+        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        assert (a.before.total, a.after.total, a.nature) == (b.after.total, b.before.total, b.nature)
