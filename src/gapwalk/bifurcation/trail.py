@@ -19,11 +19,14 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
+from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.unit import magnitude
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
 _SHARP = 1e-6  # arclength of a step within which a graze is passed by its depth, not by the arclength
+_BEGINNING = 1e-4  # radians from the beginning of the period within which a contact begins or ends just there
+_BENT, _UNCHANGED = 1e-6, 1e-3  # the step over the bend, and the share by which multipliers may change meanwhile
 _NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
@@ -111,7 +114,7 @@ class Trail(Iterator[Step]):
                     before, first, state = None, self.walk.point, self.state
                     continue
                 stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
-                step = self._pass_graze(state.walk) if stuck else None
+                step = (self._pass_graze(state.walk) or self._pass_bend(state.walk)) if stuck else None
                 if step is not None:
                     return step
                 if stuck and self.walk.persist():
@@ -212,6 +215,26 @@ class Trail(Iterator[Step]):
             with_nature(each, parameter, neighbours) if each.kind is Kind.FOLD else each for each in passage.special
         ]
         return self._until_parent(first, self._until_vertex(passage.point, special))
+
+    def _pass_bend(self, state: WalkState) -> Step | None:
+        """The step over a bend from a state of the walk: where a contact begins or ends just as the period begins.
+
+        The state there runs along the motion, and that has a bend where a viscous force sets in. The motion itself is
+        as smooth along the branch as elsewhere, so its multipliers stay as they are.
+        """
+        first = state.point
+        full = PERIOD * first.orbit.period
+        if not any(min(event.theta, full - event.theta) < _BEGINNING for event in first.orbit.events):
+            return None
+        point = self.walk.bent_step(_BENT)
+        if point is None or first.orbit.closings != point.orbit.closings:
+            return None
+        off = np.abs(first.orbit.multipliers - point.orbit.multipliers).max()
+        if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
+            return None
+        self.walk.go_on(state, point, _BENT)
+        self.detector = Detector(self.departure.corrector)
+        return point, []
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

@@ -27,6 +27,8 @@ _BENT = 1e-4  # steps shorter than that tell of a branch that bends within a New
 _SHORT = (
     2e-8  # step at which a walk first stops, for its owner to see whether there is another way on than shorter ones
 )
+_FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
+_BEND = 1.3  # largest turn, in radians, at a bend
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -195,7 +197,12 @@ class Walk(Iterator[BranchPoint]):
         longest = self.options.largest_step * self.within.nearness(point.value)
         return longest / along if step * along > longest else step
 
-    def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
+    def bent_step(self, step: float) -> BranchPoint | None:
+        """The point a short step ahead where the branch may have a bend on the way; None if there is none."""
+        self.step = step
+        return self._try_step(_BEND, math.tan(_BEND))[1]
+
+    def _try_step(self, turn: float | None = None, far: float = _FAR) -> tuple[Correction | None, BranchPoint | None]:
         """The correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
@@ -203,20 +210,20 @@ class Walk(Iterator[BranchPoint]):
             correction = self.corrector.correct(guess, self.point.tangent, trust)
             if correction is None:
                 continue
-            point = self._accepted(correction)
+            point = self._accepted(correction, turn or self.options.largest_turn, far)
             if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
-    def _accepted(self, correction: Correction) -> BranchPoint | None:
+    def _accepted(self, correction: Correction, largest_turn: float, far: float) -> BranchPoint | None:
         """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
         chord = correction.x - self.point.x
         length = length_of(chord)
-        if correction.distance > 0.5 * self.step:
+        if correction.distance > far * self.step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length)
         turn = _angle(self.point.tangent, point.tangent)
-        if turn > self.options.largest_turn:
+        if turn > largest_turn:
             return None
         # on a smooth curve the chord lies between the tangents; off to one side, the point is on another branch
         along = chord / length

@@ -196,13 +196,14 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
 
 def composed(arcs: list[Arc]) -> Arc:
     """One arc after the other as one."""
-    state, transition, sensitivity, contacts, steps = arcs[0]
+    first = arcs[0]
+    transition, sensitivity = _transition(first), first.sensitivity
     for arc in arcs[1:]:
-        state, transition = arc.state, _transition(arc) @ transition
+        transition = _transition(arc) @ transition
         if sensitivity is not None:
             sensitivity = _transition(arc) @ sensitivity + _sensitivity(arc)
-        contacts, steps = contacts + arc.contacts, steps + arc.steps
-    return Arc(state, transition, sensitivity, contacts, steps)
+    contacts = [event for arc in arcs for event in arc.contacts]
+    return Arc(arcs[-1].state, transition, sensitivity, contacts, sum(arc.steps for arc in arcs))
 
 
 def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
