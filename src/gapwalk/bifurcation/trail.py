@@ -14,18 +14,23 @@ from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
-from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.bifurcation.passage import pass_graze
+from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.floquet import largest_move
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
 _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
+_SHARP = 1e-6  # arclength of a step within which a graze is passed by its depth, not by the arclength
+_BEGINNING = 1e-4  # radians from the beginning of the period within which a contact begins or ends just there
+_BENT, _UNCHANGED = 1e-6, 1e-3  # the step over the bend, and the share by which multipliers may change meanwhile
 _NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
 
 _SYMMETRIC, _LOST = 1e-6, 1e-4  # defects of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
@@ -125,9 +130,19 @@ class Trail(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
+                stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+                step = (self._pass_graze(state.walk) or self._pass_bend(state.walk)) if stuck else None
+                if step is not None:
+                    return step
+                if stuck and self.walk.persist():
+                    continue
                 self._end_at_parent(before, first)
                 self._explain_small_step(first)
                 raise
+            if self._grazes_sharply(first, point):
+                step = self._pass_graze(state.walk)
+                if step is not None:
+                    return step
             doubt = self.departure.equation.doubt(point.orbit)
             if doubt:
                 self.walk.finish(first, End(EndReason.COARSE, first.value, doubt))
@@ -235,6 +250,46 @@ class Trail(Iterator[Step]):
                 break
             ahead *= _NEARER
         return beside
+
+    def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Whether a contact grazes in so short a step that a stiff stop must have turned the branch there."""
+        short = point.arclength - first.arclength < _SHARP
+        beginning = first is self.first and self.departure.singular
+        return short and not beginning and first.orbit.closings != point.orbit.closings
+
+    def _pass_graze(self, state: WalkState) -> Step | None:
+        """The step over a graze from a state of the walk: a stiff stop turns the branch within rounding there."""
+        first = state.point
+        passage = pass_graze(self.departure.corrector, first)
+        if passage is None:
+            return None
+        self.walk.go_on(state, passage.point, 0.5 * passage.distance)
+        self.detector = Detector(self.departure.corrector)  # test functions may have jumped
+        neighbours, parameter = (first.value, passage.point.value), self.departure.equation.parameter or ""
+        special = [
+            with_nature(each, parameter, neighbours) if each.kind is Kind.FOLD else each for each in passage.special
+        ]
+        return self._until_parent(first, self._until_vertex(passage.point, special))
+
+    def _pass_bend(self, state: WalkState) -> Step | None:
+        """The step over a bend from a state of the walk: where a contact begins or ends just as the period begins.
+
+        The state there runs along the motion, and that has a bend where a viscous force sets in. The motion itself is
+        as smooth along the branch as elsewhere, so its multipliers stay as they are.
+        """
+        first = state.point
+        full = PERIOD * first.orbit.period
+        if not any(min(event.theta, full - event.theta) < _BEGINNING for event in first.orbit.events):
+            return None
+        point = self.walk.bent_step(_BENT)
+        if point is None or first.orbit.closings != point.orbit.closings:
+            return None
+        off = np.abs(first.orbit.multipliers - point.orbit.multipliers).max()
+        if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
+            return None
+        self.walk.go_on(state, point, _BENT)
+        self.detector = Detector(self.departure.corrector)
+        return point, []
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
         """The step, cut off where the branch joins the one that it branches off from.

@@ -147,11 +147,16 @@ class Corrector:
 
     def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
         """The branch point at `x` as it is, for places where Newton's method is ill-posed."""
+        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+        return self.evaluated(x, evaluation, tangent, arclength)
+
+    def evaluated(
+        self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float
+    ) -> BranchPoint:
+        """The branch point at `x`, of which evaluation and tangent are known."""
         value = float(x[-1] * self.scales[-1])
-        unknowns = x[:-1] * self._unknown_scales
-        evaluation = self.equation.evaluate(unknowns, value)
         determinant = self._determinant(evaluation, tangent)
-        orbit = self.equation.orbit(unknowns, value, evaluation)
+        orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
 
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:

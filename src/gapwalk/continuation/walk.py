@@ -25,6 +25,9 @@ from gapwalk.orbit.equation import Equation
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
 _BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a law of contact may make them, at a graze
+_SHORT = 2e-8  # step at which a walk first stops, so that its owner can look for another way on
+_FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
+_BEND = 1.3  # largest turn, in radians, at a bend
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -131,6 +134,7 @@ class Walk(Iterator[BranchPoint]):
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
         self.end: End | None = None
         self.rejected = 0
+        self._least = max(options.smallest_step, _SHORT)
 
     @property
     def state(self) -> WalkState:
@@ -154,6 +158,23 @@ class Walk(Iterator[BranchPoint]):
         """End the walk at a point before the one that was yielded last."""
         self.point, self.end = last, end
 
+    def persist(self) -> bool:
+        """Go on with shorter steps where steps have become short; False if they are the smallest allowed."""
+        if self.step < self.options.smallest_step:
+            return False
+        self._least, self.end = self.options.smallest_step, None
+        return True
+
+    def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
+        """Go on from a point that was reached from a state in another way, with the next step as given."""
+        self.previous, self.point, self.step = (
+            state.point,
+            point,
+            min(step, self._longest(point, self.options.largest_step)),
+        )
+        self.count = state.count + 1
+        self.end, self._least = None, max(self.options.smallest_step, _SHORT)
+
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it proved wrong, and go on with shorter steps."""
         self.previous, self.point, self.count = state.previous, state.point, state.count
@@ -164,7 +185,7 @@ class Walk(Iterator[BranchPoint]):
     def _advance(self) -> BranchPoint | None:
         """The next point; None, with `end` set, if there is none."""
         while True:
-            if self.step < self.options.smallest_step:
+            if self.step < self._least:
                 detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
                 self.end = End(EndReason.STEP, self.point.value, detail)
                 return None
@@ -185,6 +206,8 @@ class Walk(Iterator[BranchPoint]):
                 continue
             turn = max(_angle(self._tangent(self.point), self._tangent(point)), self.options.largest_turn * change)
             self.step = min(next_step(self.step, correction, turn, self.options), longest)
+            if self.step > 10.0 * _SHORT:
+                self._least = max(self.options.smallest_step, _SHORT)
             return point
 
     def _longest(self, point: BranchPoint, share: float) -> float:
@@ -214,7 +237,12 @@ class Walk(Iterator[BranchPoint]):
         """The tangent at a point, as a unit vector of that measure."""
         return _unit(self._weighed(point.tangent))
 
-    def _try_step(self) -> tuple[Correction | None, BranchPoint | None]:
+    def bent_step(self, step: float) -> BranchPoint | None:
+        """The point a short step ahead where the branch may have a bend on the way; None if there is none."""
+        self.step = step
+        return self._try_step(_BEND, math.tan(_BEND))[1]
+
+    def _try_step(self, turn: float | None = None, far: float = _FAR) -> tuple[Correction | None, BranchPoint | None]:
         """The correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
@@ -222,21 +250,23 @@ class Walk(Iterator[BranchPoint]):
             correction = self.corrector.correct(guess, self.point.tangent, trust)
             if correction is None:
                 continue
-            point = self._accepted(correction, guess)
+            point = self._accepted(correction, guess, turn or self.options.largest_turn, far)
             if point is not None or correction.distance <= _GOOD * self.step:
                 break
         return correction, point
 
-    def _accepted(self, correction: Correction, guess: NDArray[np.float64]) -> BranchPoint | None:
+    def _accepted(
+        self, correction: Correction, guess: NDArray[np.float64], largest_turn: float, far: float
+    ) -> BranchPoint | None:
         """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
         chord = correction.x - self.point.x
         step = self.step * length_of(self._weighed(self.point.tangent))
-        if length_of(self._weighed(correction.x - guess)) > 0.5 * step:
+        if length_of(self._weighed(correction.x - guess)) > far * step:
             return None
         point = self.corrector.point(correction, self.point.tangent, self.point.arclength + length_of(chord))
         first, last = self._tangent(self.point), self._tangent(point)
         turn = _angle(first, last)
-        if turn > self.options.largest_turn:
+        if turn > largest_turn:
             return None
         # on a smooth curve the chord lies between the tangents; off to one side, the point is on another branch
         along = _unit(self._weighed(chord))

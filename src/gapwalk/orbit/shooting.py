@@ -65,12 +65,15 @@ class ShootingEquation:
         m, forcing periods.
     options
         How to shoot.
+    marks
+        Angles at which further segments begin, besides those of the options: see `TouchEquation`.
     """
 
     system: System
     parameter: str | None = None
     period: int = 1
     options: Shooting = Shooting()
+    marks: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         check_period(self.period)
@@ -90,16 +93,12 @@ class ShootingEquation:
         FlowError
             If the motion runs away or chatters without end.
         """
-        coefficients, direction = self._coefficients(value)
-        size, count = 2 * self.system.size, self.options.segments
-        states, knots = unknowns.reshape(count, size), self._knots
-        if count == 1:
-            arc = self._flow.integrate(coefficients, unknowns, 0.0, knots[1], direction)
-            return Evaluation(arc.state - unknowns, _jacobian([arc], size), arc.sensitivity, [arc])
+        coefficients, direction = self.coefficients(value)
+        knots = self.knots
+        size, count = 2 * self.system.size, len(knots) - 1
+        states = unknowns.reshape(count, size)
         arcs = [self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)]
-        residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
-        by_parameter = None if direction is None else np.concatenate([_sensitivity(arc) for arc in arcs])
-        return Evaluation(residual, _jacobian(arcs, size), by_parameter, arcs)
+        return assembled(arcs, states)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """The orbit of a solution."""
@@ -117,13 +116,13 @@ class ShootingEquation:
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """The states of an orbit at the start of each segment."""
-        if self.options.segments == 1:
+        if len(self.knots) == 2:
             return orbit.state.copy()
         return self.spread(orbit.state, orbit.system)
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Positions in lengths, velocities in that times the frequency, divided among the degrees of freedom."""
-        size, segments = self.system.size, self.options.segments
+        size, segments = self.system.size, len(self.knots) - 1
         unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
         return np.tile(unit, segments) * np.sqrt(size * segments)
 
@@ -151,16 +150,16 @@ class ShootingEquation:
     def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
         """The states at the start of each segment on the motion from `state`, end to end."""
         system = self.system if system is None else system
-        states, knots = [np.asarray(state, dtype=float)], self._knots[:-1]
+        states, knots = [np.asarray(state, dtype=float)], self.knots[:-1]
         for start, stop in pairwise(knots):
             states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
         return np.concatenate(states)
 
     @cached_property
-    def _knots(self) -> list[float]:
+    def knots(self) -> list[float]:
         """Angles at which the segments begin, and the end."""
         count = self.options.segments
-        return [PERIOD * self.period * j / count for j in range(count + 1)]
+        return sorted([*(PERIOD * self.period * j / count for j in range(count + 1)), *self.marks])
 
     @cached_property
     def _line(self) -> ParameterLine:
@@ -176,10 +175,34 @@ class ShootingEquation:
     def _fixed(self) -> NDArray[np.float64]:
         return coefficients_of(self.system)
 
-    def _coefficients(self, value: float):
+    def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """The coefficients of the flow at one value of the parameter, and their derivative by it, if there is one."""
         if self.parameter is None:
             return self._fixed, None
         return self._line.coefficients(value)
+
+
+def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
+    """Residual and derivatives from the segments' arcs and the states at which they begin, shape (segments, 2n)."""
+    count, size = states.shape
+    if count == 1:
+        arc = arcs[0]
+        return Evaluation(arc.state - states[0], _jacobian(arcs, size), arc.sensitivity, arcs)
+    residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
+    by_parameter = None if arcs[0].sensitivity is None else np.concatenate([_sensitivity(arc) for arc in arcs])
+    return Evaluation(residual, _jacobian(arcs, size), by_parameter, arcs)
+
+
+def composed(arcs: list[Arc]) -> Arc:
+    """One arc after the other as one."""
+    first = arcs[0]
+    transition, sensitivity = _transition(first), first.sensitivity
+    for arc in arcs[1:]:
+        transition = _transition(arc) @ transition
+        if sensitivity is not None:
+            sensitivity = _transition(arc) @ sensitivity + _sensitivity(arc)
+    contacts = [event for arc in arcs for event in arc.contacts]
+    return Arc(arcs[-1].state, transition, sensitivity, contacts, sum(arc.steps for arc in arcs))
 
 
 def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:

@@ -1,0 +1,189 @@
+"""Walks past grazes at stiff stops, beside closed forms in extended precision."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from gapwalk.bifurcation import follow
+from gapwalk.bifurcation.departure import depart
+from gapwalk.bifurcation.trail import Trail
+from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+from gapwalk.orbit import find_orbit
+
+DAMPING, FORCE = 0.1, 0.3
+LONG = np.longdouble
+PI = LONG("3.14159265358979323846264338327950288")
+
+
+def oscillator(stiffness, side=Side.POSITIVE, law=DampingLaw.NONE, damping=0.0, frequency=4.0):
+    """A mass on a spring, with a stop on one side or on both."""
+    names = {DampingLaw.VISCOUS: "viscous_damping", DampingLaw.HUNT_CROSSLEY: "impact_damping"}
+    more = {"damping": law, names[law]: damping} if law in names else {}
+    stop = Contact("stop", {"x": 1.0}, (Stage(1.0, stiffness, side=side),), **more)
+    harmonic = Harmonic(FORCE, {"x": 1.0})
+    return System(["x"], [[1.0]], [[DAMPING]], contacts=[stop], harmonics=[harmonic], frequency=frequency)
+
+
+def walk(system, to, **options):
+    branch = follow(find_orbit(system), "frequency", to, **options)
+    assert branch.ends[-1].reason is EndReason.RANGE, str(branch.ends[-1])
+    return branch
+
+
+class Impacting:
+    """Motions of one mass that meet the stop once a period, pieced together from closed forms (law none or viscous).
+
+    With stops on both sides they are symmetric, and half a period tells all. They are told by the angle and the
+    velocity at which the stop is met: so the family is smooth, however stiff the stop is.
+    """
+
+    def __init__(self, stiffness, viscous=0.0, symmetric=False):
+        self.symmetric = symmetric
+        free = (LONG(DAMPING), LONG(1.0))
+        self.phases = (free, (free[0] + LONG(viscous), free[1] + LONG(stiffness)))
+        self.viscous = LONG(viscous)
+
+    def carry(self, phase, theta, x, v, time, frequency):
+        """State after a time, and its derivative by the state at the start.
+
+        The position x is that past the stop: x'' + c x' + k x = F cos(W t) - 1.
+        """
+        c, k = self.phases[phase]
+        gain = (k - frequency**2) ** 2 + (c * frequency) ** 2
+        cosine, sine = LONG(FORCE) * (k - frequency**2) / gain, LONG(FORCE) * c * frequency / gain
+
+        def steady(angle):
+            return (
+                cosine * np.cos(angle) + sine * np.sin(angle) - 1 / k,
+                frequency * (sine * np.cos(angle) - cosine * np.sin(angle)),
+            )
+
+        decay, ringing = c / 2, np.sqrt(k - c**2 / 4)
+        fall, co, si = np.exp(-decay * time), np.cos(ringing * time), np.sin(ringing * time) / ringing
+        transition = fall * np.array([[co + decay * si, si], [-k * si, co - decay * si]])
+        before, after = steady(theta), steady(theta + frequency * time)
+        return transition @ np.array([x - before[0], v - before[1]]) + np.array(after), transition
+
+    def residual(self, unknowns, sign):
+        """What is left of: in contact, then free, the motion repeats, with the product of mu + sign zero."""
+        theta, contact, frequency, v = unknowns
+        (x, w), inside = self.carry(1, theta, LONG(0), v, contact, frequency)
+        time = (1 if self.symmetric else 2) * PI / frequency - contact
+        (end, speed), outside = self.carry(0, theta + frequency * contact, x, w, time, frequency)
+        enter, leave = (np.array([[1, 0], [jump, 1]]) for jump in (-self.viscous, self.viscous))
+        around = outside @ leave @ inside @ enter
+        if self.symmetric:  # half a period later all is mirrored, and the other stop is met
+            end, speed, around = -end - 2, -speed, -around
+        determinant = around[0, 0] * around[1, 1] - around[0, 1] * around[1, 0]
+        return np.array([x / v, end, speed - v, 1 + sign * np.trace(around) + determinant])
+
+    def special(self, kind, orbit):
+        """Frequency of the fold or flip next to an orbit, by Newton's method."""
+        entry = next(event for event in orbit.events if event.enters and event.velocity > 0.0)
+        leave = next(event for event in orbit.events if not event.enters and event.velocity < 0.0)
+        frequency = orbit.system.frequency
+        contact = (leave.theta - entry.theta) % (2 * math.pi) / frequency
+        sizes = np.array([1.0, contact, 1.0, entry.velocity], dtype=LONG)
+        unknowns = np.array([entry.theta, contact, frequency, entry.velocity], dtype=LONG)
+        sign = -1 if kind is Kind.FOLD else 1
+        for _ in range(20):
+            residual = self.residual(unknowns, sign)
+            asides = np.diag(sizes * LONG(1e-7))
+            matrix = [(self.residual(unknowns + aside, sign) - residual) / LONG(1e-7) for aside in asides]
+            unknowns = unknowns - sizes * np.linalg.solve(np.array(matrix, dtype=float).T, residual.astype(float))
+        assert np.abs(self.residual(unknowns, sign)).max() < 1e-10
+        return float(unknowns[2])
+
+
+def grazing_frequencies():
+    """Where the amplitude of the linear motion is the clearance, 1, in closed form."""
+    middle = 1.0 - 0.5 * DAMPING**2
+    root = math.sqrt(middle**2 - 1.0 + FORCE**2)
+    return math.sqrt(middle - root), math.sqrt(middle + root)
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e6])
+@pytest.mark.parametrize(("law", "damping"), [(DampingLaw.NONE, 0.0), (DampingLaw.VISCOUS, 10.0)])
+@pytest.mark.parametrize("side", [Side.POSITIVE, Side.BOTH])
+def test_special_points_beyond_grazes_are_those_of_the_closed_form_from_both_sides(stiffness, law, damping, side):
+    exact = Impacting(stiffness, damping, symmetric=side is Side.BOTH)
+    down, up = (walk(oscillator(stiffness, side, law, damping, start), to) for start, to in ((4.0, 0.3), (0.3, 4.0)))
+    unstable = Kind.BRANCH_POINT if side is Side.BOTH else Kind.FLIP  # of the mirrored half period: it is -1 there
+    grazes = 1 if side is Side.POSITIVE else 2
+    assert [each.kind for each in down.special_points] == (
+        [Kind.GRAZING] * grazes + [Kind.FOLD, Kind.FOLD, unstable, unstable] + [Kind.GRAZING] * grazes
+    )
+    assert [each.kind for each in up.special_points] == [each.kind for each in down.special_points[::-1]]
+    for special in (*down.special_points, *up.special_points):
+        assert special.uncertainty < 1e-9
+        if special.kind is Kind.GRAZING:
+            assert min(abs(special.value - value) for value in grazing_frequencies()) < 3e-13
+        else:
+            assert abs(special.value - exact.special(special.kind, special.orbit)) < special.uncertainty + 1e-14
+
+
+def test_beyond_what_numbers_can_resolve_special_points_stand_at_the_graze():
+    """Past a graze at a stop of stiffness 1e8 the branch turns within a depth of 1e-16."""
+    branch, exact = walk(oscillator(1e8), 0.3), Impacting(1e8)
+    graze, fold, far_fold, far_flip, flip, other = branch.special_points
+    kinds = [Kind.GRAZING, Kind.FOLD, Kind.FOLD, Kind.FLIP, Kind.FLIP, Kind.GRAZING]
+    assert [each.kind for each in branch.special_points] == kinds
+    assert [graze.value, fold.value] == pytest.approx([grazing_frequencies()[1]] * 2, abs=3e-13)
+    assert [other.value, flip.value] == pytest.approx([grazing_frequencies()[0]] * 2, abs=3e-13)
+    for special in (far_fold, far_flip):
+        assert special.value == pytest.approx(exact.special(special.kind, special.orbit), abs=1e-10)
+
+
+@pytest.mark.parametrize("side", [Side.POSITIVE, Side.BOTH])
+def test_the_number_of_unstable_multipliers_is_explained_past_a_graze(side):
+    branch = walk(oscillator(1e6, side, DampingLaw.HUNT_CROSSLEY, 0.1), 0.3)
+    count = branch.points[0].instability.total
+    for special in branch.special_points:
+        assert special.before.total == count
+        count = special.after.total
+    assert branch.points[-1].instability.total == count
+
+
+def test_a_walk_over_a_graze_can_be_stopped_and_resumed_before_and_after_it():
+    orbit, options = find_orbit(oscillator(1e6)), WalkOptions()
+    whole = list(Trail(depart(orbit, "frequency", 0.3, -1), options))
+    passed = next(i for i, (_, special) in enumerate(whole) if special)
+    for stop in (passed, passed + 1, passed + 3):
+        trail = Trail(depart(orbit, "frequency", 0.3, -1), options)
+        steps = list(itertools.islice(trail, stop))
+        steps += list(Trail(depart(orbit, "frequency", 0.3, -1), options, trail.state))
+        assert [point.value for point, _ in steps] == [point.value for point, _ in whole]
+        assert [each.value for _, found in steps for each in found] == [each.value for _, f in whole for each in f]
+
+
+@pytest.mark.parametrize("deflection", [{"a": 1.0}, {"a": 1.0, "b": -1.0}])
+def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_sides(deflection):
+    stage = Stage(1.0, 1e6, side=Side.POSITIVE)
+    stop = Contact("stop", deflection, (stage,), damping=DampingLaw.HUNT_CROSSLEY, impact_damping=0.1)
+    stiffness, damping, mass = [[2.0, -1.0], [-1.0, 1.7]], np.diag([0.05, 0.05]), np.diag([1.0, 1.3])
+    harmonic = Harmonic(0.3, {"b": 1.0})
+    system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=4.0)
+    down, up = walk(system, 0.3).special_points, walk(system.at(frequency=0.3), 4.0).special_points[::-1]
+    assert [each.kind for each in down] == [each.kind for each in up]
+    assert sum(each.kind is Kind.GRAZING for each in down) >= 4
+    for a, b in zip(down, up, strict=True):
+        assert abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        assert (a.before.total, a.after.total, a.nature) == (b.after.total, b.before.total, b.nature)
+
+
+def test_an_impact_that_passes_the_beginning_of_the_period_leaves_no_trace():
+    """Where a viscous force sets in just as the period begins, the state there has a bend, but the motion has none."""
+    stage = Stage(1.0, 1e6, side=Side.POSITIVE)
+    stop = Contact("stop", {"a": 1.0}, (stage,), damping=DampingLaw.VISCOUS, viscous_damping=10.0)
+    stiffness, damping, mass = [[2.0, -1.0], [-1.0, 1.7]], np.diag([0.05, 0.05]), np.diag([1.0, 1.3])
+    found = []
+    for phase in (0.0, 1.0):  # radians: with the second the impact is nowhere near the beginning
+        harmonic = Harmonic(0.3, {"b": 1.0}, phase=phase)
+        system = System(["a", "b"], stiffness, damping, mass=mass, contacts=[stop], harmonics=[harmonic], frequency=0.6)
+        branch = walk(system, 0.9)
+        found.append([(each.kind, each.value) for each in branch.special_points])
+    assert [kind for kind, _ in found[0]] == [kind for kind, _ in found[1]]
+    assert [value for _, value in found[0]] == pytest.approx([value for _, value in found[1]], abs=1e-11)
