@@ -136,9 +136,9 @@ def load(path: str | os.PathLike[str]) -> Result:
     return read(path).result()
 
 
-def read(path: str | os.PathLike[str]) -> Stored:
-    """Everything in a result file; errors as `load`."""
-    with reading(path) as connection, undamaged(path):
+def read(path: str | os.PathLike[str], *, sealed: bool = True) -> Stored:
+    """Everything in a result file; errors as `load`, also where its checksum does not hold, unless not `sealed`."""
+    with reading(path, sealed=sealed) as connection, undamaged(path):
         about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM result")}
         try:
             return _read(connection, about)
