@@ -13,7 +13,7 @@ from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.study.family.record import Family
 from gapwalk.study.map.chart import Map
-from gapwalk.study.options import BranchOptions, DiagramStudyOptions, StudyOptions
+from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
 from gapwalk.study.store.database import close_whole, lock, open_to_write, seal_of, transaction
 from gapwalk.study.store.rows import write_about
@@ -113,21 +113,22 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
         case Result():
             found = _found(what)
             if isinstance(found, Branch):
-                low, high = sorted((what.study.walked.begin, what.study.walked.end))
-                verify_branches(ledger, [(f"P{found.period}-1", found)], report, (low, high))
-            elif isinstance(found, Diagram) and isinstance(what.options, DiagramStudyOptions):
-                _verify_diagram(ledger, found, report, what.options.max_period)
+                name, walked, first = f"P{found.period}-1", what.study.walked, found.points[0].value
+                low, high = sorted((walked.begin, walked.end))
+                verify_branches(ledger, [(name, found)], report, (low, high))
+                detail = "" if first == walked.begin else f"the study begins at {walked.begin:.10g}"
+                ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
             else:
                 _verify(ledger, found, report)
 
 
-def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None, max_period: int | None = None) -> None:
+def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) -> None:
     named = [(limb.name, limb.branch) for limb in diagram.limbs]
     verify_branches(ledger, named, report, diagram.within)
     verify_distinct(ledger, named)
     verify_tree(ledger, diagram)
     if diagram.complete:
-        verify_whole(ledger, diagram, max_period)
+        verify_whole(ledger, diagram)
 
 
 def _found(result: Result) -> Verifiable:

@@ -63,7 +63,7 @@ def verify_branches(
         if track.balanced:
             verify_balanced(ledger, name, track)
         verify_order(ledger, name, track.branch)
-        verify_ends(ledger, name, track.branch, within)
+        verify_ends(ledger, name, track, within)
         _verify_gaps(ledger, name, track)
         _verify_specials(ledger, name, track)
         ledger.points += len(track.branch.points)
@@ -176,8 +176,10 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
         size = len(special.point.x)
         if size not in opinions:
             opinions[size] = SecondOpinion(track.corrector(size))
-        before, after = _neighbours(special, track.branch)
-        sides = look(opinions[size], special, before, after)
+        branch = track.branch
+        next_to_it = _neighbours(special, branch, branch.points)
+        changes = _neighbours(special, branch, (branch.points[0], branch.points[-1]))
+        sides = look(opinions[size], special, next_to_it, changes)
         ledger.enter(Check.SIDES, spot, float(len(sides.faults)), "; ".join(sides.faults))
         if sides.before is not None and sides.after is not None:
             texts = list(nature_faults(track, opinions[size], special, sides.before, sides.after))
@@ -188,17 +190,17 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
             _enter_location(ledger, spot, special, sides.value)
 
 
-def _neighbours(special: SpecialPoint, branch: Branch) -> tuple[BranchPoint | None, BranchPoint | None]:
-    """The points or special points next to a special point, but for those at the same place.
+def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
+    """What is next to a special point on either side: other special points, but for those at the same place, or points.
 
     Where a motion is symmetric, both sides of a gap graze at once; between the two there is nothing to see.
     """
     others = (each for each in branch.special_points if each is not special and not _is_one_place(each, special))
-    knots = [*branch.points, *(each.point for each in others)]
+    knots = [*points, *(each.point for each in others)]
     here = special.point.arclength
     before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
     after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
-    return before, after
+    return [each for each in (before, after) if each is not None]
 
 
 def _is_one_place(a: SpecialPoint, b: SpecialPoint) -> bool:

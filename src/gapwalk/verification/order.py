@@ -14,12 +14,13 @@ from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError
+from gapwalk.verification.track import Track
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _SAME = 1e-9  # relative difference of two values of the parameter that are the same
 _CLOSED = 1e-5  # distance between the first and the last point of a closed branch
 _NEAR = 0.1  # distance of the halves of a motion from which a doubled branch may step onto its parent
-_VERTEX = 1e-2  # parameter component of the tangent where a branch turns round and joins another
+_CROSSING = 1e-6  # regularity of a point where branches cross; by a fold it is 1e-4 and more
 _BEYOND = 0.02  # of the scale of the parameter, by which a meeting may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
@@ -59,14 +60,15 @@ def _special_disorder(a: SpecialPoint, b: SpecialPoint) -> Iterator[str]:
         yield f"the {a.kind.value} is there twice"
 
 
-def verify_ends(ledger: Ledger, name: str, branch: Branch, within: tuple[float, float] | None) -> None:
+def verify_ends(ledger: Ledger, name: str, track: Track, within: tuple[float, float] | None) -> None:
     """Check where and why a branch begins and ends; `within` is the range over which it was followed, if known."""
+    branch = track.branch
     if len(branch.ends) != 2:
         ledger.enter(Check.ENDS, Spot(name, "its ends", math.nan), math.inf, f"{len(branch.ends)} ends are told of it")
         return
     for place, end in zip((0, -1), branch.ends, strict=True):
         number = 0 if place == 0 else len(branch.points) - 1
-        texts = list(_end_faults(branch, place, end, within))
+        texts = list(_end_faults(track, place, end, within))
         ledger.enter(
             Check.ENDS, Spot(name, f"point {number}", branch.points[place].value), float(len(texts)), "; ".join(texts)
         )
@@ -80,8 +82,8 @@ def verify_ends(ledger: Ledger, name: str, branch: Branch, within: tuple[float, 
                 ledger.enter(Check.ENDS, Spot(name, f"point {number}", point.value), 1.0, detail)
 
 
-def _end_faults(branch: Branch, place: int, end: End, within: tuple[float, float] | None) -> Iterator[str]:
-    point = branch.points[place]
+def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] | None) -> Iterator[str]:
+    branch, point = track.branch, track.branch.points[place]
     scale = abs(point.value / point.x[-1]) if point.x[-1] else 1.0
     same = _SAME * (abs(point.value) + scale)
     said = f'"{end.reason.value}, at {end.value:.10g}"'
@@ -103,7 +105,7 @@ def _end_faults(branch: Branch, place: int, end: End, within: tuple[float, float
         case EndReason.JOINED:
             if not abs(end.value - point.value) <= _BEYOND * (abs(point.value) + scale):
                 yield f"{said}, but the branch ends at {point.value:.10g}"
-            elif not _may_join(point):
+            elif not _may_join(track, point):
                 yield f"{said}, but no other branch is near its end"
         case EndReason.POINTS:
             count = sum(each.arclength * (-1.0 if place == 0 else 1.0) > 0.0 for each in branch.points)
@@ -119,11 +121,11 @@ def _apart(a: BranchPoint, b: BranchPoint) -> float:
     return float(np.abs(a.orbit.state - b.orbit.state).max()) / max(float(np.abs(a.orbit.state).max()), 1e-300)
 
 
-def _may_join(point: BranchPoint) -> bool:
-    """Whether a branch may join another here: it turns round at a vertex, or its motion nearly has half its period."""
-    if abs(float(point.tangent[-1])) < _VERTEX:
-        return True
+def _may_join(track: Track, point: BranchPoint) -> bool:
+    """Whether a branch may join another here: its motion nearly has half its period, or branches cross."""
     try:
-        return point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR
+        if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR:
+            return True
+        return track.regularity(point) < _CROSSING
     except NumericalError:
         return False

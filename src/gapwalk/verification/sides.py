@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,19 +47,41 @@ class Sides:
     after: BranchPoint | None = None
 
 
-def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | None, after: BranchPoint | None) -> Sides:
-    """Look at a special point from both sides; `before` and `after` are the points or special points next to it."""
-    reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
-    neighbours = [each for each in (before, after) if each is not None]
-    distances = [length_of(each.x - special.point.x) for each in neighbours if len(each.x) == len(special.point.x)]
-    reach = min([reach, *(_SHARE * distance for distance in distances)])
-    first = seen = _look(second, special, reach)
-    for _ in range(_NEARER if first.faults else 0):  # from afar more than this point may be seen
-        reach *= _SHARE
+def look(
+    second: SecondOpinion, special: SpecialPoint, next_to_it: Sequence[BranchPoint], changes: Sequence[BranchPoint]
+) -> Sides:
+    """Look at a special point from both sides.
+
+    Parameters
+    ----------
+    second
+        The branch, posed otherwise.
+    special
+        The special point.
+    next_to_it
+        The points or special points next to it.
+    changes
+        The special points, or ends of the branch, next to it: from beyond those something else would be seen.
+    """
+    from_afar = _reach(special, next_to_it)
+    reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
+    if special.kind is Kind.BRANCH_POINT:  # close to which no orbit can be held
+        reaches.insert(1, _reach(special, changes))
+    first = None
+    for reach in reaches:
         seen = _look(second, special, reach)
         if not seen.faults:
-            break
-    return first if seen.faults else seen
+            return seen
+        first = first or seen
+    assert first is not None
+    return first
+
+
+def _reach(special: SpecialPoint, others: Sequence[BranchPoint]) -> float:
+    """The arclength from which a special point is looked at, such that it is nearer than others."""
+    reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
+    distances = [length_of(each.x - special.point.x) for each in others if len(each.x) == len(special.point.x)]
+    return min([reach, *(_SHARE * distance for distance in distances)])
 
 
 def _look(second: SecondOpinion, special: SpecialPoint, reach: float) -> Sides:

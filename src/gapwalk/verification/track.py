@@ -73,6 +73,15 @@ class Track:
         width = abs(value) + float(scales[-1])
         return max(apart, abs(point.value - value) / width, abs(point.x[-1] * scales[-1] - value) / width)
 
+    def regularity(self, point: BranchPoint) -> float:
+        """How far a point is from a crossing of branches, where the derivatives lose rank: 0 at one, at most 1."""
+        corrector = self.corrector_at(point)
+        evaluation = corrector.equation.evaluate(point.x[:-1] * corrector.scales[:-1], point.value)
+        assert evaluation.by_parameter is not None
+        derivatives = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
+        sizes = np.linalg.svd(derivatives, compute_uv=False)
+        return float(sizes[-1] / sizes[0])
+
     def doubtful_residual(self, point: BranchPoint) -> float:
         """The residual that is stored of a point, in units of the largest with which a walk takes its last step."""
         residual = point.orbit.residual

@@ -33,49 +33,41 @@ def verify_distinct(ledger: Ledger, branches: Sequence[tuple[str, Branch]]) -> N
             ledger.enter(Check.TREE, spot, math.inf if same else 0.0, f"it is the branch {name} again" if same else "")
 
 
-def verify_whole(ledger: Ledger, diagram: Diagram, max_period: int | None) -> None:
-    """Check that a complete diagram lacks no branch.
-
-    Parameters
-    ----------
-    ledger
-        Where to enter it.
-    diagram
-        The diagram.
-    max_period
-        The longest period that was asked for; where it is not known, that of the branches that are there.
-    """
+def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
+    """Check that a complete diagram lacks no branch: none in the order of their names, none that leaves another."""
     counts: Counter[int] = Counter()
     for limb in diagram.limbs:
         counts[limb.period] += 1
         name = f"P{limb.period}-{counts[limb.period]}"
         detail = "" if limb.name == name else f"it is in the place of {name}, which is missing"
-        ledger.enter(Check.TREE, Spot(limb.name, "its name", math.nan), float(bool(detail)) and math.inf, detail)
-    longest = max_period or max(counts, default=1)
+        ledger.enter(Check.TREE, Spot(limb.name, "its name", math.nan), math.inf if detail else 0.0, detail)
+    if diagram.max_period is None:
+        ledger.note("whether branches are missing is not verified: it is not told how long periods were asked for")
+        return
     curves = {limb.name: Curve(limb.branch) for limb in diagram.limbs}
-    beyond = 0
     for limb in diagram.limbs:
         for index, special in enumerate(limb.branch.special_points):
-            if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT):
+            period = _period_beyond(limb, special)
+            if period is None or period > diagram.max_period or _is_told(diagram, limb, index):
                 continue
-            period = limb.period * (2 if special.kind is Kind.FLIP else 1)
-            if period > longest:
-                beyond += max_period is None
-                continue
-            if len(diagram.attached(limb.name, index)) >= (1 if special.kind is Kind.FLIP else 2):
-                continue
-            if any(f"{special.value:.10g}" in text for text in diagram.failures):
-                continue  # it is told
             fellows = [curves[each.name] for each in diagram.limbs if each.period == period]
             missing = _is_missing(diagram, limb, special, fellows)
             spot = Spot(limb.name, f"special point {index} ({special.kind.value})", special.value)
             detail = f"a branch of period {period} leaves it, and is not there"
             ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
-    if beyond:
-        ledger.note(
-            f"branches of more than {longest} periods are not there; whether they were asked for a diagram by itself "
-            "does not tell, the result of its study does"
-        )
+
+
+def _period_beyond(limb: Limb, special: SpecialPoint) -> int | None:
+    """The period of the branch that leaves a special point; None if none does."""
+    return {Kind.FLIP: 2 * limb.period, Kind.BRANCH_POINT: limb.period}.get(special.kind)
+
+
+def _is_told(diagram: Diagram, limb: Limb, index: int) -> bool:
+    """Whether all that leaves a special point is there, or the diagram says that it could not be walked."""
+    special = limb.branch.special_points[index]
+    leaving = 1 if special.kind is Kind.FLIP else 2
+    failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
+    return failed or len(diagram.attached(limb.name, index)) >= leaving
 
 
 def _is_missing(diagram: Diagram, limb: Limb, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:

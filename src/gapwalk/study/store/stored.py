@@ -199,5 +199,9 @@ def _diagram(options: DiagramStudyOptions, rows: list[Row], about: Any, search: 
         limbs.append(limb)
     low, high = sorted((options.begin, options.end))
     notes, failures = (tuple(str(text) for text in about.get(key, ())) for key in ("notes", "failures"))
-    diagram = Diagram(options.parameter, (low, high), tuple(limbs), bool(about["complete"]), notes, failures, search)
+    longest = about.get("max_period")
+    if longest is not None and not (isinstance(longest, int) and longest >= 1):
+        raise ValueError(f"its longest period is {longest!r}")
+    whole = (bool(about["complete"]), notes, failures, search, longest)
+    diagram = Diagram(options.parameter, (low, high), tuple(limbs), *whole)
     return StoredDiagram(diagram, bool(about["finished"]))
