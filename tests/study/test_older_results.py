@@ -2,7 +2,7 @@
 
 The files in tests/data/older were written by the commits that wrote such files, compressed: 1a by 5f23d35 (responses
 only), 1b by c30c5c1 (natures of special points), 1c by 932cd1e (diagrams), 1e by 89ad9f3 (maps, jobs over cells), 1f by
-fb87be4 (the last before families); 0 is a chunk store of 89ad9f3.
+fb87be4 (the last before families); 2 by 969a9b8 (the last before seals); 0 is a chunk store of 89ad9f3.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ def today() -> gw.Result:
     return gw.run(stop_study(largest_step=0.1))
 
 
-@pytest.mark.parametrize("name", ["1a-response", "1b-response"])
+@pytest.mark.parametrize("name", ["1a-response", "1b-response", "2-response"])
 def test_a_response_of_an_older_gapwalk_is_what_it_is_today(unpacked, today, name) -> None:
     path = unpacked(name)
     content = path.read_bytes()
@@ -59,7 +59,7 @@ def test_a_response_of_an_older_gapwalk_is_what_it_is_today(unpacked, today, nam
         [each.value for each in old.special_points], [each.value for each in new.special_points], rtol=1e-10
     )
     natures = [each.nature for each in old.special_points]
-    assert natures == [each.nature if name.startswith("1b") else "" for each in new.special_points]
+    assert natures == ["" if name.startswith("1a") else each.nature for each in new.special_points]
     assert (old.ends[0].value, old.ends[1].value) == pytest.approx((0.7, 1.9))
 
 
@@ -175,7 +175,7 @@ def test_a_change_of_the_tables_has_a_new_schema() -> None:
     texts = sorted(
         tables([*layout.TABLES, *(text for extra in layout.EXTRA_TABLES.values() for text in extra)]),
     )
-    assert (layout.SCHEMA, _figure(texts)) == (2, "920ea1e98ae8")
+    assert (layout.SCHEMA, _figure(texts)) == (3, "920ea1e98ae8")
     assert (chunk_store.SCHEMA, _figure(sorted(tables(chunk_store.TABLES)))) == (1, "b2786a323f23")
 
 

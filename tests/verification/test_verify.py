@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import sqlite3
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.study.store.codec import PointCodec
+from gapwalk.study.store.database import close_whole, open_to_write, transaction
 from gapwalk.study.store.rows import write_points, write_special_points
 from gapwalk.verification import verification_of
 from gapwalk.verification.carry import carry
@@ -269,13 +269,13 @@ def test_the_stated_error_of_a_balanced_point_is_that_of_its_truncation(branch):
 def rewrite(path, branch):
     """Store another branch in place of the one in a result file, as a damaged program might have."""
     codec = PointCodec(branch.system, branch.parameter, branch.period, len(branch.points[0].x))
-    connection = sqlite3.connect(path)
-    with connection:
+    connection = open_to_write(path)
+    with transaction(path, connection):
         for table in ("points", "special_point"):
             connection.execute(f"DELETE FROM {table}")
         write_points(connection, 1, codec, branch.points, 0)
         write_special_points(connection, 1, codec, branch.special_points, 0)
-    connection.close()
+    close_whole(path, connection)
 
 
 def test_the_command_passes_what_is_right(result, capsys):

@@ -51,13 +51,16 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 def _sign(kind: Kind, point: BranchPoint) -> int:
     size = value(kind, point)
-    if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is Kind.BRANCH_POINT and _is_singular(point)):
+    if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is not Kind.FLIP and _is_singular(point)):
         return 0
     return 1 if size > 0.0 else -1
 
 
 def _is_singular(point: BranchPoint) -> bool:
-    """Whether a point is itself a branch point, as the first of a branch that begins at another may be."""
+    """Whether a point is itself a branch point, as the first of a branch that begins at another may be.
+
+    Its tangent is one of two null vectors, known to some digits only.
+    """
     near = abs(point.orbit.multipliers - 1.0).min()
     return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
 

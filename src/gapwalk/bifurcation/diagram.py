@@ -103,6 +103,8 @@ class Diagram(Shown):
         What could not be walked, in sentences.
     search
         What the search for branches that are attached to no other has met; None if there was none.
+    max_period
+        The longest period of branches that were asked for; None where that is not told, as of a single branch.
     """
 
     parameter: str
@@ -112,6 +114,7 @@ class Diagram(Shown):
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
     search: SearchResult | None = None
+    max_period: int | None = None
 
     @property
     def branches(self) -> tuple[Branch, ...]:

@@ -11,8 +11,7 @@ from rich.table import Table
 from gapwalk.cli.console import console
 from gapwalk.cli.outcome import BROKEN, DONE, print_json, printable
 from gapwalk.cli.progress import VerifyProgress
-from gapwalk.study.store.stored import load
-from gapwalk.study.verify import verify
+from gapwalk.study.verify import verified_result
 from gapwalk.verification import Verification
 
 _SHOWN = 20  # breaches that are listed
@@ -20,9 +19,8 @@ _SHOWN = 20  # breaches that are listed
 
 def verify_file(path: Path, *, json: bool) -> int:
     """Verify a result file, and return the exit code."""
-    result = load(path)
     with VerifyProgress(str(path)) as progress:
-        found = verify(result, report=progress)
+        result, found = verified_result(path, progress)
     if json:
         print_json({"file": str(path), "complete": result.complete, **found.document()})
     else:

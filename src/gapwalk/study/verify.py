@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import chain
 
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.branch import Branch
@@ -13,10 +15,20 @@ from gapwalk.study.family.record import Family
 from gapwalk.study.map.chart import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
-from gapwalk.study.store.database import close_whole, lock, open_to_write, transaction
+from gapwalk.study.store.database import close_whole, lock, open_to_write, seal_of, transaction
 from gapwalk.study.store.rows import write_about
-from gapwalk.study.store.stored import load
-from gapwalk.verification import Ledger, Verification, verify_branches, verify_loci, verify_tree
+from gapwalk.study.store.stored import read
+from gapwalk.verification import (
+    Check,
+    Ledger,
+    Spot,
+    Verification,
+    verify_branches,
+    verify_distinct,
+    verify_loci,
+    verify_tree,
+    verify_whole,
+)
 from gapwalk.verification.verification import Advance
 
 Verifiable = Branch | Diagram | Map | Family | Result
@@ -43,13 +55,40 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     ModelError
         If there is nothing that can be verified, as in the result of a sweep.
     StoreError
-        If a file is no result, or damaged.
+        If a file is no result, or so damaged that it cannot be read. One that can be read, but was changed by something
+        else than gapwalk, is verified, and fails by its checksum.
+
+    Examples
+    --------
+    >>> found = gw.verify("clutch.gapwalk")
+    >>> found.ok, found.words
     """
     if isinstance(what, str | os.PathLike):
-        what = load(what)
+        return verified_result(what, report)[1]
+    if not isinstance(what, Verifiable):
+        raise ModelError(
+            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, a result, or the name of a "
+            'result file, as in gw.verify("clutch.gapwalk")'
+        )
     ledger = Ledger()
     _verify(ledger, what, report)
     return ledger.verification
+
+
+def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
+    """The result in a file, and what its verification finds; parameters and errors as in `verify`."""
+    ledger = Ledger()
+    is_sealed, fault = seal_of(path)
+    if is_sealed:
+        ledger.enter(Check.SEAL, Spot("the file", "its tables", math.nan), 1.0 if fault else 0.0, fault)
+    else:
+        ledger.note(
+            "the file was written by a gapwalk that made no checksum of all that it holds: its title, the text of its "
+            "model, its options and notes are not verified"
+        )
+    result = read(path, sealed=False).result()
+    _verify(ledger, result, report)
+    return result, ledger.verification
 
 
 def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
@@ -57,20 +96,39 @@ def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
         case Branch():
             verify_branches(ledger, [(f"P{what.period}-1", what)], report)
         case Diagram():
-            verify_branches(ledger, [(limb.name, limb.branch) for limb in what.limbs], report)
-            verify_tree(ledger, what)
+            _verify_diagram(ledger, what, report)
         case Map():
             sections = enumerate(what.sections, start=1)
-            named = [(f"S{number}-{name}", branch) for number, each in sections for name, branch in each.named]
-            verify_branches(ledger, named, report)
+            groups = [[(f"S{number}-{name}", branch) for name, branch in each.named] for number, each in sections]
+            verify_branches(ledger, list(chain.from_iterable(groups)), report, what.within[0])
+            for group in groups:
+                verify_distinct(ledger, group)
             verify_loci(ledger, list(zip(what.names, what.loci, strict=True)), report)
         case Family():
             for member in what.members:
                 named = [(f"{what.over.name} = {member.value:g}, {name}", branch) for name, branch in member.named]
-                verify_branches(ledger, named, report)
+                verify_branches(ledger, named, report, what.within)
+                verify_distinct(ledger, named)
             ledger.note("the joints between the members of a family are not verified, their branches are")
         case Result():
-            _verify(ledger, _found(what), report)
+            found = _found(what)
+            if isinstance(found, Branch):
+                name, walked, first = f"P{found.period}-1", what.study.walked, found.points[0].value
+                low, high = sorted((walked.begin, walked.end))
+                verify_branches(ledger, [(name, found)], report, (low, high))
+                detail = "" if first == walked.begin else f"the study begins at {walked.begin:.10g}"
+                ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
+            else:
+                _verify(ledger, found, report)
+
+
+def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) -> None:
+    named = [(limb.name, limb.branch) for limb in diagram.limbs]
+    verify_branches(ledger, named, report, diagram.within)
+    verify_distinct(ledger, named)
+    verify_tree(ledger, diagram)
+    if diagram.complete:
+        verify_whole(ledger, diagram)
 
 
 def _found(result: Result) -> Verifiable:

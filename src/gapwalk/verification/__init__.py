@@ -5,6 +5,7 @@ from gapwalk.verification.confirm import confirm
 from gapwalk.verification.locus import verify_loci
 from gapwalk.verification.tree import verify_tree
 from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification, verification_of
+from gapwalk.verification.whole import verify_distinct, verify_whole
 
 __all__ = [
     "Check",
@@ -16,6 +17,8 @@ __all__ = [
     "confirm",
     "verification_of",
     "verify_branches",
+    "verify_distinct",
     "verify_loci",
     "verify_tree",
+    "verify_whole",
 ]

@@ -43,6 +43,7 @@ def verify_balanced(ledger: Ledger, name: str, track: Track) -> None:
     ]
     for spot, point in (*points, *special):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
+        ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point))
         lines, astray = imbalance(_balanced(point.orbit))
         ledger.enter(Check.LINES, spot, lines)
         ledger.enter(Check.STAGES, spot, astray)

@@ -20,17 +20,42 @@ from gapwalk.verification.balanced import verify_balanced
 from gapwalk.verification.carry import Round, carry
 from gapwalk.verification.gaps import gap
 from gapwalk.verification.multipliers import distance, reshoot, spread
+from gapwalk.verification.nature import nature_faults
+from gapwalk.verification.order import verify_ends, verify_order
 from gapwalk.verification.sides import look
 from gapwalk.verification.track import Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 _EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
+_LEAST = 1e-16  # relative error of a parameter below which no number can state one
+_MANY, _MOST = (
+    1e4,
+    1e-4,
+)  # times what a special point is off, and share of the parameter, above which no error is stated
 _VARIED = 3.0  # times the variation of multipliers near by that may be between those of a point and its neighbour
+_ONE_PLACE = 1e-7  # arclength within which grazing points of two contacts may be one event of a symmetric motion
 _INTERPOLATED = 1e-9  # the same for that of a branch point, which is interpolated again
 
 
-def verify_branches(ledger: Ledger, branches: Sequence[tuple[str, Branch]], advance: Advance | None = None) -> None:
-    """Enter all that there is to check of some branches of one structure, by their names."""
+def verify_branches(
+    ledger: Ledger,
+    branches: Sequence[tuple[str, Branch]],
+    advance: Advance | None = None,
+    within: tuple[float, float] | None = None,
+) -> None:
+    """Enter all that there is to check of some branches of one structure, by their names.
+
+    Parameters
+    ----------
+    ledger
+        Where to enter it.
+    branches
+        The branches.
+    advance
+        Called with how far it has come.
+    within
+        The range over which they were followed, if it is known.
+    """
     tracks = [(name, Track(branch)) for name, branch in branches]
     _verify_orbits(ledger, [(name, track) for name, track in tracks if not track.balanced], advance)
     for done, (name, track) in enumerate(tracks):
@@ -38,6 +63,8 @@ def verify_branches(ledger: Ledger, branches: Sequence[tuple[str, Branch]], adva
             advance("branches", done, len(tracks))
         if track.balanced:
             verify_balanced(ledger, name, track)
+        verify_order(ledger, name, track.branch)
+        verify_ends(ledger, name, track, within)
         _verify_gaps(ledger, name, track)
         _verify_specials(ledger, name, track)
         ledger.points += len(track.branch.points)
@@ -64,7 +91,13 @@ def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance:
     report(0)
     for (spot, point, track), around in zip(every, carry(orbits, report), strict=True):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
+        _enter_residual(ledger, spot, track, point)
         verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point))
+
+
+def _enter_residual(ledger: Ledger, spot: Spot, track: Track, point: BranchPoint) -> None:
+    detail = f"its residual is stored as {point.orbit.residual:.3g}, with which no walk takes a point"
+    ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point), detail)
 
 
 def verify_orbit(
@@ -127,28 +160,54 @@ def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
 
 def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
     """Look at each special point from both sides."""
-    knots = sorted(track.knots, key=lambda point: point.arclength)
     opinions = {}
     for number, special in enumerate(track.branch.special_points):
         spot = Spot(name, f"special point {number} ({special.kind.value})", special.value)
         size = len(special.point.x)
         if size not in opinions:
             opinions[size] = SecondOpinion(track.corrector(size))
-        place = next(index for index, knot in enumerate(knots) if knot is special.point)
-        before = knots[place - 1] if place else None
-        after = knots[place + 1] if place + 1 < len(knots) else None
-        sides = look(opinions[size], special, before, after)
+        branch = track.branch
+        next_to_it = _neighbours(special, branch, branch.points)
+        changes = _neighbours(special, branch, (branch.points[0], branch.points[-1]))
+        sides = look(opinions[size], special, next_to_it, changes)
         ledger.enter(Check.SIDES, spot, float(len(sides.faults)), "; ".join(sides.faults))
-        if sides.value is None or not math.isfinite(special.uncertainty):
+        if sides.before is not None and sides.after is not None:
+            texts = list(nature_faults(track, opinions[size], special, sides.before, sides.after))
+            ledger.enter(Check.NATURE, spot, float(len(texts)), "; ".join(texts))
+        if sides.value is None or special.uncertainty == math.inf:
             ledger.leave_unlocated(spot)
         else:
             _enter_location(ledger, spot, special, sides.value)
+
+
+def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
+    """What is next to a special point on either side: other special points, but for those at the same place, or points.
+
+    Where a motion is symmetric, both sides of a gap graze at once; between the two there is nothing to see.
+    """
+    others = (each for each in branch.special_points if each is not special and not _is_one_place(each, special))
+    knots = [*points, *(each.point for each in others)]
+    here = special.point.arclength
+    before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
+    after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
+    return [each for each in (before, after) if each is not None]
+
+
+def _is_one_place(a: SpecialPoint, b: SpecialPoint) -> bool:
+    """Whether two contacts graze at once."""
+    both_graze = a.kind is b.kind is Kind.GRAZING and a.contact != b.contact
+    return both_graze and abs(a.point.arclength - b.point.arclength) < _ONE_PLACE
 
 
 def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: float) -> None:
     """Enter how far a special point is from where it was found again, in units of its error."""
     off = abs(found - special.value)
     width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
-    error = special.uncertainty + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
-    detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {special.uncertainty:.2g}"
-    ledger.enter(Check.LOCATION, spot, off / error, detail)
+    stated = special.uncertainty
+    error = stated + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
+    detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {stated:.2g}"
+    least, most = _LEAST * max(abs(special.value), width), max(_MANY * off, _MOST * (abs(special.value) + width))
+    if not least <= stated <= most:
+        detail = f"{detail}, which is {'less than rounding' if stated < least else 'far more than there is reason for'}"
+        error = 0.0
+    ledger.enter(Check.LOCATION, spot, off / error if error > 0.0 else math.inf, detail)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,8 @@ _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held
 _NODES = (-1.0, -0.75, -0.45, 0.45, 0.75, 1.0)  # where orbits beside a branch point are looked for, in reaches
 _REAL = 1e-6  # imaginary part of a root that is real but for rounding
 _SECANT = 1e-4  # arclength over which a test function is straight
-_SHARE = 0.4  # of the way to a neighbour
+_SHARE = 0.4  # of the way to a neighbour; also by which a special point is looked at from nearer
+_NEARER = 5  # times that this is done
 
 
 @dataclass(frozen=True)
@@ -36,18 +37,55 @@ class Sides:
         What is not as it is said to be, in sentences.
     value
         The parameter where its test function is zero; None where that cannot be told.
+    before, after
+        The motions on both sides of it, of the branch posed otherwise; None where they cannot be held.
     """
 
     faults: tuple[str, ...]
     value: float | None
+    before: BranchPoint | None = None
+    after: BranchPoint | None = None
 
 
-def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | None, after: BranchPoint | None) -> Sides:
-    """Look at a special point from both sides; `before` and `after` are the points or special points next to it."""
+def look(
+    second: SecondOpinion, special: SpecialPoint, next_to_it: Sequence[BranchPoint], changes: Sequence[BranchPoint]
+) -> Sides:
+    """Look at a special point from both sides.
+
+    Parameters
+    ----------
+    second
+        The branch, posed otherwise.
+    special
+        The special point.
+    next_to_it
+        The points or special points next to it.
+    changes
+        The special points, or ends of the branch, next to it: from beyond those something else would be seen.
+    """
+    from_afar = _reach(special, next_to_it)
+    reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
+    if special.kind is Kind.BRANCH_POINT:  # close to which no orbit can be held
+        reaches.insert(1, _reach(special, changes))
+    first = None
+    for reach in reaches:
+        seen = _look(second, special, reach)
+        if not seen.faults:
+            return seen
+        first = first or seen
+    assert first is not None
+    return first
+
+
+def _reach(special: SpecialPoint, others: Sequence[BranchPoint]) -> float:
+    """The arclength from which a special point is looked at, such that it is nearer than others."""
     reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
-    neighbours = [each for each in (before, after) if each is not None]
-    distances = [length_of(each.x - special.point.x) for each in neighbours if len(each.x) == len(special.point.x)]
-    reach = min([reach, *(_SHARE * distance for distance in distances)])
+    distances = [length_of(each.x - special.point.x) for each in others if len(each.x) == len(special.point.x)]
+    return min([reach, *(_SHARE * distance for distance in distances)])
+
+
+def _look(second: SecondOpinion, special: SpecialPoint, reach: float) -> Sides:
+    """What a special point looks like from one distance on both sides."""
     try:
         a, b = second.at(special.point, -reach), second.at(special.point, reach)
     except NumericalError as error:
@@ -59,8 +97,8 @@ def look(second: SecondOpinion, special: SpecialPoint, before: BranchPoint | Non
     if signs[0] * signs[1] > 0.0:
         return Sides((*faults, f"the test function of a {special.kind.value} keeps its sign"), None)
     if special.kind is Kind.BRANCH_POINT:
-        return Sides(tuple(faults), _interpolated(second, special, reach))
-    return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)))
+        return Sides(tuple(faults), _interpolated(second, special, reach), a, b)
+    return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)), a, b)
 
 
 def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import cast
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch import Branch
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two
 from gapwalk.orbit.balance import Balance, BalancedOrbit
@@ -19,6 +20,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
+_LOOSE = 10.0  # times the residual that a walk trusts which is allowed: states elsewhere may be larger
 _WAYS, _SEED = 3, 1995  # random directions of such a step
 
 
@@ -70,6 +72,26 @@ class Track:
         value = orbit.system[self.branch.parameter]
         width = abs(value) + float(scales[-1])
         return max(apart, abs(point.value - value) / width, abs(point.x[-1] * scales[-1] - value) / width)
+
+    def regularity(self, point: BranchPoint) -> float:
+        """How far a point is from a crossing of branches, where the derivatives lose rank: 0 at one, at most 1."""
+        corrector = self.corrector_at(point)
+        evaluation = corrector.equation.evaluate(point.x[:-1] * corrector.scales[:-1], point.value)
+        assert evaluation.by_parameter is not None
+        derivatives = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
+        sizes = np.linalg.svd(derivatives, compute_uv=False)
+        return float(sizes[-1] / sizes[0])
+
+    def doubtful_residual(self, point: BranchPoint) -> float:
+        """The residual that is stored of a point, in units of the largest with which a walk takes its last step."""
+        residual = point.orbit.residual
+        if not residual >= 0.0:
+            return math.inf
+        if self.balanced:
+            return 0.0 if math.isfinite(residual) else math.inf
+        size = max(float(np.abs(point.orbit.state).max()), float(np.abs(point.orbit.extremes[:, :2]).max()))
+        scales = self.corrector_at(point).scales[:-1]
+        return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
     def _corrector(self, count: int) -> Corrector:
         """The corrector of points with so many scaled variables."""

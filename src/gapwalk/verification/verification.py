@@ -17,7 +17,9 @@ Advance = Callable[[str, int, int], object]
 class Check(Enum):
     """What is checked: a name, a sentence, and the largest figure that passes."""
 
+    SEAL = ("seal", "the file is as gapwalk wrote it, by its checksum", 0.0)
     RECORD = ("record", "what is stored of a point agrees with itself", 1e-9)
+    RESIDUAL = ("residual", "the stored residual is one with which a walk takes a point", 1.0)
     CLOSURE = ("closure", "another integrator, carried once around, comes back", 1e-9)
     STAGES = ("stages", "the motion passes its breakpoints where it is said to, and nowhere else", 2e-6)
     EXTREMES = ("extremes", "largest and smallest positions are those of the other integrator", 1e-6)
@@ -27,10 +29,13 @@ class Check(Enum):
     # a walk knows the multipliers of a point some 1e-7 away; beside a grazing point they vary like a square root
     MULTIPLIERS = ("multipliers", "another number of segments gives the same multipliers", 3e-3)
     STABILITY = ("stability", "another number of segments gives the same number of unstable multipliers", 0.0)
+    ORDER = ("order", "points and special points follow one another along the branch, and none is there twice", 0.0)
     GAPS = ("gaps", "between two neighbouring points lie orbits of the same branch", 1.0)
     COUNTS = ("counts", "changes of stability, direction and contacts are explained by special points between", 0.0)
     SIDES = ("sides", "a special point is what it is said to be, seen from both sides", 0.0)
     LOCATION = ("location", "a special point is where it is said to be, in units of its stated error", 1.0)
+    NATURE = ("nature", "a fold opens, and a doubled branch leaves a flip, to the side that is told", 0.0)
+    ENDS = ("ends", "a branch begins and ends where it is said to, and for the reason that is told", 0.0)
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
     CONDITION = ("condition", "an orbit on a locus is on the verge of its bifurcation", 1e-5)
 
@@ -60,7 +65,7 @@ class Spot:
     item
         Which of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
     value
-        The parameter there.
+        The parameter there; nan where it is no place along the parameter.
     """
 
     branch: str
@@ -68,7 +73,8 @@ class Spot:
     value: float
 
     def __str__(self) -> str:
-        return f"{self.branch}, {self.item}, at {self.value:.10g}"
+        place = "" if math.isnan(self.value) else f", at {self.value:.10g}"
+        return f"{self.branch}, {self.item}{place}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +199,8 @@ def verification_of(plain: Any) -> Verification:
     """The same back from plain JSON values; any of KeyError, TypeError, ValueError if they are damaged."""
 
     def figure(check: Check, each: Any) -> Figure:
-        spot = Spot(str(each["branch"]), str(each["item"]), float(each["parameter"]))
+        value = math.nan if each["parameter"] is None else float(each["parameter"])
+        spot = Spot(str(each["branch"]), str(each["item"]), value)
         size = math.inf if each["size"] is None else float(each["size"])
         return Figure(check, spot, size, str(each["detail"] or ""))
 
@@ -258,7 +265,7 @@ def _plain(figure: Figure) -> dict[str, Any]:
     return {
         "branch": figure.spot.branch,
         "item": figure.spot.item,
-        "parameter": figure.spot.value,
+        "parameter": None if math.isnan(figure.spot.value) else figure.spot.value,
         "size": figure.size if math.isfinite(figure.size) else None,
         "detail": figure.detail or None,
     }

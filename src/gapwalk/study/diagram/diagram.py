@@ -205,7 +205,7 @@ class Grower:
         searching: Callable[[Progress], None] | None = None,
     ) -> None:
         # what could not be done before is tried again, and noted again
-        self.diagram = replace(known, notes=(), failures=(), complete=False)
+        self.diagram = replace(known, notes=(), failures=(), complete=False, max_period=options.max_period)
         self.options, self.walk, self.method = options, walk, method
         self.report, self.apart, self.searching = report, tuple(apart), searching
         self.truncated = False

@@ -60,6 +60,7 @@ class DiagramStore:
             "complete": diagram.complete,
             "notes": list(diagram.notes),
             "failures": list(diagram.failures),
+            "max_period": diagram.max_period,
         }
         write_about(connection, "diagram", state)
         if diagram.search is not None and diagram.search is not self._search:

@@ -13,7 +13,8 @@ from gapwalk.errors import StoreError
 from gapwalk.files import why_no_file
 from gapwalk.study.store.layout import EXTRA_TABLES, SCHEMA, TABLES
 from gapwalk.study.store.older import OLDER
-from gapwalk.study.store.trust import Format, tables
+from gapwalk.study.store.seal import SEALED, keep_sealed, seal_fault
+from gapwalk.study.store.trust import Format, check_types, schema_of, tables, undamaged
 
 APPLICATION = 0x67617077
 """What marks a SQLite file as a result of gapwalk: the letters gapw."""
@@ -37,8 +38,15 @@ def checksum(packed: tuple[bytes, bytes]) -> int:
 
 
 @contextmanager
-def reading(path: str | os.PathLike[str]) -> Iterator[sqlite3.Connection]:
+def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[sqlite3.Connection]:
     """One consistent look at a result file, even while another program writes it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    sealed
+        Whether it is refused if its checksum does not hold; a file from a gapwalk that made none has none.
 
     Raises
     ------
@@ -50,11 +58,26 @@ def reading(path: str | os.PathLike[str]) -> Iterator[sqlite3.Connection]:
         connection = _open_to_read(path)
         try:
             connection.execute("BEGIN")
-            if RESULT.check(path, connection) is not None:
+            older = RESULT.check(path, connection)
+            with undamaged(path):
+                check_types(connection)
+                if sealed and (fault := _seal_fault(connection)):
+                    raise ValueError(fault)
+            if older is not None:
                 connection = _renewed_copy(path, connection)
             yield connection
         finally:
             connection.close()
+
+
+def seal_of(path: str | os.PathLike[str]) -> tuple[bool, str]:
+    """Whether a result file has a checksum, and what is wrong with it, as a clause; errors as `reading`."""
+    with reading(path, sealed=False) as connection, undamaged(path):
+        return schema_of(connection) >= SEALED, _seal_fault(connection)
+
+
+def _seal_fault(connection: sqlite3.Connection) -> str:
+    return seal_fault(connection) if schema_of(connection) >= SEALED else ""
 
 
 def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
@@ -70,6 +93,7 @@ def create(path: str | os.PathLike[str], kind: str) -> sqlite3.Connection:
         connection.execute("BEGIN IMMEDIATE")
         for table in (*TABLES, *EXTRA_TABLES.get(kind, ())):
             connection.execute(table)
+        keep_sealed(connection, anew=True)
         return connection
 
 
@@ -80,7 +104,9 @@ def open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
         with transaction(path, connection):
+            is_sealed = schema_of(connection) >= SEALED
             RESULT.renew(path, connection)
+            keep_sealed(connection, anew=not is_sealed)
         return connection
 
 

@@ -1,6 +1,6 @@
 """The tables of a result file: those that every file has, and those of some kinds of study."""
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the tables below and of what stands in them; each change adds one, and a step in `older.py`."""
 
 # The one branch of a response goes on from its `state` unless it has `ends`. The branches of a diagram, or of the

@@ -136,9 +136,9 @@ def load(path: str | os.PathLike[str]) -> Result:
     return read(path).result()
 
 
-def read(path: str | os.PathLike[str]) -> Stored:
-    """Everything in a result file; errors as `load`."""
-    with reading(path) as connection, undamaged(path):
+def read(path: str | os.PathLike[str], *, sealed: bool = True) -> Stored:
+    """Everything in a result file; errors as `load`, also where its checksum does not hold, unless not `sealed`."""
+    with reading(path, sealed=sealed) as connection, undamaged(path):
         about = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM result")}
         try:
             return _read(connection, about)
@@ -199,5 +199,9 @@ def _diagram(options: DiagramStudyOptions, rows: list[Row], about: Any, search: 
         limbs.append(limb)
     low, high = sorted((options.begin, options.end))
     notes, failures = (tuple(str(text) for text in about.get(key, ())) for key in ("notes", "failures"))
-    diagram = Diagram(options.parameter, (low, high), tuple(limbs), bool(about["complete"]), notes, failures, search)
+    longest = about.get("max_period")
+    if longest is not None and not (isinstance(longest, int) and longest >= 1):
+        raise ValueError(f"its longest period is {longest!r}")
+    whole = (bool(about["complete"]), notes, failures, search, longest)
+    diagram = Diagram(options.parameter, (low, high), tuple(limbs), *whole)
     return StoredDiagram(diagram, bool(about["finished"]))

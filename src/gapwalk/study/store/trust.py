@@ -16,6 +16,9 @@ from gapwalk.errors import StoreError
 Tables = frozenset[str]
 """The texts of the tables of a file, without comments and spaces."""
 
+_TYPES = {"INTEGER": "integer", "REAL": "real", "TEXT": "text", "BLOB": "blob"}  # as declared, and as `typeof` tells
+_WORDS = {"integer": "an integer", "real": "a number", "text": "a text", "blob": "bytes", "null": "nothing"}
+
 
 @dataclass(frozen=True, slots=True)
 class Older:
@@ -76,7 +79,7 @@ class Format:
         (application,) = connection.execute("PRAGMA application_id").fetchone()
         if application != self.application:
             raise StoreError(f"{os.fspath(path)} {self.missing}")
-        (schema,) = connection.execute("PRAGMA user_version").fetchone()
+        schema = schema_of(connection)
         if schema > self.schema:
             raise StoreError(
                 f"{os.fspath(path)} was written by a newer gapwalk (its schema is {schema}); this is gapwalk "
@@ -96,8 +99,34 @@ class Format:
         while (older := self.check(path, connection)) is not None:
             with undamaged(path):
                 older.renew(connection)
-        if connection.execute("PRAGMA user_version").fetchone() != (self.schema,):
+        if schema_of(connection) != self.schema:
             connection.execute(f"PRAGMA user_version = {self.schema}")
+
+
+def schema_of(connection: sqlite3.Connection) -> int:
+    """The schema with which a file was written."""
+    (schema,) = connection.execute("PRAGMA user_version").fetchone()
+    return schema
+
+
+def check_types(connection: sqlite3.Connection) -> None:
+    """A ValueError if a column of a file holds something of another type than its table says.
+
+    SQLite itself does not mind: it keeps text in a column of numbers, and bytes in one of texts.
+    """
+    columns = connection.execute(
+        "SELECT m.name, c.name, c.type, c.[notnull] OR c.pk FROM sqlite_master AS m, pragma_table_info(m.name) AS c "
+        "WHERE m.type = 'table'"
+    ).fetchall()
+    for table, column, declared, needed in columns:
+        types = {_TYPES[declared]} if needed else {_TYPES[declared], "null"}
+        allowed = ", ".join(f"'{each}'" for each in sorted(types))
+        query = f"SELECT typeof([{column}]) FROM [{table}] WHERE typeof([{column}]) NOT IN ({allowed}) LIMIT 1"
+        for (wrong,) in connection.execute(query):
+            raise ValueError(
+                f"its table {table} has {_WORDS[wrong]} in the column {column}, where {_WORDS[_TYPES[declared]]} "
+                "should be"
+            )
 
 
 def tables(texts: Iterable[str]) -> Tables:
