@@ -24,6 +24,7 @@ from gapwalk.orbit.equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
+_NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is nothing beside the bend of the branch
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -181,7 +182,7 @@ class Walk(Iterator[BranchPoint]):
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
         for guess in ahead(self.previous, self.point, self.step):
-            correction = self.corrector.correct(guess, self.point.tangent, trust)
+            correction = self.corrector.correct(guess, self.point.tangent, trust, _NEAR * self.step)
             if correction is None:
                 continue
             point = self._accepted(correction)
