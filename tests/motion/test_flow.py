@@ -8,13 +8,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapwalk.errors import FlowError
-from gapwalk.model import Contact, DampingLaw, Stage, System
+from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of
 from tests.independent import integrate as reference
 from tests.systems import backlash_oscillator, clutch, linear, random_systems, viscous_stop
 
 STATE = np.array([1.5, 0.3, -0.4, 0.2])
+DAMPED = {"none": {}, "viscous": {"viscous_damping": 0.1}, "hunt-crossley": {"impact_damping": 0.2}}
 
 
 def advance(system, state, stop=PERIOD):
@@ -132,6 +133,48 @@ def test_a_start_at_rest_on_a_breakpoint_is_decided_by_the_acceleration():
     assert advance(pulled, state).state == pytest.approx(reference(pulled, state, max_step=0.01), abs=1e-8)
 
 
+@pytest.mark.parametrize("phase", [math.pi / 2, -math.pi / 2, 0.0])
+@pytest.mark.parametrize("clearance", [0.0, 1e-20, 1e-16, 1e-13])
+@pytest.mark.parametrize("law", ["none", "hunt-crossley", "viscous"])
+def test_a_mass_at_rest_leaves_a_gap_of_hardly_any_width(law, clearance, phase):
+    # under a sine its acceleration is zero at the start, or 3e-17 to the wrong side by rounding
+    contacts = [
+        Contact("c", {"x": 1.0}, (Stage(clearance, 3.0, 0.5),), None, DampingLaw(law), **DAMPED[law]),
+        Contact("d", {"x": 1.0}, (Stage(clearance, 0.4, side=Side.POSITIVE),)),
+    ]
+    load = [Harmonic(0.5, {"x": 1.0}, phase=phase)]
+    system = System(("x",), [[1.0]], [[0.1]], contacts=contacts, harmonics=load, frequency=1.3)
+    start = [0.0, 0.0]
+    assert advance(system, start).state == pytest.approx(reference(system, start, max_step=0.01), abs=1e-8)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-16])
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("masses", [2, 8])
+def test_a_mass_that_is_pushed_through_others_leaves_its_breakpoint(masses, side, clearance):
+    names = [f"q{i}" for i in range(masses)]
+    stiffness = 3.0 * (2 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1))
+    contact = Contact("c", {names[-1]: 1.0}, (Stage(clearance, 5.0, side=side),))
+    load = [Harmonic(0.5, {"q0": 1.0}, phase=math.pi / 2)]
+    system = System(names, stiffness, 0.02 * stiffness, contacts=[contact], harmonics=load, frequency=0.7)
+    start = np.zeros(2 * masses)
+    assert advance(system, start).state == pytest.approx(reference(system, start, max_step=0.05), abs=1e-8)
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-18, 1e-12, 1e-6])
+def test_a_large_motion_through_a_narrow_gap(clearance):
+    # rounding of the motion exceeds the gap, whose two breakpoints are then passed at once
+    def end(unit):
+        contact = Contact("c", {"x": 1.0}, (Stage(clearance * unit, 5.0),))
+        load = [Harmonic(0.5 * unit, {"x": 1.0}, phase=math.pi / 2)]
+        system = System(("x",), [[2.0]], [[0.1]], contacts=[contact], harmonics=load)
+        return advance(system, [0.0, 0.0], 4 * PERIOD).state / unit
+
+    once = end(1.0)
+    for unit in (1e-9, 1e6, 1e12):
+        assert end(unit) == pytest.approx(once, abs=1e-12)
+
+
 def test_staying_on_a_breakpoint_forever_ends():
     # no load at all: the mass rests on the edge of its gap, and nothing moves
     system = backlash_oscillator()
@@ -191,8 +234,7 @@ def test_work_of_one_period_does_not_grow():
 
 @pytest.mark.parametrize("law", ["none", "hunt-crossley", "viscous"])
 def test_a_gap_of_no_width_switches_both_sides_at_once(law):
-    damping = {"none": {}, "viscous": {"viscous_damping": 0.1}}.get(law, {"impact_damping": 0.2})
-    contact = Contact("c", {"x": 1.0}, (Stage(0.0, 2.0, 0.5),), None, DampingLaw(law), **damping)
+    contact = Contact("c", {"x": 1.0}, (Stage(0.0, 2.0, 0.5),), None, DampingLaw(law), **DAMPED[law])
     system = System(("x",), [[1.0]], [[0.1]], contacts=[contact], frequency=0.7)
     arc = advance(system, [0.5, 0.0])
     assert len(arc.contacts) >= 4

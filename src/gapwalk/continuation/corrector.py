@@ -18,6 +18,8 @@ TRUST = 1e-7
 """Residual from which the next Newton step is exact to rounding, with exact derivatives."""
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
+_CONTRACTION = 0.3  # of the step before: longer steps do not converge
+_ROUNDING = 1e-13  # length of a step that rounding alone can make
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
 _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size
 _ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
@@ -86,12 +88,20 @@ class Corrector:
         self._smallest = min(1.0, _largest(self._unknown_scales))  # unknowns below that count as nothing
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
 
-    def correct(self, guess: NDArray[np.float64], normal: NDArray[np.float64], trust: float = 0.0) -> Correction | None:
+    def correct(
+        self,
+        guess: NDArray[np.float64],
+        normal: NDArray[np.float64],
+        trust: float = 0.0,
+        near: float = math.inf,
+    ) -> Correction | None:
         """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
 
         Where the residual is within the tolerance, or within `trust` if that is larger, one more step is taken
         without looking, if it is short: it leaves about the square of the residual. So the point is exact to rounding,
         and the evaluation belongs to a point off by that step; `trust` serves where multipliers need no more digits.
+        A step that is longer than `near`, or not much shorter than the one before, is looked at all the same: where a
+        branch bends within 1e-10, a residual of 1e-10 says little, and what such a step leaves is not its square.
 
         Each step solves the bordered system
 
@@ -116,14 +126,15 @@ class Corrector:
             factors, pivots, steps, singular = lapack.dgesv(self._bordered(evaluation, normal), right)
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
-            if solved:
+            near_enough = near if not last else min(near, _CONTRACTION * last)
+            if solved and length <= max(near_enough, _ROUNDING):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
-            if size <= trust * scale and length < _TRUSTED:
+            if size <= trust * scale and length < min(_TRUSTED, near_enough):
                 course = self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None

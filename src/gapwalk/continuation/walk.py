@@ -28,6 +28,7 @@ _BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a l
 _SHORT = 2e-8  # step at which a walk first stops, so that its owner can look for another way on
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
 _BEND = 1.3  # largest turn, in radians, at a bend
+_NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is nothing beside the bend of the branch
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
@@ -247,7 +248,7 @@ class Walk(Iterator[BranchPoint]):
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
         for guess in ahead(self.previous, self.point, self.step):
-            correction = self.corrector.correct(guess, self.point.tangent, trust)
+            correction = self.corrector.correct(guess, self.point.tangent, trust, _NEAR * self.step)
             if correction is None:
                 continue
             point = self._accepted(correction, guess, turn or self.options.largest_turn, far)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
 _LATELY = 10 * COOLDOWN  # time within which a second event of a switch is an echo of the first
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
+_CLOSE = 1e-6  # relative distance of breakpoints of a contact within which rounding may make them one
 
 
 class ContactEvent(NamedTuple):
@@ -64,7 +66,7 @@ class Switchboard:
 
     def attach(self, integrator, columns: int) -> None:
         """Take hold of the integrator's state and parameters (live views), with `columns` sensitivity columns."""
-        self._state, self._parameters = integrator.state, integrator.pars
+        self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         if self.count:
             answer_events(self, integrator.t_events)
@@ -80,11 +82,12 @@ class Switchboard:
         self._speed = _SLOW * max(map(abs, state[self.n :]))
         depths = self._depths(state)
         self._inside = [depth > 0.0 for depth in depths]
-        for switch, depth in enumerate(depths):
-            if abs(depth) <= _ON * self._scales[switch]:
-                self._inside[switch] = self._heading(switch, theta) > 0.0
         self._parameters[self._first : self._first + self.count] = self._inside
         self._changed = [theta] * self.count
+        self._left = self._changed.copy()
+        near = self._are_near(depths, state, _ON)
+        if any(near):
+            self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
 
     def is_right(self) -> bool:
         """Whether no crossing was missed: each event changed its switch, and all switches are right at the end."""
@@ -92,10 +95,13 @@ class Switchboard:
             return False
         if not self.count:
             return True
-        depths = self._depths(self._state[: self.n].tolist())
+        state = self._state[: 2 * self.n].tolist()
+        depths = self._depths(state)
+        if [depth > 0.0 for depth in depths] == self._inside:
+            return True
+        near = self._are_near(depths, state, _NEAR)
         return all(
-            (depth > 0.0) is closed or abs(depth) <= _NEAR * scale
-            for depth, closed, scale in zip(depths, self._inside, self._scales, strict=True)
+            (depth > 0.0) is closed or close for depth, closed, close in zip(depths, self._inside, near, strict=True)
         )
 
     def _read_geometry(self, coefficients: NDArray) -> None:
@@ -114,11 +120,13 @@ class Switchboard:
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
 
     def _possible_twins(self, switch: int) -> tuple[int, ...]:
-        """The switches that may change at the same time: those of other contacts, and of the same breakpoint."""
+        """The switches that may change at the same time: those of other contacts, and of breakpoints close by."""
         contact, offset = self.equations.switches[switch][0], self._offsets[switch]
         others = enumerate(zip(self.equations.switches, self._offsets, strict=True))
         return tuple(
-            other for other, ((k, _), place) in others if other != switch and (k != contact or place == offset)
+            other
+            for other, ((k, _), place) in others
+            if other != switch and (k != contact or abs(place - offset) <= _CLOSE * self._scales[switch])
         )
 
     def _depths(self, positions: list[float]) -> list[float]:
@@ -128,6 +136,15 @@ class Switchboard:
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
         ]
 
+    def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
+        """Which breakpoints the motion is on, to a share of the size of the motion and of the breakpoint."""
+        size = self._size(state)
+        return [abs(depth) <= share * (scale + size) for depth, scale in zip(depths, self._scales, strict=True)]
+
+    def _size(self, state: list[float]) -> float:
+        """Size of the motion: of its deflections, now or a quarter of a period later."""
+        return max(*map(abs, state[: self.n]), float(self._coefficients[0]) * max(map(abs, state[self.n :])))
+
     def at_event(self, switch: int, theta: float) -> bool:
         """Flip a switch, at an event of its breakpoint; whether the integrator goes on."""
         if self._settle(switch, theta) and self._twins[switch]:
@@ -135,15 +152,20 @@ class Switchboard:
         self.event_limit -= 1
         return self.event_limit > 0
 
-    def _settle(self, switch: int, theta: float) -> bool:
-        """Set one switch for a motion on its breakpoint; whether that changes it."""
+    def _settle(self, switch: int, theta: float, reported: bool = True) -> bool:
+        """Set one switch for a motion on its breakpoint; whether that changes it.
+
+        An event that is reported and changes nothing tells that the one before it was missed.
+        """
+        if theta < self._left[switch]:
+            return False
         velocity = 0.0
         for i, factor in self._rate_rows[switch]:
             velocity += factor * self._state.item(i)
         before = self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
-            if inside is before and theta - self._changed[switch] > _LATELY:
+            if reported and inside is before and theta - self._changed[switch] > _LATELY:
                 self.missed += 1
         else:
             inside = self._after_touch(switch, velocity, theta)
@@ -162,11 +184,11 @@ class Switchboard:
         Of two events at one time the integrator reports one, and the other only if rounding leaves it a sign change:
         the two sides of a gap of no width, two equal contacts, a symmetric system.
         """
-        depths = self._depths(self._state[: self.n].tolist())
+        state = self._state[: 2 * self.n].tolist()
+        near = self._are_near(self._depths(state), state, _ON)
         for other in self._twins[switch]:
-            near = abs(depths[other]) <= _ON * self._scales[other]
-            if near and theta - self._changed[other] > _LATELY:
-                self._settle(other, theta)
+            if near[other] and theta - self._changed[other] > _LATELY:
+                self._settle(other, theta, reported=False)
 
     def _is_viscous_edge(self, contact: int, stage: int) -> bool:
         """Whether the force jumps at this breakpoint: the innermost stage of a viscously damped contact."""
@@ -176,13 +198,26 @@ class Switchboard:
         stages = layout.contacts[contact].stages
         return [other.sign for other in stages].index(stages[stage].sign) == stage
 
-    def _heading(self, switch: int, theta: float) -> float:
-        """Sign of the motion off the breakpoint, into the stage (+) or out of it (-): velocity, else acceleration."""
-        vector, sign = self._vectors[switch], self.signs[switch]
-        velocity = sign * float(vector @ self._state[self.n : 2 * self.n])
-        if abs(velocity) > 1e-15:
-            return velocity
-        return sign * float(vector @ self._acceleration(theta))
+    def _leave(self, starts: dict[int, float], theta: float) -> None:
+        """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.
+
+        Velocity and acceleration do not tell them all: a mass at rest leaves in the third order under a sine, and two
+        orders later each if it is pushed through other masses. So the Taylor series of the motion tells them: its first
+        term that is not zero does not depend on the switch itself. It may depend on another one, which then leaves
+        earlier, so the series is looked at again until nothing changes. What is crossed before the motion has left
+        its breakpoint by more than rounding is no event. `starts` are the depths of those switches.
+        """
+        distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
+        for _ in range(self.count):
+            self._integrator.step(max_delta_t=0.0, write_tc=True)
+            series, longest = self._integrator.tc[: self.n, 1:], _reach(self._integrator.tc[: 2 * self.n])
+            for switch, start in starts.items():
+                depths = self.signs[switch] * (self._vectors[switch] @ series)
+                time, depth = _departure(depths, distance, longest)
+                self._inside[switch], self._left[switch] = start + depth > 0.0, theta + time
+            if self._parameters[self._first : self._first + self.count].tolist() == self._inside:
+                return
+            self._parameters[self._first : self._first + self.count] = self._inside
 
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
         """Where a slow crossing leads: the velocity decides, unless the motion turns back within the cooldown."""
@@ -217,3 +252,27 @@ class Switchboard:
             shift[size + index] -= slots.stages[stage].sign * direction[slots.stages[stage].clearance]
         push = self._coefficients[slots.force] * self._coefficients[slots.damping]
         columns[:, n:] -= change * np.outer(shift, push)
+
+
+def _reach(series: NDArray) -> float:
+    """How far Taylor series tell the motion: the step of Jorba and Zou (2005, Experimental Mathematics 14, 99-117)."""
+    order = series.shape[1] - 1
+    size, last = max(1.0, float(np.abs(series[:, 0]).max())), float(np.abs(series[:, -1]).max())
+    before = float(np.abs(series[:, -2]).max())
+    radii = [(size / tail) ** (1.0 / power) for tail, power in ((last, order), (before, order - 1)) if tail > 0.0]
+    return min([1.0, *(radius / math.e**2 for radius in radii)])
+
+
+def _departure(series: NDArray, distance: float, longest: float) -> tuple[float, float]:
+    """When a motion has gone a distance by its Taylor series (without the constant), and where it is then.
+
+    If it does not go as far as that: where it is when the series tells no more. Where it does not move at all: 0, 0.
+    """
+    powers, time, depth = np.arange(1.0, len(series) + 1.0), min(COOLDOWN, longest), 0.0
+    if not series.any():
+        return 0.0, 0.0
+    while True:
+        depth = float(series @ time**powers)
+        if abs(depth) > distance or time >= longest:
+            return time, depth
+        time = min(2.0 * time, longest)

@@ -26,8 +26,11 @@ class LengthUnit:
     def __init__(self, layout: CoefficientLayout) -> None:
         n, forms = layout.structure.size, layout.structure.contacts
         self._loads = layout.accelerations[:, 2 * n + len(forms) :].ravel()
+        self._stiffness, self._damping = layout.accelerations[:, :n], layout.accelerations[:, n : 2 * n]
+        self._contacts = layout.accelerations[:, 2 * n : 2 * n + len(forms)]
         stages = [stage for contact in layout.contacts for stage in contact.stages]
         self._clearances = np.array([stage.clearance for stage in stages], dtype=np.intp)
+        self._springs = np.array([stage.stiffness for stage in stages], dtype=np.intp)
         self._cubics = np.array([stage.cubic for stage in stages], dtype=np.intp)
         # of the laws only this one's coefficient is not that of a force by a velocity: beta is 1 over a velocity
         impacts = (DampingLaw.HUNT_CROSSLEY, DampingLaw.HUNT_CROSSLEY_AS_PRINTED)
@@ -37,11 +40,24 @@ class LengthUnit:
         )
 
     def natural(self, coefficients: NDArray[np.float64]) -> float:
-        """The smaller of the smallest clearance and the amplitude that the loads give a free mass; 1 if both are 0."""
-        clearances = coefficients[self._clearances]
-        loads = float(np.abs(coefficients[self._loads]).max(initial=0.0)) * coefficients[0] ** 2
-        sizes = [loads, float(clearances[clearances > 0.0].min(initial=np.inf))]
-        return min((size for size in sizes if 0.0 < size < np.inf), default=1.0)
+        """The smaller of the smallest clearance and the amplitude that the loads give a free mass; 1 if both are 0.
+
+        A clearance that is nothing beside the motion says nothing of its size: in a unit of it, rounding alone would
+        carry the motion from one side of such a gap to the other.
+        """
+        clearances, time = coefficients[self._clearances], coefficients[0]
+        gap = float(clearances[clearances > 0.0].min(initial=np.inf))
+        load = float(np.abs(coefficients[self._loads]).max(initial=0.0))
+        moved = load * time**2
+        if gap < moved:
+            gap = max(gap, load / (1.0 / time**2 + self._resistance(coefficients)))
+        return min((size for size in (moved, gap) if 0.0 < size < np.inf), default=1.0)
+
+    def _resistance(self, coefficients: NDArray[np.float64]) -> float:
+        """How strongly springs, dampers and closed contacts hold a unit of motion at most, beside its inertia."""
+        contacts = float(np.abs(coefficients[self._contacts]).max()) * float(np.abs(coefficients[self._springs]).max())
+        damping = float(np.abs(coefficients[self._damping]).max()) / coefficients[0]
+        return contacts + damping + float(np.abs(coefficients[self._stiffness]).max())
 
     def of_motion(self, coefficients: NDArray[np.float64], state: NDArray[np.float64]) -> float:
         """The unit for the motion from a state: 1 unless it is small."""

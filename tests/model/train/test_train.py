@@ -55,7 +55,7 @@ def rates_by_hand(train: gw.Train, angle, speed, t: float) -> dict[str, float]:
         if link.between[1] != "ground":
             row[names.index(link.between[1])] = -getattr(link, "ratio", 1.0)
         pulls[link.name] = row
-        if link.stiffness is None and not link.stages:
+        if link.stiffness is None and not link.stages and isinstance(link, gw.Gear):
             rigid.append(row)
             continue
         x, v = row @ angle, row @ speed
@@ -119,6 +119,26 @@ def test_the_equations_are_those_written_body_by_body(seed: int, held: bool) -> 
     coefficients = coefficients_of(system)
     found = accelerations(layout_of(system.structure), coefficients, 0.9 * 1.3, np.array(q), np.array(rate))
     assert found == pytest.approx([expected[name] for name in system.coordinates], rel=1e-11)
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("first", [False, True])
+def test_a_drag_closes_a_loop_wherever_it_stands_in_the_list(first: bool, held: bool) -> None:
+    drags = [gw.Shaft("bearing", ("a", "f"), damping=0.3)]
+    if held:
+        wall = gw.Shaft("wall", ("f", "ground"), stiffness=3.0)
+        drags = [gw.Shaft("oil", ("a", "ground"), damping=0.2), *drags, wall]
+    given = branched().shafts
+    train = branched(shafts=[*drags, *given] if first else [*given, *drags])
+    system = train.system()
+    assert "bearing" not in system.coordinates
+    angle, x = consistent(train, 1)
+    speed, v = consistent(train, 11)
+    q, rate = (np.array([each[name] for name in system.coordinates]) for each in (x, v))
+    expected = rates_by_hand(train, angle, speed, 0.9)
+    found = accelerations(layout_of(system.structure), coefficients_of(system), 0.9 * 1.3, q, rate)
+    assert found == pytest.approx([expected[name] for name in system.coordinates], rel=1e-11)
+    assert system_of(json.loads(json.dumps(plain_system(system)))).coordinates == system.coordinates
 
 
 def random_tree(seed: int) -> gw.Train:
@@ -358,6 +378,11 @@ AB, BC = two().shafts
             "the ground takes the mean torques",
         ),
         ({"frequency": 0.0}, "frequency is 0.0; it must be > 0"),
+        ({"shafts": [AB, gw.Shaft("bc", ("b", "c"), damping=0.1)]}, "nothing else holds b to c"),
+        (
+            {"shafts": [AB, BC, gw.Shaft("oil", ("c", "ground"), damping=0.1)]},
+            "oil has damping, but no stiffness, and nothing else holds the train to the ground",
+        ),
     ],
 )
 def test_a_mistake_has_one_sentence(changes, message: str) -> None:

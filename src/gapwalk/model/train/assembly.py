@@ -174,6 +174,13 @@ class TrainAssembly:
             wanted = speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
                 here = f"its ratio is {ratios[number]:.10g}" if link.geared else "as a shaft it has the ratio 1"
+                if link.drag:
+                    yield (
+                        f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: it "
+                        "slips as the train turns, with a torque that grows with the speed, which is no part of the "
+                        "equations; join two inertias that turn at one speed"
+                    )
+                    continue
                 yield (
                     f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
                     "is locked; mend one of the ratios on the loop"

@@ -46,6 +46,11 @@ class LinkForm:
     contact: ContactForm | None
 
     @property
+    def drag(self) -> bool:
+        """Whether it damps, and holds nothing."""
+        return not (self.rigid or self.always or self.contact)
+
+    @property
     def has_ratio(self) -> bool:
         """Whether its ratio is a parameter."""
         return self.geared and self.fixed is None
@@ -95,7 +100,7 @@ class TrainForm:
     @cached_property
     def tree(self) -> Tree:
         """How the links hang together."""
-        return tree_of([Edge(link.ends, link.rigid) for link in self.links], self.ground)
+        return tree_of([Edge(link.ends, link.rigid, link.drag) for link in self.links], self.ground)
 
     @property
     def is_free(self) -> bool:

@@ -43,7 +43,8 @@ class Link(ABC):
     between
         The two inertias.
     stiffness
-        Of the spring, > 0; None if there are only stages, or no springs at all.
+        Of the spring, > 0; None if there are only stages, or no springs at all: a shaft with damping alone is a drag,
+        as that of a bearing between two inertias that something else holds together.
     damping
         Of the damper, >= 0; it acts always, also within a gap.
     clearance
@@ -79,6 +80,11 @@ class Link(ABC):
     @abstractmethod
     def problems(self) -> Iterator[str]:
         """What is wrong with its numbers, one sentence each, without its name."""
+
+    @property
+    def is_drag(self) -> bool:
+        """Whether it damps, and holds nothing."""
+        return not (self.is_rigid or self.has_springs)
 
     @property
     def has_springs(self) -> bool:
@@ -140,8 +146,11 @@ class Shaft(Link):
 
     def problems(self) -> Iterator[str]:
         """What is wrong with its numbers, one sentence each, without its name."""
-        if not self.has_springs and self.clearance is None:
-            yield "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each"
+        if not self.has_springs and self.clearance is None and not self.damping:
+            yield (
+                "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each, or "
+                "damping = ... for a drag"
+            )
         yield from self.spring_problems()
 
 

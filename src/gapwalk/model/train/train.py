@@ -284,7 +284,10 @@ def _part_problems(train: Train) -> Iterator[str]:
 def _joints(train: Train) -> tuple[dict[str, int], list[Edge]]:
     """The numbers of the inertias and of the ground by name, and the links as edges between them."""
     numbers = {inertia.name: number for number, inertia in enumerate(train.inertias)} | {GROUND: len(train.inertias)}
-    return numbers, [Edge((numbers[a], numbers[b]), link.is_rigid) for link in train.links for a, b in [link.between]]
+    edges = [
+        Edge((numbers[a], numbers[b]), link.is_rigid, link.is_drag) for link in train.links for a, b in [link.between]
+    ]
+    return numbers, edges
 
 
 def _joint_problems(train: Train) -> Iterator[str]:
@@ -297,5 +300,22 @@ def _joint_problems(train: Train) -> Iterator[str]:
         more = f", nor are {', '.join(apart[1:5])}{', ...' * (len(apart) > 5)}" if apart[1:] else ""
         to = "the ground" if tree.root == len(train.inertias) else train.inertias[0].name
         yield f"{apart[0]} is joined to {to} by nothing{more}; write a shaft or a gear between them"
-    elif all(edge.rigid for edge in edges):
-        yield f"{train.links[0].name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"
+        return
+    drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
+    for link in drags:
+        first, second = link.between
+        if second == GROUND:
+            yield (
+                f"{link.name} has damping, but no stiffness, and nothing else holds the train to the ground: its drag "
+                "depends on the speed at which the train turns as a whole, which is no part of the equations; give "
+                f"{first} a mean torque instead, or {link.name} a stiffness"
+            )
+        else:
+            yield (
+                f"{link.name} has damping, but no stiffness, and nothing else holds {first} to {second}, so that the "
+                f"angle between them is free and never repeats; give {link.name} a stiffness, however small, or join "
+                "the two by another link"
+            )
+    if not drags and all(edge.rigid or edge.drag for edge in edges):
+        link = next(link for link in train.links if link.is_rigid)
+        yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"

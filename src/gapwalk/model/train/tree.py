@@ -9,10 +9,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A link as the tree sees it: its two ends as numbers (the ground has one of its own), and if it is rigid."""
+    """A link as the tree sees it: its two ends as numbers (the ground has one of its own), and what it does.
+
+    A rigid one holds its ends together, a drag damps their relative motion and holds nothing.
+    """
 
     ends: tuple[int, int]
     rigid: bool
+    drag: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +51,12 @@ class Tree:
 
 
 def tree_of(edges: Sequence[Edge], ground: int) -> Tree:
-    """The tree; rigid links are in it wherever they can, and links to the ground only where nothing else will do."""
+    """The tree; rigid links are in it wherever they can, and links to the ground only where nothing else will do.
+
+    Drags close loops: they are in the tree only where nothing else holds what they join.
+    """
     chosen = _spanning(edges, ground)
-    root = ground if any(ground in edge.ends for edge in edges) else 0
+    root = ground if any(ground in edge.ends and not edge.drag for edge in edges) else 0
     steps = _walk(edges, chosen, root)
     chords = tuple(number for number in range(len(edges)) if number not in chosen)
     parents = {step.child: step for step in steps}
@@ -68,7 +75,7 @@ def _spanning(edges: Sequence[Edge], ground: int) -> set[int]:
         return node
 
     chosen = set()
-    for number in sorted(range(len(edges)), key=lambda k: (ground in edges[k].ends, not edges[k].rigid)):
+    for number in sorted(range(len(edges)), key=lambda k: (edges[k].drag, ground in edges[k].ends, not edges[k].rigid)):
         first, second = map(leader, edges[number].ends)
         if first != second:
             leaders[first] = second
