@@ -50,13 +50,16 @@ def _compute(kind: Kind, point: BranchPoint) -> float:
             raise ValueError("grazing has no test function of the multipliers")
 
 
-def is_genuine(kind: Kind, point: BranchPoint) -> bool:
-    """Whether a zero of the test function is the bifurcation, and not a neutral saddle."""
+def is_genuine(kind: Kind, point: BranchPoint, near: float = 1e-6) -> bool:
+    """Whether a zero of the test function is the bifurcation, and not a neutral saddle.
+
+    At a Neimark-Sacker point a complex pair is on the unit circle, but for rounding: `near` it.
+    """
     if kind is not Kind.NEIMARK_SACKER:
         return True
     multipliers = point.orbit.multipliers
     complex_ones = multipliers[np.abs(multipliers.imag) > 1e-6 * np.abs(multipliers)]
-    return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < 1e-6))
+    return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < near))
 
 
 @lru_cache(maxsize=16)

@@ -36,6 +36,9 @@ _BLUR = 1.5  # label up to which it is not known what happens first; depths are 
 _ASIDE = 1e-9  # the same at which the depth is calibrated
 _SAME = 1e-2  # share by which the depths of touches differ at most that happen at once, in a symmetric motion
 _SAFETY = 4.0  # times the difference of two computations, of which neither is exact
+_CIRCLE = (
+    1e-3  # distance from the unit circle of a critical pair: multipliers beside a stiff stop have rounding of 1e-5
+)
 _FINEST = 1e-3  # to which special points of one kind are told apart, as a share of the depth
 _SHARP = 1e-9  # to which zeros are located, as a share of the depth
 _NEAR = 0.01  # the same over which a test function is straight
@@ -215,7 +218,7 @@ class _Corner:
                 self._at(zeros[-1])
                 continue
             zero = float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP))
-            if is_genuine(kind, self._at(zero)):
+            if is_genuine(kind, self._at(zero), _CIRCLE):
                 zeros.append(zero)
         return zeros
 

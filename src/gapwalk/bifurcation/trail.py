@@ -252,8 +252,8 @@ class Trail(Iterator[Step]):
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Whether a contact grazes in so short a step that a stiff stop must have turned the branch there."""
-        short = point.arclength - first.arclength < _SHARP
+        """Whether a contact grazes in a step so short, or with such a jump of multipliers, that the stop must be stiff."""
+        short = point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
         beginning = first is self.first and self.departure.singular
         return short and not beginning and first.orbit.closings != point.orbit.closings
 
