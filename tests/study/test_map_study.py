@@ -3,7 +3,6 @@
 import os
 import random
 import signal
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from tests.interruption import until_ctrl_c
 from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
+from tests.study.tampering import change_sealed
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -263,10 +263,7 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
 )
 def test_a_damaged_file_is_named(path, change, message) -> None:
     gw.run(clutch_map(kinds=(gw.Kind.FLIP,)), path)
-    connection = sqlite3.connect(path)
-    connection.execute(change)
-    connection.commit()
-    connection.close()
+    change_sealed(path, change)
     with pytest.raises(StoreError, match=rf"resonance\.gapwalk is damaged: .*{message}"):
         gw.load(path)
 

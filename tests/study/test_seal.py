@@ -6,7 +6,7 @@ import json
 import lzma
 import shutil
 import sqlite3
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from gapwalk.study.store import walk_store
 from gapwalk.study.store.database import checksum, close_whole, open_to_write, seal_of, transaction
 from tests.study.same import assert_same_result
 from tests.study.studies import stop_study
+from tests.study.tampering import change_sealed, tamper
 from tests.systems import clutch
 
 OLDER = Path(__file__).parents[1] / "data" / "older"
@@ -36,15 +37,6 @@ def diagram(tmp_path_factory) -> Path:
     options = gw.DiagramStudyOptions("frequency", 0.85, 0.7, "half.q1", max_period=2, workers=1)
     gw.run(gw.Study(clutch(frequency=0.85), options, "A clutch", "title = 'A clutch'\n"), path)
     return path
-
-
-def tamper(path: Path, statement: str, *values: object) -> None:
-    """Change a file as something else than gapwalk would: its checksum becomes stale."""
-    connection = sqlite3.connect(path)
-    changed = connection.execute(statement, values).rowcount
-    connection.commit()
-    connection.close()
-    assert changed > 0
 
 
 TAMPERINGS = {
@@ -188,11 +180,9 @@ def test_values_of_wrong_types_are_refused_in_a_sentence(response, tmp_path, tab
     """Text for a number, bytes for a text, though the seal holds."""
     path = tmp_path / "changed.gapwalk"
     shutil.copy(response, path)
-    connection = open_to_write(path)
-    declared = dict(connection.execute("SELECT name, type FROM pragma_table_info(?)", (table,)))[column]
-    with transaction(path, connection):
-        connection.execute(f"UPDATE {table} SET {column} = ?", (TYPES[declared],))
-    close_whole(path, connection)
+    with closing(sqlite3.connect(path)) as connection:
+        declared = dict(connection.execute("SELECT name, type FROM pragma_table_info(?)", (table,)))[column]
+    change_sealed(path, f"UPDATE {table} SET {column} = ?", TYPES[declared])
     with pytest.raises(
         StoreError, match=rf"changed\.gapwalk is damaged: its table {table} has .* column {column}, where"
     ):

@@ -21,6 +21,7 @@ from gapwalk.study.store.stored import read
 from tests.interruption import until_ctrl_c
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
+from tests.study.tampering import change_sealed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -361,6 +362,32 @@ def test_a_damaged_result_is_called_so(written, statement) -> None:
     change(written, statement)
     with pytest.raises(StoreError, match="damaged"):
         gw.load(written)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM points",
+        "DELETE FROM branch",
+        "DELETE FROM result WHERE key = 'system'",
+        "UPDATE result SET value = '[1, 2' WHERE key = 'study'",
+        "UPDATE result SET value = replace(value, '1.0', '1e999') WHERE key = 'system'",
+        "UPDATE points SET data = zeroblob(80)",
+        "UPDATE points SET first = first + 1000",
+        "UPDATE special_point SET kind = 'surprise'",
+        "UPDATE special_point SET before = '[1]'",
+        "UPDATE branch SET start = x'0000'",
+        "UPDATE branch SET unknowns = 100000000000",
+        "UPDATE branch SET id = 7",
+        "UPDATE branch SET state = '{}'",
+    ],
+)
+def test_what_a_faulty_program_wrote_is_called_damaged_too(written, statement) -> None:
+    """Its seal holds: it is refused by what reads it."""
+    change_sealed(written, statement)
+    with pytest.raises(StoreError, match="damaged") as error:
+        gw.load(written)
+    assert "its checksum does not hold" not in str(error.value)
 
 
 def test_whatever_bytes_are_wrong_there_is_a_clear_error_or_none(written) -> None:

@@ -23,7 +23,7 @@ from gapwalk.verification.multipliers import distance, reshoot, spread
 from gapwalk.verification.nature import nature_faults
 from gapwalk.verification.order import verify_ends, verify_order
 from gapwalk.verification.sides import look
-from gapwalk.verification.track import Track
+from gapwalk.verification.track import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
 _EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
@@ -170,7 +170,10 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
         next_to_it = _neighbours(special, branch, branch.points)
         changes = _neighbours(special, branch, (branch.points[0], branch.points[-1]))
         sides = look(opinions[size], special, next_to_it, changes)
-        ledger.enter(Check.SIDES, spot, float(len(sides.faults)), "; ".join(sides.faults))
+        faults = sides.faults
+        if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
+            faults = ()  # branches cross there, so near to something else that no motion can be held beside
+        ledger.enter(Check.SIDES, spot, float(len(faults)), "; ".join(faults))
         if sides.before is not None and sides.after is not None:
             texts = list(nature_faults(track, opinions[size], special, sides.before, sides.after))
             ledger.enter(Check.NATURE, spot, float(len(texts)), "; ".join(texts))

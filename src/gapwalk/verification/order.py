@@ -14,13 +14,12 @@ from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError
-from gapwalk.verification.track import Track
+from gapwalk.verification.track import CROSSING, Track
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _SAME = 1e-9  # relative difference of two values of the parameter that are the same
 _CLOSED = 1e-5  # distance between the first and the last point of a closed branch
 _NEAR = 0.1  # distance of the halves of a motion from which a doubled branch may step onto its parent
-_CROSSING = 1e-6  # regularity of a point where branches cross; by a fold it is 1e-4 and more
 _BEYOND = 0.02  # of the scale of the parameter, by which a meeting may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
@@ -126,6 +125,6 @@ def _may_join(track: Track, point: BranchPoint) -> bool:
     try:
         if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR:
             return True
-        return track.regularity(point) < _CROSSING
+        return track.regularity(point) < CROSSING
     except NumericalError:
         return False

@@ -38,13 +38,16 @@ class Sides:
     value
         The parameter where its test function is zero; None where that cannot be told.
     before, after
-        The motions on both sides of it, of the branch posed otherwise; None where they cannot be held.
+        The motions on both sides of it, of the branch posed otherwise; None where they are not told.
+    held
+        Whether motions can be held on both sides of it.
     """
 
     faults: tuple[str, ...]
     value: float | None
     before: BranchPoint | None = None
     after: BranchPoint | None = None
+    held: bool = True
 
 
 def look(
@@ -89,7 +92,7 @@ def _look(second: SecondOpinion, special: SpecialPoint, reach: float) -> Sides:
     try:
         a, b = second.at(special.point, -reach), second.at(special.point, reach)
     except NumericalError as error:
-        return Sides((str(error),), None)
+        return Sides((str(error),), None, held=False)
     faults = list(_counts(special, a, b))
     if special.kind is Kind.GRAZING:
         return _graze(second, special, a, b, reach, faults)

@@ -19,6 +19,9 @@ from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
+CROSSING = 1e-6
+"""Regularity of a point below which branches cross there; by a fold it is 1e-4 and more."""
+
 _ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
 _LOOSE = 10.0  # times the residual that a walk trusts which is allowed: states elsewhere may be larger
 _WAYS, _SEED = 3, 1995  # random directions of such a step

@@ -16,7 +16,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from gapwalk.errors import StoreError
 from gapwalk.study.store.database import check_readable, close_whole, explained, lock, transaction
-from gapwalk.study.store.trust import Format, checked_parts, tables, undamaged
+from gapwalk.study.store.trust import Format, check_types, checked_parts, tables, undamaged
 from gapwalk.study.store.versions import versions
 
 APPLICATION = 0x67617063
@@ -167,6 +167,7 @@ def read_chunks(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[int,
         connection.execute("BEGIN")
         _FORMAT.check(path, connection)
         with undamaged(path):
+            check_types(connection)
             return _about(connection), dict(checked_parts(connection))
 
 
