@@ -1,12 +1,13 @@
 """What is noted at a point is noted when it is whole: several threads may ask for it."""
 
 from types import SimpleNamespace
+from typing import Any
 
 from gapwalk.bifurcation.locus.approach import turnings
 
 
 def test_turnings_are_noted_when_they_are_whole() -> None:
-    point = SimpleNamespace(memo={})
+    point: Any = SimpleNamespace(memo={})
     noted = []
 
     def depths():

@@ -56,7 +56,7 @@ def test_a_call_that_fails_in_one_thread_leaves_the_others_alone() -> None:
 
     def end(system: gw.System) -> str:
         try:
-            return gw.integrate(system, [1.0, 0.0], periods=300).q[-1].tobytes().hex()
+            return gw.integrate(system, np.array([1.0, 0.0]), periods=300).q[-1].tobytes().hex()
         except FlowError as error:
             return str(error)
 
