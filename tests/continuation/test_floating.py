@@ -58,7 +58,7 @@ def test_a_walk_passes_the_graze_of_a_gear_that_hardly_anything_holds():
     system = train(8.0).system()
     branch = gw.follow(gw.find_orbit(system, speed=990.0), "speed", 880.0)
     assert branch.ends[-1].reason is EndReason.RANGE
-    assert len(branch.points) < 120
+    assert len(branch.points) < 200
     (graze,) = branch.special("grazing")
     assert abs(graze.value - brentq(lambda speed: reach(system, speed), 900.0, 990.0, xtol=1e-9)) < 1e-6
 
