@@ -12,6 +12,7 @@ from gapwalk.cli import files as cli_files
 from gapwalk.cli import main
 from tests.study.studies import stop_study
 
+STUDY = 'frequency = 2.0\nstudy = { kind = "response", parameter = "frequency", to = 0.5 }\n'
 ROOT = Path(__file__).resolve().parents[2]
 LATE = ("scipy.integrate", "scipy.optimize", "scipy.interpolate", "scipy.stats", "scipy.signal", "matplotlib", "numba")
 HEAVY = ("heyoka", "numpy", "scipy", "matplotlib", "pydantic", "pandas")
@@ -95,6 +96,16 @@ def test_check_says_what_is_wrong_in_words_and_in_json(model, capsys) -> None:
     document = json.loads(capsys.readouterr().out)
     assert document["ok"] is True
     assert document["system"]["parameters"]["stop.clearance"] == 0.5
+
+
+@pytest.mark.parametrize(("damping", "words"), [("-0.1", "damping is negative"), ("0.0", "damping is zero")])
+def test_check_warns_of_damping_that_takes_no_energy_out(damping, words, tmp_path, capsys) -> None:
+    file = tmp_path / "model.toml"
+    file.write_text(f'coordinates = ["x"]\nstiffness = [[1.0]]\ndamping = [[{damping}]]\n{STUDY}')
+    assert main(["check", str(file)]) == 0
+    assert f"warning: {words}" in capsys.readouterr().out
+    assert main(["check", str(file), "--json"]) == 0
+    assert words in json.loads(capsys.readouterr().out)["warnings"][0]
 
 
 def test_a_table_of_the_other_method_is_said_not_to_be_used(model, capsys) -> None:

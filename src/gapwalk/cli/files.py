@@ -29,6 +29,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     from gapwalk.cli.console import console
     from gapwalk.cli.modes import train_lines
     from gapwalk.cli.run import unused_words
+    from gapwalk.model.dissipation import dissipation_doubts
     from gapwalk.study.changes import parse_changes
     from gapwalk.study.file import read_studies
     from gapwalk.study.reduced.origin import plain_reduced
@@ -46,6 +47,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
                 "study": plain_options(study.options),
                 **({"reduction": plain_reduced(study.reduced)} if study.reduced else {}),
                 "unused": list(study.unused),
+                "warnings": dissipation_doubts(study.system),
             }
             for study in studies
         ]
@@ -55,6 +57,7 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     units = structure.units
     turns = (units.turns if units else None) or 1
     terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
+    doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
     lines = [
         (len(studies) == 1 and printable(studies[0].title)) or str(file),
         *train_lines(studies[0].system),
@@ -65,7 +68,8 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in unused_words(study)),
-        "nothing is wrong with it",
+        *(f"warning: {doubt}" for doubt in doubts),
+        "nothing else is wrong with it" if doubts else "nothing is wrong with it",
     ]
     screen.print("\n".join(lines), soft_wrap=True)
     return DONE

@@ -15,6 +15,7 @@ from gapwalk.cli.progress import progress_of
 from gapwalk.cli.screen import print_result
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.model.dissipation import dissipation_doubts
 from gapwalk.model.problem import did_you_mean
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_changes
@@ -190,6 +191,8 @@ def print_heading(screen, study: Study) -> None:
         screen.print(printable(study.title), style="bold", soft_wrap=True)
     for words in unused_words(study):
         screen.print(words, soft_wrap=True)
+    for doubt in dissipation_doubts(study.system):
+        screen.print(f"warning: {doubt}", soft_wrap=True)
 
 
 def unused_words(study: Study) -> list[str]:

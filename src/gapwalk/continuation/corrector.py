@@ -18,7 +18,7 @@ TRUST = 1e-7
 """Residual from which the next Newton step is exact to rounding, with exact derivatives."""
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
-_CONTRACTION = 0.3  # of the step before: longer steps do not converge
+_CONTRACTION = 0.5  # of the step before: longer ones do not converge; at a graze each is a third of it
 _ROUNDING = 1e-13  # length of a step that rounding alone can make
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
 _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size

@@ -51,8 +51,7 @@ def solve(
         return _polished(equation, unknowns, value, evaluation)
     raise ConvergenceError(
         f"no period-{equation.period} orbit found in {options.iterations} Newton iterations; the last residual is "
-        f'{np.abs(evaluation.residual).max():.3g}. Start from a settled transient (start = "settle"), or from a '
-        "state nearer to the orbit, or at another parameter value"
+        f"{np.abs(evaluation.residual).max():.3g}"
     )
 
 

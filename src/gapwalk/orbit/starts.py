@@ -1,0 +1,76 @@
+"""Where else an orbit is looked for when the end of a transient leads to none: an unstable one attracts nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import NumericalError
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+from gapwalk.motion.flow import PERIOD, flow_of
+from gapwalk.orbit.carry import carry
+from gapwalk.orbit.orbit import Orbit
+
+_STROBES = 64  # orbits over which the motion that has settled is looked at
+_NEAREST = 4  # of its states are tried
+_RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbit may be found, and carried from there
+
+Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
+
+
+def other_starts(
+    system: System, period: int, settled: NDArray[np.float64] | None, find: Callable[[System], Orbit]
+) -> Starts:
+    """States near which an orbit may be, the cheapest first: what each is, and how it is come by.
+
+    Where period 1 is unstable, the motion settles on another one around it, or on chaos. Such motions come near the
+    orbit now and then, and it lies in their middle. Otherwise it is found where it is stable, and carried here.
+
+    Parameters
+    ----------
+    system
+        The system.
+    period
+        m: forcing periods after which the orbit repeats.
+    settled
+        Where the transient from rest has come to; None if it runs away.
+    find
+        Finds an orbit of another system by a transient, or raises a `NumericalError`.
+    """
+    if settled is not None:
+        states = _strobes(system, period, settled)
+        if states is not None:
+            nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
+            yield from (("states that nearly repeat", lambda k=k: states[k]) for k in nearest.tolist())
+            yield "their mean", lambda: states.mean(axis=0)
+    yield "rest", lambda: np.zeros(2 * system.size)
+    name = system.structure.names[0]
+    for ratio in _RATIOS:
+        other = system.at({name: ratio * system[name]})
+        yield f"{name} {other[name]:.4g}", lambda other=other: carry(find(other), system, [name]).state
+    if system.structure.contacts:
+        yield "harmonic balance", lambda: _balanced(system, period)
+
+
+def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """States of a motion an orbit's length apart, shape (_STROBES, 2n); None if it runs away."""
+    flow, coefficients, states = flow_of(system), coefficients_of(system), [state]
+    try:
+        for _ in range(_STROBES - 1):
+            states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD * period).state)
+    except NumericalError:
+        return None
+    return np.array(states)
+
+
+def _balanced(system: System, period: int) -> NDArray[np.float64]:
+    """The state of an orbit of a balanced equation, begun at rest."""
+    from gapwalk.orbit.balance import Balance  # slow to import, and rarely needed
+    from gapwalk.orbit.newton import solve
+
+    equation = Balance(harmonics=10).pose(system, None, period)
+    unknowns, evaluation = solve(equation, equation.start(np.zeros(2 * system.size)), 0.0)
+    return equation.orbit(unknowns, 0.0, evaluation).state

@@ -1,0 +1,68 @@
+"""Walks past the graze of a gear that floats on its bearing: a branch that bends within 1e-10."""
+
+import numpy as np
+from scipy.optimize import brentq
+
+import gapwalk as gw
+from gapwalk.continuation.walk import EndReason
+
+
+def train(firing: float) -> gw.Train:
+    """Flywheel, hub, loose gear, output and vehicle, in physical units; hardly anything holds the loose gear."""
+    return gw.Train(
+        inertias=[
+            gw.Inertia(name, f"{value} kg m^2")
+            for name, value in [("flywheel", 0.14), ("hub", 0.004), ("loose", 0.002), ("output", 0.01), ("vehicle", 4)]
+        ],
+        shafts=[
+            gw.Shaft(
+                "clutch",
+                ("flywheel", "hub"),
+                stiffness="2.5 N m/deg",
+                damping="0.2 N m s/rad",
+                impact_damping="0.01 s/rad",
+                stages=(gw.Stage("3 deg", "19.5 N m/deg"),),
+            ),
+            gw.Shaft("input", ("hub", "output"), stiffness="9200 N m/rad", damping="0.6 N m s/rad"),
+            gw.Shaft("bearing", ("loose", "output"), stiffness="1e-6 N m/rad", damping="0.01 N m s/rad"),
+            gw.Shaft("halfshafts", ("output", "vehicle"), stiffness="320 N m/rad", damping="0.6 N m s/rad"),
+        ],
+        gears=[
+            gw.Gear(
+                "mesh",
+                ("hub", "loose"),
+                1.0,
+                clearance="0.1 deg",
+                stiffness="1e4 N m/rad",
+                impact_damping="0.01 s/rad",
+            )
+        ],
+        mean={"flywheel": "5 N m"},
+        reaction="vehicle",
+        harmonics=[gw.Harmonic(f"{firing} N m", {"flywheel": 1.0}, 2, name="firing")],
+        speed="1100 rpm",
+    )
+
+
+def reach(system: gw.System, speed: float) -> float:
+    """How far the mesh deflects beyond its clearance while all gaps are open: by the dynamic stiffness."""
+    w = system.at(speed=speed).equations.frequency
+    mesh = system.vector("mesh.deflection")
+    mean = np.linalg.solve(system.matrix("stiffness"), system.vector("mean"))
+    dynamic = system.matrix("stiffness") - w**2 * system.matrix("mass") + 1j * w * system.matrix("damping")
+    load = system.equations["firing.amplitude"] * system.vector("firing.acts_on")
+    return mesh @ mean + abs(mesh @ np.linalg.solve(dynamic, load)) - system.equations["mesh.clearance"]
+
+
+def test_a_walk_passes_the_graze_of_a_gear_that_hardly_anything_holds():
+    system = train(8.0).system()
+    branch = gw.follow(gw.find_orbit(system, speed=990.0), "speed", 880.0)
+    assert branch.ends[-1].reason is EndReason.RANGE
+    assert len(branch.points) < 200
+    (graze,) = branch.special("grazing")
+    assert abs(graze.value - brentq(lambda speed: reach(system, speed), 900.0, 990.0, xtol=1e-9)) < 1e-6
+
+
+def test_a_five_inertia_train_walks_from_1100_to_700_rpm():
+    branch = gw.follow(gw.find_orbit(train(9.7).system()), "speed", 700.0)
+    assert branch.ends[-1].reason is EndReason.RANGE
