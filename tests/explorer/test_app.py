@@ -379,7 +379,7 @@ def test_a_broken_model_is_told_whole_and_its_results_are_there(client, do, desk
         assert {"clearance is -1.0", "gap is no key here"} <= {
             words for words in ("clearance is -1.0", "gap is no key here") if words in known["problem"]
         }
-        assert known["model"] == ""
+        assert known["model"] in (first["model"], "")  # of the last good one, if this server knows it
         assert known["measures"]
     refused = client.post("/api/act", json={"file": model, "do": "compute"})
     assert (refused.status_code, "clearance is -1.0" in refused.json()["error"]) == (400, True)

@@ -78,6 +78,8 @@ def test_an_edit_is_noticed_a_broken_model_is_told_whole_and_results_stay(page, 
     until(page, f"document.querySelector(\"{field(page, 'stop.clearance')}\").value === '0.6'")
     computed(page, "#compute", 2)
     assert page.locator("#results .earlier").count() == 1
+    assert page.evaluate("[...gapwalk.curves.all.values()].map((c) => Boolean(c.earlier)).sort()") == [False, True]
+    assert page.is_visible("#legend .of-earlier")
     many = "".join(f"nonsense{i} = {i}\n" for i in range(30))
     (folder / "stop.toml").write_text(many + STOP, encoding="utf-8")
     until(page, "!document.getElementById('error').hidden")

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 import time
@@ -15,11 +16,14 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.study.export import write_whole
+from gapwalk.study.store.database import explained
 from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
 from tests.study.sweeps import FOLDS, options
 
+LONG = '[study]\nkind = "{kind}"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
+SMALL_STEPS = "[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
 ROOT = Path(__file__).resolve().parents[2]
 NOBODY = 65534
 
@@ -177,6 +181,42 @@ def test_a_folder_that_vanishes_while_a_walk_goes_on(tmp_path) -> None:
     with pytest.raises(StoreError, match=f"there is no folder {folder}; make it"):
         gw.run(long_study(), folder / "x.gapwalk", report=report)
     assert count < 1000  # it does not go on to the end for nothing
+
+
+@pytest.mark.parametrize("code", ["SQLITE_IOERR_SHORT_READ", "SQLITE_IOERR_WRITE", "SQLITE_READONLY_DBMOVED"])
+def test_a_file_that_is_gone_is_not_told_as_a_full_disk(tmp_path, code) -> None:
+    error = sqlite3.OperationalError("disk I/O error")
+    error.sqlite_errorname = code
+    with pytest.raises(StoreError, match="has been removed or moved while it was written"), explained(tmp_path / "x"):
+        raise error
+    (tmp_path / "x").write_bytes(b"")
+    with pytest.raises(StoreError, match=r"the disk may be full|look at its permissions"), explained(tmp_path / "x"):
+        raise error
+
+
+@pytest.mark.parametrize("kind", ["response", "diagram"])
+def test_sigterm_keeps_what_was_found_and_says_how_to_go_on(tmp_path, kind) -> None:
+    text = MODEL.partition("[study]")[0] + LONG.format(kind=kind) + ("workers = 2\n" if kind == "diagram" else "")
+    (tmp_path / "long.toml").write_text(text + SMALL_STEPS)
+    path = tmp_path / "long.gapwalk"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-m", "gapwalk", "run", "long.toml"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
+    ) as run:
+        end = time.monotonic() + (60.0 if kind == "response" else 8.0)  # a diagram stores whole branches
+        while time.monotonic() < end and not path.exists():
+            time.sleep(0.05)
+        time.sleep(1.0)
+        run.terminate()
+        _, told = run.communicate(timeout=60)
+    assert run.returncode == 143
+    assert "interrupted" in told
+    assert "semaphore" not in told
+    assert "Traceback" not in told
+    if kind == "response":
+        assert "gapwalk run long.toml --output long.gapwalk --resume" in told
+        assert len(gw.load(path).branches[0].points) > 1
 
 
 def test_a_file_that_is_removed_while_a_sweep_goes_on(tmp_path) -> None:

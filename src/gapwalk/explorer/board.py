@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -69,8 +70,8 @@ class Board:
 
     @property
     def model(self) -> str:
-        """The mark of the model as it stands in the file; empty while there is something wrong with that."""
-        return "" if self.problem else mark_of(self.studies[0])
+        """The mark of the model as it stands in the file, or of the last good one; empty if there was none."""
+        return mark_of(self.studies[0]) if self.studies else ""
 
     def described(self) -> Study | None:
         """What tells the names of parameters and measures: the file; while it is wrong, what was computed from it."""
@@ -175,7 +176,7 @@ class Board:
         try:
             self.studies, self.problem = self._open(), ""
         except ModelError as error:
-            self.problem = str(error)
+            self.problem = str(error).replace(f"{self.file.parent}{os.sep}", "")
 
     def _open(self) -> tuple[Study, ...]:
         if self.file.suffix == RESULT:

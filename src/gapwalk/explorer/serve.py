@@ -56,11 +56,11 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
             if browser:
                 webbrowser.open(address)
 
-        asyncio.run(_Server(config, tell).serve(sockets=[listener]))
+        asyncio.run(_Server(config, tell, desk.events.close).serve(sockets=[listener]))
 
 
 class _Server(uvicorn.Server):
-    """A server that says when it answers: an address is of no use before.
+    """A server that says when it answers, for an address is of no use before, and that lets pages go when it ends.
 
     Parameters
     ----------
@@ -68,17 +68,24 @@ class _Server(uvicorn.Server):
         As of `uvicorn.Server`.
     tell
         Called once it listens.
+    part
+        Called when it ends, before it waits for requests that are being answered: those for events have no end.
     """
 
-    def __init__(self, config: uvicorn.Config, tell: Callable[[], object]) -> None:
+    def __init__(self, config: uvicorn.Config, tell: Callable[[], object], part: Callable[[], object]) -> None:
         super().__init__(config)
-        self._tell = tell
+        self._tell, self._part = tell, part
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to listen, and tell."""
         await super().startup(sockets)
         if self.started:
             self._tell()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Let the pages go, and end."""
+        self._part()
+        await super().shutdown(sockets)
 
 
 def _workspace(file: Path | None) -> tuple[Path, str]:

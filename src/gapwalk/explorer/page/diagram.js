@@ -2,7 +2,7 @@
 
 import { KINDS } from "./kinds.js";
 import { legible } from "./labels.js";
-import { Lines } from "./lines.js";
+import { Lines, PALE } from "./lines.js";
 
 const DASHES = { below: "dash", above: "dot", pair: "dashdot", flip: "longdash", "neimark-sacker": "longdashdot", grazing: "dot" };
 const SYMBOLS = {
@@ -119,8 +119,8 @@ export class Diagram {
   /** The diagram as a file: the lines become Plotly's own. */
   async picture(format) {
     const { xaxis, yaxis } = this.place._fullLayout, view = { x: [...xaxis.range], y: [...yaxis.range] };
-    const traces = KINDS.map((kind, i) => ({
-      type: "scatter", mode: "lines", name: kind, x: this.lines.kinds[i][0], y: this.lines.kinds[i][1],
+    const traces = this.lines.kinds.map(([x, y], place) => [KINDS[place % KINDS.length], place < KINDS.length ? PALE : 1, x, y]).map(([kind, opacity, x, y]) => ({
+      type: "scatter", mode: "lines", name: kind, x, y, opacity,
       line: { color: color(`--${kind}`), dash: DASHES[kind] ?? "solid", width: 2, simplify: false },
     }));
     const layout = { ...this.layout(view, 1200, 720), autosize: false, width: 1200, height: 720, paper_bgcolor: color("--card") };

@@ -6,20 +6,23 @@ import { KINDS } from "./kinds.js";
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds
 const DASHES = [[], [8, 4], [2, 3], [9, 3, 2, 3], [], [12, 4], [12, 3, 3, 3], [3, 3]];
+export const PALE = 0.35; // of what belongs to an earlier model
 const WIDTHS = [2, 1.7, 1.7, 1.7, 2.6, 2.6, 2.6, 1.8];
 
 export class Lines {
   constructor(canvas) {
     this.canvas = canvas;
     this.last = { picture: document.createElement("canvas"), time: -Infinity };
-    this.kinds = KINDS.map(() => [[], []]);
+    this.kinds = [...KINDS, ...KINDS].map(() => [[], []]);
   }
 
   /** Thin the curves for a view, and as much again on either side, so that a drag has something to show. */
   thin(curves, view, width, height) {
     const room = view.x[1] - view.x[0];
     const around = [view.x[0] - room, view.x[1] + room];
-    this.kinds = thinned(curves, KINDS.length, around, width / room, height / (view.y[1] - view.y[0]));
+    // those of an earlier model first: they are paler, and lie below
+    const parts = [true, false].map((earlier) => [...curves].filter((curve) => Boolean(curve.earlier) === earlier));
+    this.kinds = parts.flatMap((part) => thinned(part, KINDS.length, around, width / room, height / (view.y[1] - view.y[0])));
   }
 
   get vertices() {
@@ -63,7 +66,9 @@ export class Lines {
     for (const { x } of yaxis._vals ?? []) { const p = Math.round(bottom - (x - y0) * ky) + 0.5; draw.moveTo(left, p); draw.lineTo(right, p); }
     draw.stroke();
     draw.lineJoin = "round";
-    this.kinds.forEach(([xs, ys], kind) => {
+    this.kinds.forEach(([xs, ys], place) => {
+      const kind = place % KINDS.length;
+      draw.globalAlpha = place < KINDS.length ? PALE : 1;
       draw.strokeStyle = color(`--${KINDS[kind]}`);
       draw.lineWidth = WIDTHS[kind];
       draw.setLineDash(DASHES[kind]);

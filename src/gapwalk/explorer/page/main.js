@@ -7,7 +7,7 @@ import { Diagram } from "./diagram.js";
 import { showLegend } from "./kinds.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
-import { showResults } from "./results.js";
+import { isEarlier, showResults } from "./results.js";
 import { save } from "./save.js";
 import { Walker } from "./walker.js";
 
@@ -117,7 +117,8 @@ async function show(results) {
       const file = page.about?.file;
       if (!file) break;
       const fresh = await curves.update(file, axes(), isPlane(), page.results);
-      if (fresh || !diagram.ready) drawDiagram();
+      const turned = markEarlier();
+      if (fresh || turned || !diagram.ready) drawDiagram();
       showEmpty();
     } while (page.again);
   } catch (error) {
@@ -126,6 +127,15 @@ async function show(results) {
     page.updating = false;
   }
   enable();
+}
+
+/** Mark the curves that belong to an earlier model; whether that has changed for one of them. */
+function markEarlier() {
+  const { model } = page.about, earlier = new Set(page.results.filter((r) => isEarlier(r, model)).map(({ key }) => key));
+  const turned = [...curves.all.values()].filter((curve) => Boolean(curve.earlier) !== earlier.has(curve.result));
+  for (const curve of turned) curve.earlier = !curve.earlier;
+  $("legend").querySelector(".of-earlier").hidden = ![...curves.all.values()].some((curve) => curve.earlier);
+  return turned.length > 0;
 }
 
 function drawDiagram() {

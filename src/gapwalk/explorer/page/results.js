@@ -15,6 +15,11 @@ export function showResults(list, results, act, model) {
   if (focused) list.querySelector(`[data-action="${CSS.escape(focused)}"]`)?.focus();
 }
 
+/** Whether a result belongs to an earlier state of the file. */
+export function isEarlier(result, model) {
+  return Boolean(model && result.model && result.model !== model);
+}
+
 function item(result, act, model) {
   const li = document.createElement("li");
   li.dataset.key = result.key;
@@ -25,7 +30,7 @@ function item(result, act, model) {
   const counts = parts.filter(([number]) => number).map((part) => count(...part)).join(", ");
   const state = [WORDS[result.state], counts].filter(Boolean).join(": ");
   li.append(text("div", "", result.title), text("div", `state ${result.state}`, state));
-  if (result.model && result.model !== model) {
+  if (isEarlier(result, model)) {
     const note = text("div", "earlier", `of an earlier model (${result.model})`);
     note.title = "The file has been edited since. The Python script and the result file have the model as it was.";
     li.append(note);
