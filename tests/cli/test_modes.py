@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
 import gapwalk as gw
 from gapwalk.cli import main
+from gapwalk.cli.console import console
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TRAIN = str(EXAMPLES / "train.toml")
@@ -79,3 +81,14 @@ def test_bad_input_is_told(tmp_path, capsys) -> None:
 def test_check_says_what_a_train_is_made_of(capsys) -> None:
     assert main(["check", TRAIN]) == 0
     assert "6 inertias, 3 shafts, 2 gears" in capsys.readouterr().out
+
+
+def test_a_table_in_a_file_has_each_row_in_one_line(capsys) -> None:
+    table = Table()
+    for _ in range(12):
+        table.add_column("a wide column")
+    table.add_row(*(f"value {number:09.3f}" for number in range(12)))
+    console().print(table)
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "value" in line]
+    assert row.count("value") == 12
+    assert len(row) > 120

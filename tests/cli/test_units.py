@@ -70,11 +70,11 @@ def test_what_is_wrong_with_units_is_told_with_its_line(tmp_path, capsys) -> Non
     assert main(["check", str(file)]) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if ": " in line]
     for words in (
-        'inertia[0].inertia is 0.14, a number without a unit; write an inertia such as "0.14 kg m^2"',
-        'shaft[0].stage[0].clearance is "3", without a unit; write an angle such as "3 deg"',
-        'shaft[0].stage[0].stiffness is "19.5 N m": N m is the unit of a torque; a stiffness is expected',
+        'inertia "flywheel".inertia is 0.14, a number without a unit; write an inertia such as "0.14 kg m^2"',
+        'shaft "clutch".stage[0].clearance is "3", without a unit; write an angle such as "3 deg"',
+        'shaft "clutch".stage[0].stiffness is "19.5 N m": N m is the unit of a torque; a stiffness is expected',
         'speed is "1500 U/min": write rpm',
-        'harmonic[0].amplitude is "100 J": J is the unit of an energy; write a torque in N m',
+        'harmonic "firing".amplitude is "100 J": J is the unit of an energy; write a torque in N m',
         "inertia[3].naem is no key here",
     ):
         (line,) = [line for line in lines if words in line]

@@ -7,7 +7,7 @@ import gapwalk as gw
 from gapwalk.errors import GapwalkError, ModelError
 from gapwalk.model.problem import did_you_mean, near_names
 from tests import models
-from tests.systems import linear
+from tests.systems import clutch, linear
 
 MODEL = models.STOP + models.response(0.9)
 
@@ -115,3 +115,12 @@ def test_a_result_and_a_model_are_told_apart(tmp_path) -> None:
         gw.read_study(result)
     with pytest.raises(GapwalkError, match="a model file; compute a result first: gapwalk run"):
         gw.load(model)
+
+
+def test_a_special_point_is_printed_with_its_error_and_nature() -> None:
+    branch = gw.follow(gw.find_orbit(clutch(frequency=1.5)), "frequency", 1.3)
+    (flip,) = branch.special(gw.Kind.FLIP)
+    text = f"{flip.kind.value} at {flip.value:.10g} +- {flip.uncertainty:.0e}, {flip.change}, {flip.nature}"
+    assert repr(flip) == f"SpecialPoint({text})"
+    assert flip.nature in repr(flip)
+    assert repr(branch.special(gw.Kind.GRAZING)[0]).endswith(", stage2 +)")

@@ -61,9 +61,9 @@ def test_values_of_studies_have_units() -> None:
     [
         (
             {"study.speed.to": 800},
-            ['study[0].to is 800, a number without a unit; write a frequency or speed such as "800'],
+            ['study "speed".to is 800, a number without a unit; write a frequency or speed such as "800'],
         ),
-        ({"study.speed.to": "80 N m"}, ['study[0].to is "80 N m": N m is the unit of a torque']),
+        ({"study.speed.to": "80 N m"}, ['study "speed".to is "80 N m": N m is the unit of a torque']),
         (
             {"clutch.stage2.clearance": 2.0, "hub.inertia": "5 kg"},
             [
@@ -71,7 +71,7 @@ def test_values_of_studies_have_units() -> None:
                 'hub.inertia is "5 kg": kg is the unit of something else; an inertia is expected, as in "5 kg m^2"',
             ],
         ),
-        ({"study.load.set": {"speed": 1500}}, ["study[1].set.speed is 1500, a number without a unit"]),
+        ({"study.load.set": {"speed": 1500}}, ['study "load".set.speed is 1500, a number without a unit']),
         ({"frequency": "50 Hz"}, ["speed stands beside frequency; leave one of the two out"]),
         ({"vehicle.inertia": "4 kg m^2", "firing.acts_on.flywheel": "1 N m"}, ["it is a plain number"]),
     ],

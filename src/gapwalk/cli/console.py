@@ -6,7 +6,7 @@ import sys
 
 from rich.console import Console
 
-_WIDTH = 120  # of what is written to a file or a pipe
+_WIDTH = 1000  # of what is written to a file or a pipe: there no table is folded
 
 
 class _Screen(Console):

@@ -108,8 +108,8 @@ class SpecialPoint(Shown):
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
     def __repr__(self) -> str:
-        contact = f", {self.contact}" if self.contact else ""
-        return f"SpecialPoint({self.kind.value} at {self.value:.10g}, {self.change}{contact})"
+        place = f"{self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e}"
+        return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,8 +105,9 @@ def _inside(data: Any, key: str | int) -> Any:
     """What a key leads to; None if it leads nowhere."""
     if isinstance(data, Mapping):
         return data.get(key)
-    is_place = isinstance(data, list) and isinstance(key, int) and key < len(data)
-    return data[key] if is_place else None
+    if isinstance(data, list) and isinstance(key, int):
+        return data[key] if key < len(data) else None
+    return None
 
 
 def given(value: object) -> str:

@@ -174,7 +174,7 @@ def _syntax_problem(message: str, text: str, name: str) -> Problem:
     if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
         key = twice[1]
         own = ", and give each a name" if key == "study" else ""
-        message = f"[{key}] stands here a second time; where there are several, write [[{key}]] for each{own}"
+        message = f"not TOML: [{key}] stands here a second time; where there are several, write [[{key}]] for each{own}"
         return Problem(message, line=number, file=name)
     hint = next((hint for slip, hint in _SLIPS if re.search(slip, shown)), "")
     return Problem(

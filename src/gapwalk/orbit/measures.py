@@ -26,7 +26,7 @@ def measure(orbit: Orbit, name: str) -> float:
         values = _fine_signal(orbit, signal)
         mean, rms = float(values[:-1].mean()), float(np.sqrt(np.mean(values[:-1] ** 2)))
         return pick(np.array([values.max(), values.min(), mean, rms]), kind)
-    if kind[:1] == "h" and kind[1:2].isdigit() and signal:
+    if kind.startswith("h") and signal and not near_names(kind, MEASURES):
         return abs(harmonic(orbit, kind[1:], signal))
     coordinates = orbit.system.coordinates
     if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
