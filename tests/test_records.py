@@ -22,7 +22,7 @@ def modules() -> list[Any]:
 
 
 @cache
-def records() -> list[type]:
+def records() -> list[Any]:
     """All dataclasses of gapwalk."""
     found = {each for module in modules() for each in vars(module).values() if isinstance(each, type)}
     ours = (each for each in found if is_dataclass(each) and each.__module__.startswith("gapwalk."))
