@@ -43,7 +43,7 @@ def test_no_record_compares_arrays() -> None:
 
 def test_every_public_record_is_hashable() -> None:
     public = {getattr(gw, name) for name in gw.__all__ if isinstance(getattr(gw, name), type)}
-    met = [each for each in records() if each in public or issubclass(each, Shown)]
+    met: list[Any] = [each for each in records() if each in public or issubclass(each, Shown)]
     assert len(met) > 40
     guilty = [
         f"{each.__module__}.{each.__qualname__}.{field.name}"
