@@ -98,5 +98,6 @@ def test_a_regime_map_that_is_stopped_keeps_its_cells_in_the_file(tmp_path) -> N
     stopped = until_ctrl_c(gw.run, gw.read_study(model), path, report=after(1))
     for result in (stopped, gw.load(path)):
         assert not result.complete
+        assert result.finding is not None
         assert result.finding.record.cells == {"period 1": 1024, "undecided": 32}
         assert result.finding.notes == ("stopped when 1024 of 1056 cells were done",)

@@ -22,7 +22,7 @@ def modules() -> list[Any]:
 
 
 @cache
-def records() -> list[type]:
+def records() -> list[Any]:
     """All dataclasses of gapwalk."""
     found = {each for module in modules() for each in vars(module).values() if isinstance(each, type)}
     ours = (each for each in found if is_dataclass(each) and each.__module__.startswith("gapwalk."))
@@ -43,7 +43,7 @@ def test_no_record_compares_arrays() -> None:
 
 def test_every_public_record_is_hashable() -> None:
     public = {getattr(gw, name) for name in gw.__all__ if isinstance(getattr(gw, name), type)}
-    met = [each for each in records() if each in public or issubclass(each, Shown)]
+    met: list[Any] = [each for each in records() if each in public or issubclass(each, Shown)]
     assert len(met) > 40
     guilty = [
         f"{each.__module__}.{each.__qualname__}.{field.name}"

@@ -56,6 +56,17 @@ def study_of(text: str = STUDY, changes=None) -> gw.Study:
     return check_study(parse_source(SYSTEM + text), changes)
 
 
+def options_in(text: str = STUDY, changes=None) -> LocusStudyOptions:
+    options = study_of(text, changes).options
+    assert isinstance(options, LocusStudyOptions)
+    return options
+
+
+def map_of(result: gw.Result) -> gw.Map:
+    assert result.map is not None
+    return result.map
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("locus") / "x.gapwalk"
@@ -65,7 +76,7 @@ def written(tmp_path_factory) -> Path:
 
 def test_the_locus_of_first_contact_is_that_of_the_linear_response(written) -> None:
     """A motion that grazes never enters the stop: it is x = 1 at its height, which has a closed form."""
-    chart = gw.load(written).map
+    chart = map_of(gw.load(written))
     assert chart.complete
     assert not chart.failures
     (locus,) = chart.loci  # both grazing points of the branch lie on it
@@ -82,11 +93,11 @@ def test_it_is_the_locus_that_the_function_follows(written) -> None:
     result = gw.load(written)
     special = result.branches[0].special("grazing")[0]
     expected = gw.follow_locus(special, "frequency", "harmonic1.amplitude", ((0.6, 2.0), (0.09, 0.6)))
-    assert np.array_equal(result.map.loci[0].values, expected.values)
+    assert np.array_equal(map_of(result).loci[0].values, expected.values)
 
 
 def test_one_special_point_is_chosen_by_where_it_lies() -> None:
-    near = [gw.run(study_of(f"{STUDY}near = {value}\n")).map.loci for value in (0.9, 1.1)]
+    near = [map_of(gw.run(study_of(f"{STUDY}near = {value}\n"))).loci for value in (0.9, 1.1)]
     branch = gw.run(study_of()).branches[0]
     for loci, special in zip(near, sorted(branch.special("grazing"), key=lambda each: each.value), strict=True):
         (locus,) = loci
@@ -108,7 +119,7 @@ def test_nothing_to_follow_is_a_failure_that_says_what_there_is(tmp_path, monkey
     Path("x.toml").write_text(SYSTEM + STUDY.replace("grazing", "neimark-sacker"))
     assert main(["run", "x.toml", "--quiet"]) == 3
     assert "the branch has no neimark-sacker; it has grazing of stop + at 1." in capsys.readouterr().err
-    assert not gw.load("x.gapwalk").map.loci
+    assert not map_of(gw.load("x.gapwalk")).loci
 
 
 def test_a_locus_that_was_interrupted_goes_on_from_its_section(tmp_path, written) -> None:
@@ -143,11 +154,11 @@ def test_it_is_verified_and_shown_and_exported(written, tmp_path, monkeypatch, c
 
 
 def test_the_branch_is_walked_at_the_models_own_value_or_at_another() -> None:
-    assert study_of().options.sections == (0.3,)
-    other = study_of(STUDY.replace("to = 0.6 }", "to = 0.6, at = 0.5 }"))
-    assert other.options.sections == (0.5,)
-    assert other.system["harmonic1.amplitude"] == 0.5
-    assert study_of(changes={"study.second.at": 0.4}).options.sections == (0.4,)
+    assert options_in().sections == (0.3,)
+    other = STUDY.replace("to = 0.6 }", "to = 0.6, at = 0.5 }")
+    assert options_in(other).sections == (0.5,)
+    assert study_of(other).system["harmonic1.amplitude"] == 0.5
+    assert options_in(changes={"study.second.at": 0.4}).sections == (0.4,)
 
 
 @pytest.mark.parametrize(
@@ -207,12 +218,13 @@ to = "1000 rpm"
 second = { parameter = "mean.flywheel", from = "10 N m", to = "400 N m" }
 """
     study = check_study(parse_source(text + table))
-    plain = without_units(study)
-    ratio = study.options.near / study.options.begin
-    assert ratio == pytest.approx(0.75)
-    assert plain.options.near / plain.options.begin == pytest.approx(0.75)
-    low, high = plain.options.second.begin, plain.options.second.end
-    assert low < plain.options.sections[0] < high
+    options, plain = study.options, without_units(study).options
+    assert isinstance(options, LocusStudyOptions)
+    assert isinstance(plain, LocusStudyOptions)
+    assert isinstance(plain.sections, tuple)
+    assert options.near == pytest.approx(0.75 * options.begin)
+    assert plain.near == pytest.approx(0.75 * plain.begin)
+    assert plain.second.begin < plain.sections[0] < plain.second.end
 
 
 def test_a_log_has_a_line_now_and_then(monkeypatch, capsys) -> None:

@@ -28,13 +28,13 @@ class LocusSecondPart(SecondPart):
     def _lies_in_the_range(cls, at: float | None, info: ValidationInfo[Surroundings]) -> float | None:
         """The value at which the branch is walked: that of the model, if it has one in the range, or one given."""
         name, around = info.data.get("parameter"), info.context
-        ends = (info.data.get("begin"), info.data.get("end"))
+        ends = [info.data[end] for end in ("begin", "end") if end in info.data]
         if at is not None:
             at = check_value(at, name, around)
-            if None not in ends:
-                check_inside([at], "at", ends)
+            if len(ends) == 2:
+                check_inside([at], "at", (ends[0], ends[1]))
             return at
-        if name is None or None in ends or around.system is None or around.guessed:
+        if name is None or len(ends) < 2 or around.system is None or around.guessed:
             return None
         if name in PACES and not around.frequency_given:
             raise ValueError("is missing, and the file gives no frequency either; write where the branch is walked")

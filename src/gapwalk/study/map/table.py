@@ -62,11 +62,7 @@ class SecondPart(Part):
 class PlanePart(BranchPart):
     """What the schemas of the studies in the plane of two parameters have in common."""
 
-    second: SecondPart = Field(
-        description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'
-    )
-
-    @field_validator("second")
+    @field_validator("second", check_fields=False)
     @classmethod
     def _is_another(cls, second: SecondPart, info: ValidationInfo[Surroundings]) -> SecondPart:
         if second.parameter == info.data.get("parameter"):
@@ -85,6 +81,9 @@ class MapPart(PlanePart):
     """The study ``kind = "map"``: all loci that bound regimes in the plane of two parameters."""
 
     kind: Literal["map"]
+    second: SecondPart = Field(
+        description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'
+    )
     sections: CountOrValues | None = None
     max_period: Count | None = None
     kinds: Annotated[list[Annotated[Kind, BeforeValidator(has_a_locus)]], Field(min_length=1)] | None = None
