@@ -159,6 +159,13 @@ def test_a_walk_over_a_graze_can_be_stopped_and_resumed_before_and_after_it():
         assert [each.value for _, found in steps for each in found] == [each.value for _, f in whole for each in f]
 
 
+def test_a_branch_that_begins_within_rounding_of_a_graze_is_not_said_to_join_its_parent():
+    branch = walk(oscillator(1e6, law=DampingLaw.HUNT_CROSSLEY, damping=0.1, frequency=0.3), 0.9)
+    child = follow(branch.special(Kind.FLIP)[0], "frequency", (0.8, 0.9))
+    assert child.ends[-1].reason is EndReason.STEP
+    assert "grazes" in child.ends[-1].detail
+
+
 @pytest.mark.parametrize("deflection", [{"a": 1.0}, {"a": 1.0, "b": -1.0}])
 def test_two_masses_with_a_stop_of_steel_have_the_same_special_points_from_both_sides(deflection):
     stage = Stage(1.0, 1e6, side=Side.POSITIVE)

@@ -252,16 +252,17 @@ class Trail(Iterator[Step]):
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Whether a contact grazes in a step so short, or with such a jump of multipliers, that the stop must be stiff."""
-        short = point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
-        beginning = first is self.first and self.departure.singular
-        return short and not beginning and first.orbit.closings != point.orbit.closings
+        """Whether a contact grazes in a step so short, or so much changes with it, that its stop must be stiff."""
+        sharp = point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
+        return sharp and first.orbit.closings != point.orbit.closings
 
     def _pass_graze(self, state: WalkState) -> Step | None:
         """The step over a graze from a state of the walk: a stiff stop turns the branch within rounding there."""
         first = state.point
+        if first is self.first and self.departure.singular:
+            return None  # two branches begin there, and the depth does not tell them apart
         passage = pass_graze(self.departure.corrector, first)
-        if passage is None:
+        if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.departure.corrector)  # test functions may have jumped

@@ -250,7 +250,8 @@ class TouchEquation:
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths)
             right[len(unknowns) - 1 :, 1] = 1.0
-            steps: NDArray[np.float64] = np.linalg.lstsq(matrix * self._scales, right, rcond=None)[0]
+            solution = np.linalg.lstsq(matrix * self._scales, right, rcond=None)[0]
+            steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
