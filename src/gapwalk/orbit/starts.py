@@ -44,7 +44,7 @@ def other_starts(
         states = _strobes(system, period, settled)
         if states is not None:
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
-            yield from (("states that nearly repeat", lambda k=k: states[k]) for k in nearest.tolist())
+            yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
             yield "their mean", lambda: states.mean(axis=0)
     yield "rest", lambda: np.zeros(2 * system.size)
     name = system.structure.names[0]
