@@ -91,8 +91,7 @@ def compare_ranges(name: str, system: System, verified: bool = True) -> Comparis
         faults += [f"{where}: {each}" for each in unexplained_of(branch)]
         faults += [f"{where}: {text}" for text in differences(fine, branch)]
         if verified:
-            report = verify(branch)
-            faults += [f"{where}: verification: {finding}" for finding in report.failures[:3]]
+            faults += [f"{where}: verification: {breach}" for breach in verify(branch).breaches[:3]]
     return Comparison(name, faults, len(fine.special_points), 1 + len(WIDE) + 1)
 
 
