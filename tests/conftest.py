@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from hypothesis import settings
 
+from gapwalk.errors import Interrupted
 from gapwalk.study.work import workers
 from gapwalk.study.work.processes import Processes
 
@@ -63,3 +64,12 @@ def hire() -> Iterator[Callable[[int], Processes]]:
 def kept_processes(hire, monkeypatch) -> None:
     """For tests of work by several processes in which it does not matter that they have worked before."""
     monkeypatch.setattr(workers, "Processes", hire)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Let an interruption that a test does not expect fail that test: Ctrl-C itself would end the whole run."""
+    try:
+        return (yield)
+    except Interrupted as error:
+        raise AssertionError(f"the test did not expect an interruption: {error!r}") from error
