@@ -61,6 +61,11 @@ def test_the_defect_tells_a_motion_that_has_lost_it():
     assert INVERSION.defect(1e-12 * moved, floor=1.0) < 1e-11
 
 
+def test_breakpoints_change_places_too():
+    assert INVERSION.moves_switches(gap()) == (1, 0)
+    assert Symmetry((1, 0), (1, 1), 0.0).moves_switches(two_masses(1.0)) == (1, 0)
+
+
 def test_only_some_symmetries_are_looked_for_in_large_systems():
     assert finds_all(two_masses(1.0))
     n = 5

@@ -218,7 +218,7 @@ def test_a_range_of_frequencies_of_10000_beside_the_closed_form(start, end, gap)
 def test_a_range_of_frequencies_of_10000_with_a_gap_that_only_the_resonance_uses_up():
     down, up = (follow(find_orbit(oscillator(gap=3.0, frequency=a)), "frequency", to=b) for a, b in ENDS)
     assert agree(values_of(down), values_of(up)[::-1])
-    assert max(len(branch.points) for branch in (down, up)) < 250
+    assert max(len(branch.points) for branch in (down, up)) < 300  # as many as in narrow ranges, one after the other
 
     def beyond_the_gap(frequency: float) -> float:
         return 0.1 + 0.5 / abs(1.0 - frequency**2 + 0.1j * frequency) - 3.0
@@ -242,7 +242,7 @@ def test_a_range_of_frequencies_of_10000_of_a_motion_with_contacts_throughout():
 
 def test_a_load_that_grows_by_a_factor_of_a_thousand_million():
     branch = follow(find_orbit(oscillator(size=1e-6, mean=0.0, gap=1e12)), "harmonic1.amplitude", to=1e3)
-    assert len(branch.points) < 150
+    assert len(branch.points) < 250  # no step changes the load by more than an eighth
     assert max(linear_error(point.orbit, 1.0, 0.1) for point in branch.points) < 1e-9
 
 

@@ -106,7 +106,7 @@ class Detector:
             kind, contact, nature = Kind.GRAZING, "", ""
             if isinstance(item, _Zero):
                 kind = item.kind
-                nature = _opening(*sides) if kind is Kind.FOLD else ""
+                nature = opening(*sides) if kind is Kind.FOLD else ""
                 if kind is Kind.FOLD and not nature:
                     continue  # the branch goes on as before: rounding made this zero
             else:
@@ -238,7 +238,7 @@ def _instabilities(kind: Kind, before: BranchPoint, after: BranchPoint) -> tuple
     return (inner, outer) if near < far else (outer, inner)
 
 
-def _opening(before: BranchPoint, after: BranchPoint) -> str:
+def opening(before: BranchPoint, after: BranchPoint) -> str:
     """To which side a fold opens, by which way the branch goes before and after it, up to the next special points.
 
     Farther away another fold may have turned it again. Empty if it goes the same way on both sides.

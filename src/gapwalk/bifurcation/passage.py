@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.detect import opening
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.second import ROUNDING
@@ -176,9 +177,9 @@ class _Corner:
             self._beside(end),
         ]
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
-            yield SpecialPoint(
-                kind, self._placed(label), before.instability, after.instability, self._error(kind, label), contact
-            )
+            counts = (before.instability, after.instability)
+            nature = opening(before, after) if kind is Kind.FOLD else ""
+            yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
 
     def _beside(self, label: float) -> BranchPoint:
         """A point between special points; where these are nearer to the graze than can be told, one just before it."""

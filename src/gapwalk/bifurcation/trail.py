@@ -15,7 +15,7 @@ from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, va
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
 from gapwalk.bifurcation.passage import pass_graze
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
@@ -150,7 +150,7 @@ class Trail(Iterator[Step]):
             try:
                 if self._is_doubled(first) and has_merged(point):
                     raise NumericalError("the step went onto the parent branch")
-                if any(self._defect(each, point) > _LOST for each in self._kept(first)):
+                if any(self._is_lost(each, point) for each in self._kept(first)):
                     raise NumericalError("the step went onto a branch of motions without a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
             except NumericalError:
@@ -200,6 +200,15 @@ class Trail(Iterator[Step]):
                 each for each in self._symmetries_of_all() if self._defect(each, point) < _SYMMETRIC
             )
         return self._symmetries
+
+    def _is_lost(self, symmetry: Symmetry, point: BranchPoint) -> bool:
+        """Whether an orbit lacks a symmetry: by its extremes, or by how often its contacts close.
+
+        Past a graze at a stiff stop the second tells what is too small for the first.
+        """
+        closings = point.orbit.closings
+        moved = [closings[switch] for switch in symmetry.moves_switches(point.orbit.system)]
+        return self._defect(symmetry, point) > _LOST or moved != list(closings)
 
     def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
         return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.departure.corrector.scales[0]))
@@ -264,13 +273,11 @@ class Trail(Iterator[Step]):
         passage = pass_graze(self.departure.corrector, first)
         if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
             return None
+        if any(self._is_lost(each, passage.point) for each in self._kept(first)):
+            return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.departure.corrector)  # test functions may have jumped
-        neighbours, parameter = (first.value, passage.point.value), self.departure.equation.parameter or ""
-        special = [
-            with_nature(each, parameter, neighbours) if each.kind is Kind.FOLD else each for each in passage.special
-        ]
-        return self._until_parent(first, self._until_vertex(passage.point, special))
+        return self._until_parent(first, self._until_vertex(passage.point, passage.special))
 
     def _pass_bend(self, state: WalkState) -> Step | None:
         """The step over a bend from a state of the walk: where a contact begins or ends just as the period begins.

@@ -126,7 +126,7 @@ def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str
 
 
 def near_names(word: str, known: Sequence[str]) -> list[str]:
-    """At most three names that may have been meant: slips of the pen, beginnings, and names with it before a dot.
+    """At most three names that may have been meant: slips of the pen, beginnings, and names of which it is a part.
 
     What only looks alike is another idea: who writes friction does not mean deflection.
     """
@@ -134,7 +134,7 @@ def near_names(word: str, known: Sequence[str]) -> list[str]:
     parts = plain.split(".")
     for name in known:
         others = name.casefold().split(".")
-        if plain in others or (len(plain) > 2 and name.casefold().startswith(plain)):
+        if plain in re.split("[.-]", name.casefold()) or (len(plain) > 2 and name.casefold().startswith(plain)):
             found.append((0, name))
         elif len(others) == len(parts):
             slips = [(_slips(one, other), _allowed(one, other)) for one, other in zip(parts, others, strict=True)]

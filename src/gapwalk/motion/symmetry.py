@@ -55,6 +55,20 @@ class Symmetry:
         size = max(floor, 0.5 * float(np.ptp(extremes[:, :2], axis=1).max()))
         return float(np.abs(here - extremes[:, :3]).max()) / size if size > 0.0 else 0.0
 
+    def moves_switches(self, system: System) -> tuple[int, ...]:
+        """For each breakpoint of a system, the one that is passed in its place; itself where there is no such one."""
+        switches = []
+        for contact, side, clearance in system.breakpoints:
+            form = system.structure.contacts[contact]
+            moved, given = np.zeros(system.size), side * system.vector(f"{form.name}.deflection")
+            for place, (source, sign) in enumerate(zip(self.order, self.signs, strict=True)):
+                moved[source] += sign * given[place]
+            switches.append((moved, given, clearance))
+        return tuple(
+            next((j for j, (_, e, c) in enumerate(switches) if np.allclose(moved, e) and np.isclose(clearance, c)), own)
+            for own, (moved, _, clearance) in enumerate(switches)
+        )
+
 
 def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     """The symmetries of a system at its present values, other than that of doing nothing.

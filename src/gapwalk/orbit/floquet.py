@@ -100,17 +100,16 @@ def is_on_border(values: NDArray[np.complex128]) -> bool:
 
 
 def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """How far a multiplier moves from one set to the other, where each goes to the one that is nearest on the whole.
+    """How far a multiplier moves from one set to the other, where those that are nearest belong together.
 
     Multipliers beyond the unit circle count relative to their size; very small ones do not count.
     """
-    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
-
     count = max(int(np.sum(np.abs(each) > _SMALL)) for each in (a, b))
-    if not count:
-        return 0.0
     first, second = (each[np.argsort(-np.abs(each))][:count] for each in (a, b))
     sizes = np.maximum(1.0, np.minimum.outer(np.abs(first), np.abs(second)))
-    moves = np.abs(np.subtract.outer(first, second)) / sizes
-    rows, columns = linear_sum_assignment(moves**2)
-    return float(moves[rows, columns].max())
+    moves, largest = np.abs(np.subtract.outer(first, second)) / sizes, 0.0
+    for _ in range(count):
+        row, column = np.unravel_index(int(moves.argmin()), moves.shape)
+        largest = float(moves[row, column])
+        moves[row], moves[:, column] = np.inf, np.inf
+    return largest

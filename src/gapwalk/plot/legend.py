@@ -11,6 +11,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
 from gapwalk.continuation.branch import Branch
+from gapwalk.orbit.floquet import Instability
 from gapwalk.plot.size import points
 from gapwalk.plot.style import (
     GREY,
@@ -29,7 +30,8 @@ _BESIDE = 9.0  # letters as wide as the line and the space beside each text
 
 def draw_legend(ax: Axes, branches: Sequence[Branch], *, above: bool = False) -> None:
     """Explain the lines and symbols that occur: below the picture where it is alone in its figure, else inside."""
-    lines = [name for name in LINES if any(i.label == name for branch in branches for i in branch.instabilities)]
+    counts = [count for branch in branches for count in (*branch.instabilities, *_between(branch))]
+    lines = [name for name in LINES if any(count.label == name for count in counts)]
     kinds = [kind for kind in SYMBOLS if any(branch.special(kind) for branch in branches)]
     handles = [Line2D([], [], label=LINES[name].text, **line_options(name)) for name in lines]
     handles += [Line2D([], [], label=SYMBOLS[kind].text, **symbol_options(kind)) for kind in kinds]
@@ -43,6 +45,11 @@ def draw_legend(ax: Axes, branches: Sequence[Branch], *, above: bool = False) ->
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, columnspacing=1.8, handlelength=3.0)
     else:
         ax.legend(handles=handles, loc="best", handlelength=3.0)
+
+
+def _between(branch: Branch) -> list[Instability]:
+    """The unstable multipliers between special points, where there may be no point of the walk."""
+    return [special.after for special in branch.special_points]
 
 
 def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool) -> None:
