@@ -15,6 +15,7 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.cli.progress import DiagramProgress
 from gapwalk.errors import StoreError
+from tests.interruption import until_ctrl_c
 from tests.models import CLUTCH
 from tests.study.diagrams import islands
 from tests.study.same import assert_same_result
@@ -236,7 +237,7 @@ def test_an_incomplete_diagram_says_so(clutch, capsys) -> None:
     def report(diagram, limb) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    gw.run(study, "a.gapwalk", report=report)
+    until_ctrl_c(gw.run, study, "a.gapwalk", report=report)
     assert main(["show", "a.gapwalk"]) == 0
     assert "not complete" in capsys.readouterr().out
     assert main(["run", str(clutch), "--study", "loop", "--output", "a.gapwalk", "--resume", "--json"]) == 0

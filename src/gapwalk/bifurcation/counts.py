@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
@@ -39,18 +41,27 @@ def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint])
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """Where the numbers of unstable multipliers do not follow from one another."""
-    count = None if is_on_border(a.orbit.multipliers) else a.instability.total
+    count = None if _is_undecided(a) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
             yield f"{count} unstable multipliers come to a {each.kind.value} that counts {each.before.total} before it"
         count = each.after.total
-    if count is not None and not is_on_border(b.orbit.multipliers) and b.instability.total != count:
+    if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"
         yield f"{count} unstable multipliers become {b.instability.total}, with {between} between"
 
 
+def _is_undecided(point: BranchPoint) -> bool:
+    """Whether a multiplier is so near the unit circle that its error decides on which side of it it is."""
+    orbit = point.orbit
+    near = float(np.abs(np.abs(orbit.multipliers) - 1.0).min())
+    return is_on_border(orbit.multipliers) or near < orbit.multiplier_error
+
+
 def _sign(kind: Kind, point: BranchPoint) -> int:
     size = value(kind, point)
+    if kind is Kind.FLIP and _is_undecided(point):
+        return 0
     if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is not Kind.FLIP and _is_singular(point)):
         return 0
     return 1 if size > 0.0 else -1

@@ -62,6 +62,11 @@ class Orbit(Shown):
         """Whether all multipliers lie inside the unit circle."""
         return self.instability.total == 0
 
+    @property
+    def multiplier_error(self) -> float:
+        """About by how much the multipliers may be off; by shooting nothing but rounding."""
+        return 0.0
+
     @cached_property
     def closings(self) -> tuple[int, ...]:
         """How often each switch closes in one full period; it changes only where a contact grazes.

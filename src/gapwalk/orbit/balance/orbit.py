@@ -14,6 +14,8 @@ from gapwalk.orbit.balance.series import Series
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns
 
+_AMPLIFIED = 30.0  # times what is neglected by which multipliers may be off
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BalancedOrbit(Orbit):
@@ -41,6 +43,11 @@ class BalancedOrbit(Orbit):
     def harmonics(self) -> int:
         """H, the highest harmonic of the forcing frequency."""
         return (self.series.lines.shape[1] - 1) // self.period
+
+    @property
+    def multiplier_error(self) -> float:
+        """About by how much the multipliers may be off for what is neglected: thirty times that."""
+        return _AMPLIFIED * self.truncation
 
     def motion(self, samples: int | None = None) -> Motion:
         """One full period, sampled evenly with `samples` a forcing period."""
