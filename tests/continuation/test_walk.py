@@ -189,16 +189,22 @@ def test_bad_requests_are_refused(parameter, to, message):
 
 
 def test_work_of_the_main_job_does_not_grow():
-    """Guards the speed of figure 13 by counting flow calls and points, not by a clock."""
+    """Guards the speed of figure 13 by counting flow calls and points, not by a clock.
+
+    Of the calls some 105 decide whether its flips are super- or subcritical, as the limit towards the flip.
+    """
     orbit = find_orbit(clutch(), frequency=1.9)
     Flow.calls = 0
     branch = follow(orbit, "frequency", to=0.15)
     assert len(branch.points) < 340
-    assert Flow.calls < 1560 + 6 * len(branch.special_points)  # each is computed a second time, for its error
+    assert Flow.calls < 1640 + 6 * len(branch.special_points)  # each is computed a second time, for its error
 
 
 def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
-    """The same for figure 9b at H = 10, whose special points are all found with steps of 0.06."""
+    """The same for figure 9b at H = 10, whose special points are all found with steps of 0.06.
+
+    Of the evaluations some 330 are for the limits of its eight flips.
+    """
     counts, evaluate, orbit = Counter(), BalanceEquation.evaluate, BalanceEquation.orbit
 
     def counted_evaluate(*args):
@@ -215,7 +221,7 @@ def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     options = WalkOptions(largest_step=0.06)
     branch = follow(start, "frequency", to=0.15, method=Balance(10, error=1.0), walk=options)
     assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
-    assert counts["evaluations"] < 1265 + 2 * len(branch.special_points)  # each has its error
+    assert counts["evaluations"] < 1430 + 2 * len(branch.special_points)  # each has its error
     assert counts["orbits"] < 520 + len(branch.special_points)
 
 
