@@ -203,7 +203,7 @@ def test_work_of_the_main_job_does_not_grow():
 def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     """The same for figure 9b at H = 10, whose special points are all found with steps of 0.06.
 
-    Of the evaluations some 330 are for the limits of its eight flips.
+    Some 330 of the evaluations and 120 of the orbits are for the limits of its eight flips.
     """
     counts, evaluate, orbit = Counter(), BalanceEquation.evaluate, BalanceEquation.orbit
 
@@ -222,7 +222,7 @@ def test_work_of_harmonic_balance_does_not_grow(monkeypatch):
     branch = follow(start, "frequency", to=0.15, method=Balance(10, error=1.0), walk=options)
     assert Counter(special.kind for special in branch.special_points) == {Kind.FLIP: 8, Kind.GRAZING: 7, Kind.FOLD: 2}
     assert counts["evaluations"] < 1430 + 2 * len(branch.special_points)  # each has its error
-    assert counts["orbits"] < 520 + len(branch.special_points)
+    assert counts["orbits"] < 580 + len(branch.special_points)
 
 
 def test_no_step_is_longer_than_the_largest():
