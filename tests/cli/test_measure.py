@@ -125,7 +125,10 @@ def test_what_the_record_does_not_determine_is_a_failure(files, capsys) -> None:
         (["none.toml", "rattle.csv"], "none.toml: there is no such file"),
         (["rattle.toml", "none.csv"], "none.csv cannot be read: No such file"),
         (["rattle.toml", "rattle.toml"], "there is no column 'time' for time"),
-        (["rattle.toml", "rattle.csv", "--fit", "mean.q2"], "there is no parameter 'mean.q2'; did you mean 'mean.q3'"),
+        (
+            ["rattle.toml", "rattle.csv", "--fit", "mean.q2"],
+            "there is no parameter 'mean.q2'; did you mean 'mean.q1' or 'mean.q3'",
+        ),
         (["rattle.toml", "rattle.csv", "--set", "measurement.order=30"], "at least 8 are needed"),
         (
             ["rattle.toml", "rattle.csv", "--set", "measurement.time_scale=1"],

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import ModelFileError, Problem, did_you_mean, dotted, given
+from gapwalk.model.problem import ModelFileError, Problem, did_you_mean, dotted, given, near_names
 
 
 def test_a_problem_is_one_line() -> None:
@@ -53,6 +53,27 @@ def test_values_are_given_back_in_short(value, text: str) -> None:
     assert given(value) == text
 
 
-def test_the_nearest_name_is_offered() -> None:
+@pytest.mark.parametrize(
+    ("word", "known", "near"),
+    [
+        ("clearence", ["clearance", "stiffness"], ["clearance"]),
+        ("balance", ["shooting", "harmonic-balance"], ["harmonic-balance"]),  # a part of it
+        ("acceleration", ["time", "accel"], ["accel"]),  # each may be the beginning of the other
+        ("clear", ["clearance", "stiffness"], ["clearance"]),
+        ("mean.q2", ["frequency", "mean.q3", "mass.q1.q1"], ["mean.q3"]),  # another number
+        ("stage3", ["q1", "stage2.force"], ["stage2.force"]),
+        ("stgae2", ["q1", "stage2.force"], ["stage2.force"]),
+        ("friction", ["deflection", "stiffness"], []),
+        ("stop.friction", ["stop.deflection.x", "stop.stiffness"], []),
+        ("y", ["x", "z"], []),
+        ("30", ["20a", "27"], []),
+        ("xyz", ["clearance", "stiffness"], []),
+    ],
+)
+def test_names_that_may_have_been_meant_are_offered(word, known, near) -> None:
+    assert near_names(word, known) == near
+
+
+def test_all_names_are_told_where_none_is_near() -> None:
     assert did_you_mean("clearence", ["clearance", "stiffness"]) == "did you mean clearance?"
     assert did_you_mean("xyz", ["clearance", "stiffness"]) == "they are clearance, stiffness"

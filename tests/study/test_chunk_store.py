@@ -94,7 +94,7 @@ def test_strange_and_damaged_files(path, tmp_path) -> None:
     ("statement", "message"),
     [
         ("UPDATE chunk SET data = x'00'", "the checksum of part 7 is wrong"),
-        ("UPDATE chunk SET data = 'text'", "the checksum of part 7 is wrong"),
+        ("UPDATE chunk SET data = 'text'", "its table chunk has a text in the column data, where bytes should be"),
         ("UPDATE job SET value = '{' WHERE key = 'kind'", "is damaged"),
         ("DELETE FROM job WHERE key = 'versions'", "is damaged"),
         ("CREATE TRIGGER t AFTER INSERT ON chunk BEGIN DELETE FROM chunk; END", "its tables are not those of gapwalk"),

@@ -106,7 +106,7 @@ def test_ratios_of_a_cascade():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"max_period": 0}, "max_period is 0; it must be an integer >= 1"),
+        ({"max_period": 0}, "max_period is 0; it must be an integer from 1 to 100,000"),
         ({"max_branches": 1.5}, "max_branches is 1.5"),
     ],
 )

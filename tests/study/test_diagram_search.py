@@ -146,5 +146,5 @@ def test_a_file_can_set_every_option_of_a_search() -> None:
 
 @pytest.mark.parametrize("values", [-1, 1.5, True, (float("nan"),), ("x",)])
 def test_bad_values_are_refused(values) -> None:
-    with pytest.raises(ModelError, match="an integer >= 0, or values of the parameter"):
+    with pytest.raises(ModelError, match="an integer from 0 to 100,000, or values of the parameter"):
         gw.DiagramOptions(search_values=values)

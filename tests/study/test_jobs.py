@@ -169,7 +169,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
 @pytest.mark.parametrize(
     ("text", "old", "new", "message"),
     [
-        (SETTLE, '"stage2"\nphase', '"stage3"\nphase', 'study.signal is "stage3"; did you mean stage2'),
+        (SETTLE, '"stage2"\nphase', '"stage3"\nphase', "there is no signal 'stage3'; did you mean stage2.force?"),
         (SETTLE, '"90 deg"', "7.0", "study.phase is 7.0 radians; it must be at least 0 and less than a whole turn"),
         (SETTLE, 'kind = "settle"', 'kind = "settle"\nstart = "settle"', 'study.start is "settle"; it must be one of'),
         (
@@ -181,7 +181,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
         (SETTLE, 'kind = "settle"', 'kind = "settle"\nmeasure = "half.q1"', "study.measure is no key here"),
         (SETTLE, "frequency = 0.45", "", "frequency is missing; the study walks nothing, so write at which frequency"),
         (BASINS, "frequency = 0.45", "", "frequency is missing; the study walks nothing, so write at which frequency"),
-        (SWEEP, '"q3\'"', '"q4"', "study.signal is \"q4\"; they are q1, q3, q1', q3'"),
+        (SWEEP, '"q3\'"', '"q4"', 'study.signal is "q4"; did you mean q1 or q3?'),
         (SWEEP, "points = 13", "points = 12", "study.points is 12; it must be more than max_period, 12"),
         (SWEEP, "points = 13", 'ways = "sideways"', "study.ways is 'sideways'; write \"up and down\""),
         (SWEEP, "points = 13", "longest = 3", "study.longest is 3; it must be at least 48"),

@@ -116,7 +116,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(chart):
         (lambda: bifurcation_map(case("27"), "frequenzy", "mean.q1", PLANE), "did you mean 'frequency'"),
         (lambda: bifurcation_map(case("27"), "mean.q1", "frequency", ((0.1, 0.1), (0.2, 0.3))), "it is empty"),
         (lambda: bifurcation_map(case("27"), "mean.q1", "frequency", ((0.1, 0.2), (-0.2, 0.3))), "must be > 0"),
-        (lambda: MapOptions(sections=0), "sections is 0; it must be an integer >= 1"),
+        (lambda: MapOptions(sections=0), "sections is 0; it must be an integer from 1 to 100,000"),
         (lambda: MapOptions(kinds=(Kind.BRANCH_POINT,)), "they may be fold, flip"),
     ],
 )

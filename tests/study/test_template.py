@@ -164,7 +164,7 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path) -> None:
 def test_where_no_file_can_be_a_reason_is_given(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="cannot be written: No such file or directory"):
         write_template(tmp_path / "none" / "model.toml")
-    with pytest.raises(ModelError, match="cannot be written"):
+    with pytest.raises(ModelError, match="is a folder; name a file in it"):
         write_template(tmp_path, overwrite=True)
 
 

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from string import digits
 from typing import Any
 
 from gapwalk.errors import ModelError
@@ -17,6 +18,7 @@ Path = tuple[str | int, ...]
 _LISTED = 200  # problems in the text of an error; a matrix of strings would fill many screens
 _SHOWN = 60  # characters of a value that is given back
 _TOLD = 40  # names that are told where none is like the one that was asked for
+_BEGINNING = 3  # letters with which a name may begin another that was meant
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,28 +132,39 @@ def near_names(word: str, known: Sequence[str]) -> list[str]:
 
     What only looks alike is another idea: who writes friction does not mean deflection.
     """
-    plain, found = word.casefold(), []
-    parts = plain.split(".")
-    for name in known:
-        others = name.casefold().split(".")
-        if plain in re.split("[.-]", name.casefold()) or (len(plain) > 2 and name.casefold().startswith(plain)):
-            found.append((0, name))
-        elif len(others) == len(parts):
-            slips = [(_slips(one, other), _allowed(one, other)) for one, other in zip(parts, others, strict=True)]
-            if all(count <= allowed for count, allowed in slips):
-                found.append((sum(count for count, _ in slips), name))
+    plain = word.casefold()
+    found = [(slips, name) for name in known if (slips := _distance(plain, name.casefold())) is not None]
     return [name for _, name in sorted(found, key=lambda each: each[0])[:3]]
 
 
-def _allowed(first: str, second: str) -> int:
-    """How many slips leave a word what it is: none in one or two letters, three in a long word."""
-    return sum(max(len(first), len(second)) > length for length in (2, 4, 9))
+def _distance(word: str, name: str) -> int | None:
+    """How many slips lead from a word to a name, or to the parts of it that stand first; None if it is another word."""
+    short, long = sorted((word, name), key=len)
+    if word in re.split("[.-]", name) or (len(short) >= _BEGINNING and long.startswith(short)):
+        return 0
+    parts, others = word.split("."), name.split(".")
+    if len(parts) > len(others):
+        return None
+    total = 0
+    for part, other in zip(parts, others, strict=False):
+        if (slips := _slips(part, other)) is None:
+            return None
+        total += slips
+    return total
 
 
-def _slips(first: str, second: str) -> int:
-    """Letters to change, leave out, put in or swap with their neighbour, until two words are the same."""
-    if abs(len(first) - len(second)) > _allowed(first, second):
-        return len(first) + len(second)
+def _slips(first: str, second: str) -> int | None:
+    """Letters to change, leave out, put in or swap with their neighbour, until two words are the same.
+
+    Another number is one slip: q3 for q2, stage2 for stage3. None where there are more slips than leave a word what it
+    is: none in one or two letters, three in a long word.
+    """
+    family = first.rstrip(digits)
+    if family and family == second.rstrip(digits):
+        return int(first != second)
+    allowed = sum(max(len(first), len(second)) > length for length in (2, 4, 9))
+    if abs(len(first) - len(second)) > allowed:
+        return None
     before: list[int] = []
     row = list(range(len(second) + 1))
     for i, letter in enumerate(first, start=1):
@@ -161,7 +174,7 @@ def _slips(first: str, second: str) -> int:
             if i > 1 and j > 1 and letter == second[j - 2] and first[i - 2] == other:
                 cost = min(cost, older[j - 2] + 1)
             row.append(cost)
-    return row[-1]
+    return row[-1] if row[-1] <= allowed else None
 
 
 def _toml(value: object) -> str:
