@@ -170,7 +170,8 @@ def test_a_family_over_the_frequency_needs_none_in_the_file() -> None:
 
 
 def test_no_member_at_all_is_a_failure_and_no_picture(tmp_path) -> None:
-    text = MODEL.replace("damping = [[0.04", "damping = [[-3.0")
+    text = MODEL.replace("stiffness = [[0.1", "stiffness = [[-1e6")
+    assert text != MODEL
     result = gw.run(study_of(text), tmp_path / "r.gapwalk")
     assert result.complete
     assert len(result.failures) == 3
