@@ -17,7 +17,9 @@ from tests.interruption import until_ctrl_c
 from tests.study.families import MODEL, second_resonance, study_of
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch
+from tests.systems import clutch
 
+LOADS = {"mean.q3": (0.25, 0.35, 0.5)}
 OVER = 'over = { "mean.q3" = [0.25, 0.35, 0.5] }'
 
 
@@ -167,6 +169,17 @@ def test_a_family_over_the_frequency_needs_none_in_the_file() -> None:
     text = MODEL.replace('"frequency"', '"harmonic1.amplitude"').replace(OVER, "over = { frequency = [1.2, 1.3] }")
     study = study_of(text.replace("from = 1.4", "from = 0.1").replace("to = 1.1", "to = 0.3"))
     assert study.system.frequency == 1.2
+
+
+def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
+    text = MODEL.replace("to = 1.1", "to = 1.39")
+    result = gw.run(study_of(text), tmp_path / "r.gapwalk")
+    branches = result.finding.record.branches
+    assert [len(branch.special_points) for branch in branches] == [0, 0, 0]
+    expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, options=gw.FamilyOptions(workers=1))
+    for found in (result, gw.load(tmp_path / "r.gapwalk")):
+        assert_same_family(found.finding.record, expected)
+    assert gw.verify(tmp_path / "r.gapwalk").ok
 
 
 def test_no_member_at_all_is_a_failure_and_no_picture(tmp_path) -> None:

@@ -2,8 +2,8 @@
 
 The files in tests/data/older were written by the commits that wrote such files, compressed: 1a by 5f23d35 (responses
 only), 1b by c30c5c1 (natures of special points), 1c by 932cd1e (diagrams), 1e by 89ad9f3 (maps, jobs over cells), 1f by
-fb87be4 (the last before families); 2 by 969a9b8 (the last before seals); 3 by f8e1db3 (the first that walks in the scales
-of today); 0 is a chunk store of 89ad9f3.
+fb87be4 (the last before families); 2 by 969a9b8 (the last before seals); 3 by f8e1db3 (the first with the scales of
+today); 0 is a chunk store of 89ad9f3.
 """
 
 import hashlib
