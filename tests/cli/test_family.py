@@ -81,7 +81,8 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(monkeypatch, capsys) -> Non
 
 
 def test_a_member_that_fails_is_told_and_is_3(capsys) -> None:
-    over = 'over = { "damping.q1.q1" = [0.04, -3.0, 0.05] }\ncalled = "case"\nvalues = [1, 2, 3]'
+    lists = '"damping.q1.q1" = [0.04, 0.04, 0.05], "stiffness.q1.q1" = [0.1, -1e6, 0.1]'
+    over = f'over = {{ {lists} }}\ncalled = "case"\nvalues = [1, 2, 3]'
     Path("x.toml").write_text(MODEL.replace('over = { "mean.q3" = [0.25, 0.35, 0.5] }', over))
     assert main(["run", "x.toml"]) == 3
     captured = capsys.readouterr()

@@ -171,7 +171,7 @@ def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
         if limb.name == "P2-1":
             signal.raise_signal(signal.SIGINT)
 
-    gw.run(clutch_diagram(), path, report=report)
+    until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
     result = gw.run(clutch_diagram(), path, resume=True)
     assert result.complete
     assert result.names == ("P1-1", "P2-1")

@@ -146,8 +146,10 @@ def test_longer_periods_are_members_too() -> None:
 
 
 def test_a_member_that_fails_costs_only_itself() -> None:
-    """With a negative damping no motion settles; its neighbours are joined past it."""
-    over = gw.Over.of({"damping.q1.q1": (0.04, -3.0, 0.05)}, "case", (1.0, 2.0, 3.0))
+    """A stiffness as negative as that lets no motion be followed; its neighbours are joined past it."""
+    over = gw.Over.of(
+        {"damping.q1.q1": (0.04, 0.04, 0.05), "stiffness.q1.q1": (0.1, -1e6, 0.1)}, "case", (1.0, 2.0, 3.0)
+    )
     found = gw.family(clutch(), "frequency", (1.4, 1.1), over, options=ONE)
     assert found.complete
     (failure,) = found.failures

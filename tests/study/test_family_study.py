@@ -17,7 +17,9 @@ from tests.interruption import until_ctrl_c
 from tests.study.families import MODEL, second_resonance, study_of
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch
+from tests.systems import clutch
 
+LOADS = {"mean.q3": (0.25, 0.35, 0.5)}
 OVER = 'over = { "mean.q3" = [0.25, 0.35, 0.5] }'
 
 
@@ -169,8 +171,20 @@ def test_a_family_over_the_frequency_needs_none_in_the_file() -> None:
     assert study.system.frequency == 1.2
 
 
+def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
+    text = MODEL.replace("to = 1.1", "to = 1.39")
+    result = gw.run(study_of(text), tmp_path / "r.gapwalk")
+    branches = result.finding.record.branches
+    assert [len(branch.special_points) for branch in branches] == [0, 0, 0]
+    expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, options=gw.FamilyOptions(workers=1))
+    for found in (result, gw.load(tmp_path / "r.gapwalk")):
+        assert_same_family(found.finding.record, expected)
+    assert gw.verify(tmp_path / "r.gapwalk").ok
+
+
 def test_no_member_at_all_is_a_failure_and_no_picture(tmp_path) -> None:
-    text = MODEL.replace("damping = [[0.04", "damping = [[-3.0")
+    text = MODEL.replace("stiffness = [[0.1", "stiffness = [[-1e6")
+    assert text != MODEL
     result = gw.run(study_of(text), tmp_path / "r.gapwalk")
     assert result.complete
     assert len(result.failures) == 3

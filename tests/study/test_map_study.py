@@ -176,7 +176,7 @@ def test_what_cannot_be_followed_is_a_failure(path, monkeypatch, undisturbed) ->
         if len(chart.loci) == 2:  # beyond the folds
             signal.raise_signal(signal.SIGINT)
 
-    assert len(gw.run(clutch_map(), path, report=report).failures) == 2
+    assert len(until_ctrl_c(gw.run, clutch_map(), path, report=report).failures) == 2
     result = gw.run(clutch_map(), path, resume=True)
     assert result.complete
     assert [locus.kind for locus in result.map.loci] == ["flip", "flip", "grazing", "grazing"]

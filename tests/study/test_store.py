@@ -156,7 +156,7 @@ def test_a_walk_whose_variables_would_be_scaled_otherwise_today_does_not_go_on(p
     with monkeypatch.context() as earlier:
         earlier.setattr("gapwalk.continuation.scales._CLEARANCES", 3.0)
         stop = iter([signal.SIGINT])
-        gw.run(stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
+        until_ctrl_c(gw.run, stop_study(), path, report=lambda *_: [signal.raise_signal(each) for each in stop])
     content = path.read_bytes()
     with pytest.raises(StoreError, match="variables were scaled otherwise"):
         gw.run(stop_study(), path, resume=True)

@@ -33,7 +33,7 @@ class Numbers:
     def __init__(self, packed: Packed, switches: int, count: int, width: int | None) -> None:
         self._numbers, rows = (np.frombuffer(part, dtype="<f8").astype(float) for part in packed)
         self._count, self._at, self._taken = count, 0, 0
-        if count < 1 or len(rows) % 4 or (width is not None and len(self._numbers) != count * width):
+        if count < 0 or len(rows) % 4 or (width is not None and len(self._numbers) != count * width):
             raise ValueError(self._wrong(len(rows)))
         theta, switch, enters, velocity = rows.reshape(-1, 4).T
         if not np.isin(switch, np.arange(switches)).all() or not np.isin(enters, (0.0, 1.0)).all():
