@@ -89,10 +89,11 @@ def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance:
             advance("orbits", done, len(every))
 
     report(0)
+    kinds = {id(each.point): each.kind for _, track in tracks for each in track.branch.special_points}
     for (spot, point, track), around in zip(every, carry(orbits, report), strict=True):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
         _enter_residual(ledger, spot, track, point)
-        verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point))
+        verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point), kinds.get(id(point)))
 
 
 def _enter_residual(ledger: Ledger, spot: Spot, track: Track, point: BranchPoint) -> None:
@@ -101,7 +102,13 @@ def _enter_residual(ledger: Ledger, spot: Spot, track: Track, point: BranchPoint
 
 
 def verify_orbit(
-    ledger: Ledger, spot: Spot, orbit: Orbit, around: Round, segments: int, beside: Sequence[NDArray[np.float64]] = ()
+    ledger: Ledger,
+    spot: Spot,
+    orbit: Orbit,
+    around: Round,
+    segments: int,
+    beside: Sequence[NDArray[np.float64]] = (),
+    kind: Kind | None = None,
 ) -> None:
     """Check one orbit by shooting.
 
@@ -117,6 +124,8 @@ def verify_orbit(
         With how many it was shot.
     beside
         Changes of its state by as much as the point may be off to which its multipliers belong.
+    kind
+        What happens there, if it is a special point.
     """
     try:
         reshot = reshoot(orbit, segments, around.contraction)
@@ -136,16 +145,38 @@ def verify_orbit(
     if off > Check.MULTIPLIERS.bound and beside:
         off /= max(1.0, _VARIED * spread(orbit, segments, around.contraction, beside) / Check.MULTIPLIERS.bound)
     ledger.enter(Check.MULTIPLIERS, spot, off)
-    verify_stability(ledger, spot, orbit, reshot.multipliers)
+    _verify_stability(ledger, spot, orbit, reshot.multipliers, kind)
 
 
-def verify_stability(ledger: Ledger, spot: Spot, orbit: Orbit, multipliers) -> None:
-    """Check the number of unstable multipliers, unless one is on the unit circle."""
-    if is_on_border(multipliers) or is_on_border(orbit.multipliers):
+def _verify_stability(
+    ledger: Ledger, spot: Spot, orbit: Orbit, multipliers: NDArray[np.complex128], kind: Kind | None
+) -> None:
+    """Check the number of unstable multipliers, unless one is on the unit circle.
+
+    At a special point those that are critical do not count: they are on the circle but for the error with which they
+    are known.
+    """
+    found, stored = (_not_critical(each, kind) for each in (multipliers, orbit.multipliers))
+    if is_on_border(found) or is_on_border(stored):
         return
-    found = int((np.abs(multipliers) > 1.0).sum())
-    detail = f"{found} unstable multipliers, where {orbit.instability.total} are stored"
-    ledger.enter(Check.STABILITY, spot, float(abs(found - orbit.instability.total)), detail)
+    counts = [int((np.abs(each) > 1.0).sum()) for each in (found, stored)]
+    detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"
+    ledger.enter(Check.STABILITY, spot, float(abs(counts[0] - counts[1])), detail)
+
+
+def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
+    """The multipliers of a point but for those that are critical at a special point of a kind."""
+    match kind:
+        case Kind.FOLD | Kind.BRANCH_POINT:
+            off, count = np.abs(multipliers - 1.0), 1
+        case Kind.FLIP:
+            off, count = np.abs(multipliers + 1.0), 1
+        case Kind.NEIMARK_SACKER:
+            off, count = np.abs(np.abs(multipliers) - 1.0), 2
+        case _:
+            return multipliers
+    critical = np.argsort(off, kind="stable")[:count]
+    return np.delete(multipliers, critical[off[critical] < Check.MULTIPLIERS.bound * max(1.0, np.abs(multipliers[0]))])
 
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
