@@ -93,7 +93,8 @@ def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance:
     for (spot, point, track), around in zip(every, carry(orbits, report), strict=True):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
         _enter_residual(ledger, spot, track, point)
-        verify_orbit(ledger, spot, point.orbit, around, track.segments, track.asides(point), kinds.get(id(point)))
+        beside, kind = track.asides(point), kinds.get(id(point))
+        verify_orbit(ledger, spot, point.orbit, around, track.segments, beside, track.aside(point), kind)
 
 
 def _enter_residual(ledger: Ledger, spot: Spot, track: Track, point: BranchPoint) -> None:
@@ -108,6 +109,7 @@ def verify_orbit(
     around: Round,
     segments: int,
     beside: Sequence[NDArray[np.float64]] = (),
+    aside: float = 0.0,
     kind: Kind | None = None,
 ) -> None:
     """Check one orbit by shooting.
@@ -124,6 +126,8 @@ def verify_orbit(
         With how many it was shot.
     beside
         Changes of its state by as much as the point may be off to which its multipliers belong.
+    aside
+        By how much a position may be off there.
     kind
         What happens there, if it is a special point.
     """
@@ -136,8 +140,9 @@ def verify_orbit(
     if rough > 1.0:
         ledger.note(f"{spot}: the other integrator is no more exact than {around.error:.1g} of the motion")
     ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
-    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / rough)
     size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
+    # its stages change where those of a point aside do, which counts for more where a motion is small for its branch
+    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / max(rough, aside / size / Check.STAGES.bound))
     extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
     ledger.enter(Check.VOLUME, spot, abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction)))
@@ -175,8 +180,10 @@ def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDA
             off, count = np.abs(np.abs(multipliers) - 1.0), 2
         case _:
             return multipliers
-    critical = np.argsort(off, kind="stable")[:count]
-    return np.delete(multipliers, critical[off[critical] < Check.MULTIPLIERS.bound * max(1.0, np.abs(multipliers[0]))])
+    order = np.argsort(off, kind="stable")
+    # what is known is a polynomial's coefficients: others near by make a root of it that much less certain
+    known = float(off[order[0]] * np.prod(np.minimum(off[order[count:]], 1.0)))
+    return np.delete(multipliers, order[:count]) if known < Check.MULTIPLIERS.bound else multipliers
 
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
