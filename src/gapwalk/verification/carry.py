@@ -24,9 +24,11 @@ Array = NDArray[np.float64]
 
 _PERIOD = 2.0 * math.pi
 _FINER = 5.0  # steps of the first try in those of the flow's Taylor series, whose order is about 20
+_IN_PIECE = 2.0  # of the latter, at least, between two contact events
 _TRIES = 4  # each with twice as many steps
 _EXACT = 5e-11  # error of the integration, relative to the motion, that is small enough
 _AGAIN = 1e-10  # closure from which the contact events are located again
+_PASSES = 6  # times that they are: an event that is moved moves those after it, where it makes the force jump
 _ASIDE = 1e-5  # angle by which an event may be moved: what is farther from its breakpoint is another event
 _LANES = 2048  # orbits that are carried at once
 _NUMBERS = 4_000_000  # of the matrices of so many orbits
@@ -91,10 +93,14 @@ def _carry(orbits: Sequence[Orbit]) -> list[Round]:
         finer *= 2.0
         for index, better in zip(rough, _around([orbits[index] for index in rough], finer), strict=True):
             rounds[index] = better
-    open_ended = [index for index, each in enumerate(rounds) if each.closure > _AGAIN and any(each.shifts)]
-    if open_ended:
-        moved = [_with_events_moved(orbits[index], rounds[index].shifts) for index in open_ended]
-        for index, better in zip(open_ended, _around(moved, finer), strict=True):
+    moved = list(orbits)
+    for _ in range(_PASSES):
+        open_ended = [index for index, each in enumerate(rounds) if each.closure > _AGAIN and any(each.shifts)]
+        if not open_ended:
+            break
+        for index in open_ended:
+            moved[index] = _with_events_moved(moved[index], rounds[index].shifts)
+        for index, better in zip(open_ended, _around([moved[index] for index in open_ended], finer), strict=True):
             # where stages were said to change is judged by the events as they are stored
             rounds[index] = replace(better, astray=rounds[index].astray)
     return rounds
@@ -131,7 +137,8 @@ def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
     thetas, lengths, stages, crossings, start = [], [], [], [], 0.0
     for theta, event in [*((event.theta, event) for event in orbit.events), (end, None)]:
         if theta > start:
-            count = math.ceil((theta - start) / step)
+            # a stop is left after half a period of a motion that may be far faster than the one between
+            count = max(math.ceil((theta - start) / step), math.ceil(_IN_PIECE * finer))
             length = (theta - start) / count
             thetas += [start + k * length for k in range(count)]
             lengths += [length] * count

@@ -23,6 +23,7 @@ from gapwalk.verification.track import Track
 
 _AMPLITUDES = 1e-6 * 2.0 ** np.arange(12)  # scaled distances of doubled motions from the flip
 _NOISE = 1e-13  # error of the scaled parameter of a doubled motion
+_ROUNDING = 1e-16  # the same times its amplitude: the closer to the flip, the less a residual says of the parameter
 _AGREEING = 2  # amplitudes that must agree
 _CLEAR = 30.0  # times the error that counts as a difference
 
@@ -103,7 +104,7 @@ def _leaves(track: Track, special: SpecialPoint) -> float:
         if correction is None:
             continue
         shift = float(correction.x[-1] - start[-1])
-        if abs(shift) > error:
+        if abs(shift) > error + _CLEAR * _ROUNDING / amplitude:
             if corrector.point(correction, across, amplitude).orbit.closings != closings:
                 break  # a contact grazes at a smaller amplitude than can be told from the flip
             sides.append(float(np.sign(shift)))

@@ -62,6 +62,10 @@ class Track:
         ways = np.vstack((ways / np.linalg.norm(ways, axis=1)[:, None], point.tangent[:size]))
         return [sign * _ASIDE * way * self.corrector_at(point).scales[:size] for way in ways for sign in (-1.0, 1.0)]
 
+    def aside(self, point: BranchPoint) -> float:
+        """By how much a position may change by such a step."""
+        return _ASIDE * float(self.corrector_at(point).scales[: self.branch.system.size].max())
+
     def mismatch(self, point: BranchPoint) -> float:
         """How far what is stored of a point disagrees with itself, relative to its size.
 

@@ -1,0 +1,56 @@
+"""Verification passes right walks of kinds that strain it, and looks at them no less closely."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+
+
+def steel(side: Side, law: DampingLaw, damping: float) -> System:
+    """A mass on a spring with stops a million times as stiff."""
+    names = {DampingLaw.VISCOUS: "viscous_damping", DampingLaw.HUNT_CROSSLEY: "impact_damping"}
+    more = {"damping": law, names[law]: damping} if law in names else {}
+    stop = Contact("stop", {"x": 1.0}, (Stage(1.0, 1e6, side=side),), **more)
+    return System(["x"], [[1.0]], [[0.1]], contacts=[stop], harmonics=[Harmonic(0.3, {"x": 1.0})], frequency=0.3)
+
+
+@pytest.mark.parametrize(
+    ("side", "law", "damping"),
+    [
+        (Side.POSITIVE, DampingLaw.NONE, 0.0),
+        (Side.POSITIVE, DampingLaw.HUNT_CROSSLEY, 0.1),
+        (Side.BOTH, DampingLaw.VISCOUS, 10.0),
+    ],
+)
+def test_a_walk_at_a_stiff_stop_passes_and_is_looked_at_closely(side, law, damping) -> None:
+    """A contact lasts a thousandth of a period and is integrated as exactly as the motion between."""
+    branch = gw.follow(gw.find_orbit(steel(side, law, damping)), "frequency", 0.9)
+    found = gw.verify(branch)
+    assert found.ok, found.words
+    assert not found.notes
+    assert branch.special_points
+    number = next(i for i, point in enumerate(branch.points) if point.orbit.events and point.value > 0.88)
+    point = branch.points[number]
+    off = replace(point.orbit, state=point.orbit.state * (1.0 + 1e-6))
+    points = [*branch.points[:number], replace(point, orbit=off, memo={}), *branch.points[number + 1 :]]
+    assert "closure" in {breach.check.word for breach in gw.verify(replace(branch, points=tuple(points))).breaches}
+
+
+def test_motions_that_are_small_for_their_branch_pass() -> None:
+    """Their contact events are stored as exactly as those of the largest motion, in units of the branch."""
+    spring = Contact("c", {"x": 1.0}, (Stage(0.0, 0.0, 1.0),))
+    system = System(["x"], [[1.0]], [[0.05]], contacts=[spring], harmonics=[Harmonic(0.5, {"x": 1.0})], frequency=1.2)
+    amplitude = next(name for name in system.parameters if "amplitude" in name)
+    branch = gw.follow(gw.find_orbit(system), amplitude, 1e-3)
+    found = gw.verify(branch)
+    assert found.ok, found.words
+    number = len(branch.points) - 2
+    point = branch.points[number]
+    late = [event._replace(theta=event.theta + 3e-4) for event in point.orbit.events]
+    points = list(branch.points)
+    points[number] = replace(point, orbit=replace(point.orbit, events=tuple(late)), memo={})
+    assert "stages" in {breach.check.word for breach in gw.verify(replace(branch, points=tuple(points))).breaches}
