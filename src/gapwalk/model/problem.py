@@ -162,7 +162,7 @@ def _slips(first: str, second: str) -> int | None:
     family = first.rstrip(digits)
     allowed = sum(max(len(first), len(second)) > length for length in (2, 4, 9))
     if family and family == second.rstrip(digits):
-        allowed = max(allowed, 1) if len(family) > 1 else 1
+        allowed = 1
     if abs(len(first) - len(second)) > allowed:
         return None
     before: list[int] = []
