@@ -222,7 +222,7 @@ BAD = [
     # Names of things
     ('["q1", "q3"]', "[]", 2, "coordinates", ["it must be a list of at least 1"]),
     ('["q1", "q3"]', '["q1", "q3", "q3"]', 2, "coordinates", ['has "q3" twice']),
-    ("q3 = 0.5 }\nfreq", "q4 = 0.5 }\nfreq", 6, "mean.q4", ["names no coordinate; they are q1, q3"]),
+    ("q3 = 0.5 }\nfreq", "q4 = 0.5 }\nfreq", 6, "mean.q4", ["names no coordinate; did you mean q1 or q3?"]),
     ("{ q1 = 1.0 }\nforce", "{ x = 1.0 }\nforce", 11, "contact[0].deflection.x", ["names no coordinate"]),
     ("q3 = -0.54", "q33 = -0.54", 12, "contact[0].force.q33", ["did you mean q3?"]),
     ("q3 = 0.5 }\nname", '"" = 0.5 }\nname', 43, 'harmonic[1].acts_on.""', ["names no coordinate"]),

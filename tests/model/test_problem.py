@@ -61,6 +61,7 @@ def test_values_are_given_back_in_short(value, text: str) -> None:
         ("acceleration", ["time", "accel"], ["accel"]),  # each may be the beginning of the other
         ("clear", ["clearance", "stiffness"], ["clearance"]),
         ("mean.q2", ["frequency", "mean.q3", "mass.q1.q1"], ["mean.q3"]),  # another number
+        ("q33", ["q1", "q3"], ["q3"]),
         ("stage3", ["q1", "stage2.force"], ["stage2.force"]),
         ("stgae2", ["q1", "stage2.force"], ["stage2.force"]),
         ("friction", ["deflection", "stiffness"], []),

@@ -156,13 +156,13 @@ def _distance(word: str, name: str) -> int | None:
 def _slips(first: str, second: str) -> int | None:
     """Letters to change, leave out, put in or swap with their neighbour, until two words are the same.
 
-    Another number is one slip: q3 for q2, stage2 for stage3. None where there are more slips than leave a word what it
-    is: none in one or two letters, three in a long word.
+    None where there are more slips than leave a word what it is: none in one or two letters, three in a long word. One
+    figure of a number may always be another: q3 for q2.
     """
     family = first.rstrip(digits)
-    if family and family == second.rstrip(digits):
-        return int(first != second)
     allowed = sum(max(len(first), len(second)) > length for length in (2, 4, 9))
+    if family and family == second.rstrip(digits):
+        allowed = 1
     if abs(len(first) - len(second)) > allowed:
         return None
     before: list[int] = []
