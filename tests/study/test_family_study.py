@@ -174,10 +174,11 @@ def test_a_family_over_the_frequency_needs_none_in_the_file() -> None:
 def test_members_on_which_nothing_happens_are_read_again(tmp_path) -> None:
     text = MODEL.replace("to = 1.1", "to = 1.39")
     result = gw.run(study_of(text), tmp_path / "r.gapwalk")
-    branches = result.finding.record.branches
-    assert [len(branch.special_points) for branch in branches] == [0, 0, 0]
+    assert result.finding is not None
+    assert [len(branch.special_points) for branch in result.finding.record.branches] == [0, 0, 0]
     expected = gw.family(clutch(), "frequency", (1.4, 1.39), LOADS, options=gw.FamilyOptions(workers=1))
     for found in (result, gw.load(tmp_path / "r.gapwalk")):
+        assert found.finding is not None
         assert_same_family(found.finding.record, expected)
     assert gw.verify(tmp_path / "r.gapwalk").ok
 
