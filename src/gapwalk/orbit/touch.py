@@ -2,8 +2,8 @@
 
 Where a deflection just touches the breakpoint of a stage of stiffness k, what the stage does to the motion grows with
 the depth d as ``k d^1.5``, and from depths of about 1/k on as its root. Newton's method in the state at theta = 0 sees
-a slope that comes from nowhere within a depth of 1/k^2, and goes back and forth over the breakpoint. So the depth that is
-to be reached is prescribed instead: a segment begins just before the touch, where the depth to which the motion would
+a slope that comes from nowhere within a depth of 1/k^2, and jumps back and forth over the breakpoint. So the depth to
+be reached is prescribed instead: a segment begins just before the touch, where the depth to which the motion would
 go unimpeded is an explicit and smooth function of the state. With the depth held, the impact is held too, and the rest
 of the equations is smooth.
 """
