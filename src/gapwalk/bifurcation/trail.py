@@ -105,7 +105,7 @@ class Trail(Iterator[Step]):
             branched=departure.singular,
             change=_change,
         )
-        self._symmetries: tuple[Symmetry, ...] | None = None
+        self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
         self.detector = Detector(departure.corrector)
         if resume is not None:
             self.detector.restore(resume.detector)
@@ -150,7 +150,7 @@ class Trail(Iterator[Step]):
             try:
                 if self._is_doubled(first) and has_merged(point):
                     raise NumericalError("the step went onto the parent branch")
-                if any(self._is_lost(each, point) for each in self._kept(first)):
+                if self._is_astray(first, point):
                     raise NumericalError("the step went onto a branch of motions without a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
             except NumericalError:
@@ -188,27 +188,33 @@ class Trail(Iterator[Step]):
         self.detector = Detector(finer.corrector)
         return True
 
-    def _kept(self, point: BranchPoint) -> tuple[Symmetry, ...]:
-        """The symmetries that all orbits of the branch have: those of its first one, or of the next if it begins here.
+    def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
+        """The symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.
+
+        They are those of its first orbit, or of the next if it begins at another branch.
 
         A parameter may break a symmetry of the equations (a mean load does), so they must have it all over the range.
         """
         if self._symmetries is None:
             if self.departure.singular and point.arclength < _AHEAD:
-                return ()
-            self._symmetries = tuple(
-                each for each in self._symmetries_of_all() if self._defect(each, point) < _SYMMETRIC
-            )
+                return {}
+            self._symmetries = {
+                each: each.moves_switches(point.orbit.system)
+                for each in self._symmetries_of_all()
+                if self._defect(each, point) < _SYMMETRIC
+            }
         return self._symmetries
 
-    def _is_lost(self, symmetry: Symmetry, point: BranchPoint) -> bool:
-        """Whether an orbit lacks a symmetry: by its extremes, or by how often its contacts close.
+    def _is_astray(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Whether a point lacks a symmetry of the branch: by its extremes, or by how often its contacts close.
 
-        Past a graze at a stiff stop the second tells what is too small for the first.
+        Past a graze at a stiff stop the second shows what is too small for the first.
         """
         closings = point.orbit.closings
-        moved = [closings[switch] for switch in symmetry.moves_switches(point.orbit.system)]
-        return self._defect(symmetry, point) > _LOST or moved != list(closings)
+        return any(
+            closings != tuple(closings[switch] for switch in switches) or self._defect(symmetry, point) > _LOST
+            for symmetry, switches in self._kept(first).items()
+        )
 
     def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
         return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.departure.corrector.scales[0]))
@@ -262,8 +268,9 @@ class Trail(Iterator[Step]):
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
         """Whether a contact grazes in a step so short, or so much changes with it, that its stop must be stiff."""
-        sharp = point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
-        return sharp and first.orbit.closings != point.orbit.closings
+        if first.orbit.closings == point.orbit.closings:
+            return False
+        return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
 
     def _pass_graze(self, state: WalkState) -> Step | None:
         """The step over a graze from a state of the walk: a stiff stop turns the branch within rounding there."""
@@ -273,7 +280,7 @@ class Trail(Iterator[Step]):
         passage = pass_graze(self.departure.corrector, first)
         if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
             return None
-        if any(self._is_lost(each, passage.point) for each in self._kept(first)):
+        if self._is_astray(first, passage.point):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
         self.detector = Detector(self.departure.corrector)  # test functions may have jumped
