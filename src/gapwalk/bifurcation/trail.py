@@ -55,6 +55,20 @@ def _change(first: BranchPoint, second: BranchPoint) -> float:
     return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
 
 
+def _walk(departure: Departure, options: WalkOptions, state: WalkState | None) -> Walk:
+    """The walk from a departure, or from a state that it had come to."""
+    return Walk(
+        departure.equation,
+        departure.first,
+        departure.within,
+        departure.corrector,
+        options,
+        state,
+        branched=departure.singular,
+        change=_change,
+    )
+
+
 def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
     """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
 
@@ -95,16 +109,7 @@ class Trail(Iterator[Step]):
     def __init__(self, departure: Departure, walk: WalkOptions | None = None, resume: TrailState | None = None) -> None:
         self.departure, self.first = departure, departure.first
         options = walk or WalkOptions()
-        self.walk = Walk(
-            departure.equation,
-            departure.first,
-            departure.within,
-            departure.corrector,
-            options,
-            resume and resume.walk,
-            branched=departure.singular,
-            change=_change,
-        )
+        self.walk = _walk(departure, options, resume and resume.walk)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
         self.detector = Detector(departure.corrector)
         if resume is not None:
@@ -174,16 +179,7 @@ class Trail(Iterator[Step]):
         state = WalkState(None, point, self.walk.step, count)
         walk = self.walk
         self.departure = finer
-        self.walk = Walk(
-            finer.equation,
-            finer.first,
-            walk.within,
-            finer.corrector,
-            walk.options,
-            state,
-            branched=finer.singular,
-            change=_change,
-        )
+        self.walk = _walk(finer, walk.options, state)
         self.walk.rejected = walk.rejected
         self.detector = Detector(finer.corrector)
         return True
