@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gapwalk import stop
-from gapwalk.bifurcation import follow
+from gapwalk.bifurcation import Branch, Kind, follow
 from gapwalk.bifurcation.second import Neighbour, location_error
-from gapwalk.continuation import Branch, Kind
 from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance

@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import follow
+from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.departure import depart
 from gapwalk.bifurcation.trail import Trail
-from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 

@@ -12,9 +12,8 @@ from gapwalk.attractor.basins import Basins, Check
 from gapwalk.attractor.box import Window
 from gapwalk.attractor.regime import Regime
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
-from gapwalk.bifurcation import follow
+from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.locus import follow_locus
-from gapwalk.continuation import Kind
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.plot.basins import draw_basins, plot_basins

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure, depart, directions
+from gapwalk.bifurcation.kinds.event import Event, check_events
 from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Step, Trail
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
@@ -32,6 +33,7 @@ def follow(
     method: Method | None = None,
     report: Report | None = None,
     verify: bool = False,
+    events: Sequence[Event] = (),
 ) -> Branch:
     """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
 
@@ -52,6 +54,8 @@ def follow(
         Called with each new point and the special points before it.
     verify
         Whether to check the branch by other means before it is returned; see `gapwalk.verify`.
+    events
+        Special points of your own: functions of the orbit whose zeros are located; see `Event`.
 
     Raises
     ------
@@ -62,7 +66,8 @@ def follow(
     Interrupted
         After Ctrl-C; its `found` is the branch as far as it was walked.
     """
-    branch = walk_out(_departures(start, parameter, to, method), walk, report)
+    check_events(events)
+    branch = walk_out(_departures(start, parameter, to, method), walk, report, events)
     if verify:
         from gapwalk.verification import confirm
 
@@ -86,14 +91,19 @@ def _departures(
     return [depart(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 
 
-def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
+def walk_out(
+    departures: list[Departure],
+    walk: WalkOptions | None = None,
+    report: Report | None = None,
+    events: Sequence[Event] = (),
+) -> Branch:
     """The whole branch from one departure, or from two in opposite directions of one point."""
     trails: list[Trail] = []
     walked: list[list[Step]] = []
     try:
         for departure in departures:
             walked.append([])
-            trails.append(Trail(departure, walk))
+            trails.append(Trail(departure, walk, events=events))
             for point, special in trails[-1]:
                 walked[-1].append((point, special))
                 if report is not None:

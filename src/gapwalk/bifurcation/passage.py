@@ -17,11 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.detect import opening
-from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.second import ROUNDING
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
@@ -161,7 +159,7 @@ class _Corner:
             names = [describe_switch(self._first.orbit, touch.switch) for touch in self._touches]
             found = [(0.0, Kind.GRAZING, name) for name in names]
         nodes = self._resolved(sorted(label for label in self._points if label != 0.0))
-        for kind in BIFURCATIONS:
+        for kind in (each for each in Kind.known() if each.has_function):
             found += [(label, kind, "") for label in self._zeros(kind, nodes)]
         vertices = [label for label, kind, _ in found if kind is Kind.BRANCH_POINT]
         found = sorted(
@@ -178,7 +176,7 @@ class _Corner:
         ]
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             counts = (before.instability, after.instability)
-            nature = opening(before, after) if kind is Kind.FOLD else ""
+            nature = kind.nature(before, after) or ""
             yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
 
     def _beside(self, label: float) -> BranchPoint:
@@ -198,7 +196,7 @@ class _Corner:
     @staticmethod
     def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
         """Whether the signs of test functions at two points may explain the unstable multipliers at both."""
-        signs = {kind: value(kind, a) * value(kind, b) < 0.0 for kind in BIFURCATIONS}
+        signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
         most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
         change = abs(b.instability.total - a.instability.total)
         return change <= most and (most - change) % 2 == 0
@@ -211,15 +209,15 @@ class _Corner:
         from scipy.optimize import brentq  # imported late: it takes long
 
         pairs = pairwise(nodes)
-        changes = [(a, b) for a, b in pairs if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
+        changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
         zeros = []
         for a, b in changes:
             if a < 0.0 < b:
                 zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])
                 continue
-            zero = float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP))
-            if is_genuine(kind, self._at(zero), _CIRCLE):
+            zero = float(brentq(lambda label: kind.at(self._at(label)), a, b, xtol=_SHARP))
+            if kind.is_genuine(self._at(zero), _CIRCLE):
                 zeros.append(zero)
         return zeros
 
@@ -244,6 +242,6 @@ class _Corner:
             return math.inf
         off = abs(other.value - here.value)
         if kind is not Kind.GRAZING:
-            rise = value(kind, beside) - value(kind, here)
-            off += abs((beside.value - here.value) * (value(kind, other) / rise)) if rise else 0.0
+            rise = kind.at(beside) - kind.at(here)
+            off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
         return _SAFETY * off + ROUNDING * (abs(here.value) + scale)

@@ -7,19 +7,20 @@ right; by how much they differ is an estimate of the error.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind, critical_multiplier
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import OrbitEquation
 
-_CRITICAL = {Kind.FOLD: 1.0, Kind.FLIP: -1.0}  # where the critical multiplier is
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.kinds.search import Search, Zero
+
 SAFETY = 4.0  # times the difference of two computations, of which neither is exact
 _NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # where a branch is looked at beside a crossing, in reaches
 _REAL = 1e-6  # imaginary part of a root that is real but for rounding
@@ -96,47 +97,42 @@ class SecondOpinion:
         return np.append(self._equation.embed(x[:-1], self._other), x[-1])
 
 
-class Neighbour(NamedTuple):
-    """What a special point is compared with.
-
-    Attributes
-    ----------
-    point
-        A point of the branch, or of the same branch posed otherwise.
-    zero
-        The test function there.
-    """
+class _Seen(NamedTuple):
+    """A point, and the test function there."""
 
     point: BranchPoint
     zero: float
 
 
-def location_error(kind: Kind, here: Neighbour, beside: Neighbour, second: Neighbour, spread: float) -> float:
+def location_error(search: Search, zero: Zero, second: SecondOpinion) -> float:
     """Estimated error of the parameter at a special point; infinite where it cannot be told.
 
-    Parameters
-    ----------
-    kind
-        What happens there.
-    here, beside, second
-        The point, one beside it on the branch, and the same point by a second opinion, on the plane across the tangent.
-    spread
-        Width of its bracket in arclength.
+    It is compared with a point near it on the branch, and with the same point by a second opinion, on the plane across
+    the tangent.
+
+    Raises
+    ------
+    NumericalError
+        If there are no such points.
     """
-    point, apart = here.point, beside.point.arclength - here.point.arclength
-    rate = (beside.zero - here.zero) / apart if apart else 0.0
+    kind, spread = zero.kind, zero.spread
+    here, near, other = (
+        _Seen(point, zero.function(point)) for point in (zero.point, search.near(zero.point), second.at(zero.point))
+    )
+    point, apart = here.point, near.point.arclength - here.point.arclength
+    rate = (near.zero - here.zero) / apart if apart else 0.0
     if not rate or not math.isfinite(rate):
         return math.inf
-    off = abs(second.point.value - point.value)  # across the branch
-    along = max(abs(here.zero), abs(second.zero)) / abs(rate)
+    off = abs(other.point.value - point.value)  # across the branch
+    along = max(abs(here.zero), abs(other.zero)) / abs(rate)
     width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
     ahead = abs(float(point.tangent[-1])) * along
-    if kind is Kind.FOLD:
+    if kind.is_turning:
         ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
-    if kind in _CRITICAL:
-        critical = [critical_multiplier(kind, each.point.orbit.multipliers) for each in (here, beside, second)]
+    if kind.target is not None:
+        critical = [kind.critical_multiplier(each.point.orbit.multipliers) for each in (here, near, other)]
         blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
-        if abs(critical[0] - _CRITICAL[kind]) > SAFETY * blurred + _AT:
+        if abs(critical[0] - kind.target) > SAFETY * blurred + _AT:
             return math.inf  # nothing is critical here
     bracket = abs(float(point.tangent[-1])) * width * spread
     return float(bracket + SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

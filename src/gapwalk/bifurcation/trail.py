@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.counts import unexplained
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
-from gapwalk.bifurcation.grazing import describe_switch
-from gapwalk.bifurcation.nature import with_nature
+from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.kinds.event import Event
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.passage import pass_graze
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
@@ -104,14 +105,23 @@ class Trail(Iterator[Step]):
         Options of the walk.
     resume
         `state` of a trail from the same departure that was stopped.
+    events
+        Kinds of special points of the user's own.
     """
 
-    def __init__(self, departure: Departure, walk: WalkOptions | None = None, resume: TrailState | None = None) -> None:
+    def __init__(
+        self,
+        departure: Departure,
+        walk: WalkOptions | None = None,
+        resume: TrailState | None = None,
+        events: Sequence[Event] = (),
+    ) -> None:
         self.departure, self.first = departure, departure.first
+        self._kinds = (*Kind.known(), *events)
         options = walk or WalkOptions()
         self.walk = _walk(departure, options, resume and resume.walk)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
-        self.detector = Detector(departure.corrector)
+        self.detector = Detector(departure.corrector, self._kinds)
         if resume is not None:
             self.detector.restore(resume.detector)
 
@@ -181,7 +191,7 @@ class Trail(Iterator[Step]):
         self.departure = finer
         self.walk = _walk(finer, walk.options, state)
         self.walk.rejected = walk.rejected
-        self.detector = Detector(finer.corrector)
+        self.detector = Detector(finer.corrector, self._kinds)
         return True
 
     def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
@@ -242,7 +252,7 @@ class Trail(Iterator[Step]):
                 return []
             first, before = beside, None
         parameter, method = self.departure.equation.parameter or "", self.departure.equation.options
-        return [with_nature(each, parameter, method) for each in self.detector.inspect(first, point, before)]
+        return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """A point just beyond the beginning of a branch that begins at another; None if there is none.
@@ -279,7 +289,7 @@ class Trail(Iterator[Step]):
         if self._is_astray(first, passage.point):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
-        self.detector = Detector(self.departure.corrector)  # test functions may have jumped
+        self.detector = Detector(self.departure.corrector, self._kinds)  # test functions may have jumped
         return self._until_parent(first, self._until_vertex(passage.point, passage.special))
 
     def _pass_bend(self, state: WalkState) -> Step | None:
@@ -299,7 +309,7 @@ class Trail(Iterator[Step]):
         if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
             return None
         self.walk.go_on(state, point, _BENT)
-        self.detector = Detector(self.departure.corrector)
+        self.detector = Detector(self.departure.corrector, self._kinds)
         return point, []
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:

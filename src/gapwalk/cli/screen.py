@@ -9,10 +9,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.cli.chart import print_map
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol, signal_words
 from gapwalk.study.result import Result
@@ -132,7 +132,7 @@ def _print_unexplained(screen: Console, result: Result) -> None:
 def _sentence(branch: Branch) -> str:
     stable = sum(point.stable for point in branch.points)
     values = branch.values
-    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
+    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind.known() if branch.special(kind)]
     found = ", ".join(counts) or "no special points"
     symbol = parameter_symbol(branch.parameter, branch.system.units)
     return (

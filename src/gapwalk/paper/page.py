@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.paper.claims import Verdict
 from gapwalk.paper.document import Checked, notes
 from gapwalk.paper.figure import Figure
@@ -118,7 +118,7 @@ def _specials(key: str, result: Result) -> str:
     """The special points of the motions of the shortest periods, folded away."""
     rows = []
     for name, branch in zip(result.names, result.branches, strict=True):
-        for kind in Kind:
+        for kind in Kind.known():
             found = branch.special(kind)
             if found and kind is not Kind.GRAZING:
                 values = ", ".join(f"{special.value:.6f}" for special in found)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet, sheet_bytes
 from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, SYMBOLS, VERMILLION, in_style
@@ -163,7 +163,7 @@ def _draw_distances(ax: Axes, found: ResultComparison, tolerance: float | None) 
 
 def _kind_of(label: str) -> Kind | None:
     word = label.partition(" ")[0]
-    return Kind(word) if word in tuple(Kind) else None
+    return Kind.named(word) if word in Kind.known() else None
 
 
 def _draw_legend(figure: Figure, found: ResultComparison, names: tuple[str, str], tolerance: float | None) -> None:

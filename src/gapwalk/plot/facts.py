@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.compare import Comparison
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.measurement.fit import Fit
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
@@ -223,7 +223,7 @@ def _draw_sweep(sweep: Sweep, ax: Axes) -> None:
 
 def _kinds(branches: Iterable[Branch]) -> str:
     found = [special.kind for branch in branches for special in branch.special_points]
-    return ", ".join(f"{found.count(kind)} {kind.value}" for kind in Kind if kind in found) or "none"
+    return ", ".join(f"{found.count(kind)} {kind.value}" for kind in Kind.known() if kind in found) or "none"
 
 
 def _periods(period: int) -> str:

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.counts import steps_of, unexplained
 from gapwalk.bifurcation.second import SecondOpinion
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border
@@ -171,19 +171,13 @@ def _verify_stability(
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
     """The multipliers of a point but for those that are critical at a special point of a kind."""
-    match kind:
-        case Kind.FOLD | Kind.BRANCH_POINT:
-            off, count = np.abs(multipliers - 1.0), 1
-        case Kind.FLIP:
-            off, count = np.abs(multipliers + 1.0), 1
-        case Kind.NEIMARK_SACKER:
-            off, count = np.abs(np.abs(multipliers) - 1.0), 2
-        case _:
-            return multipliers
-    order = np.argsort(off, kind="stable")
+    places = kind.critical(multipliers) if kind is not None else ()
+    if not len(places):
+        return multipliers
+    off = np.abs((multipliers if kind.target is not None else np.abs(multipliers)) - (kind.target or 1.0))
     # what is known is a polynomial's coefficients: others near by make a root of it that much less certain
-    known = float(off[order[0]] * np.prod(np.minimum(off[order[count:]], 1.0)))
-    return np.delete(multipliers, order[:count]) if known < Check.MULTIPLIERS.bound else multipliers
+    known = float(off[places].min() * np.prod(np.minimum(np.delete(off, places), 1.0)))
+    return np.delete(multipliers, places) if known < Check.MULTIPLIERS.bound else multipliers
 
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from gapwalk.bifurcation.functions import value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.second import SecondOpinion
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
@@ -96,12 +95,12 @@ def _look(second: SecondOpinion, special: SpecialPoint, reach: float) -> Sides:
     faults = list(_counts(special, a, b))
     if special.kind is Kind.GRAZING:
         return _graze(second, special, a, b, reach, faults)
-    signs = [value(special.kind, each) for each in (a, b)]
+    signs = [special.kind.at(each) for each in (a, b)]
     if signs[0] * signs[1] > 0.0:
         return Sides((*faults, f"the test function of a {special.kind.value} keeps its sign"), None)
     if special.kind is Kind.BRANCH_POINT:
         return Sides(tuple(faults), _interpolated(second, special, reach), a, b)
-    return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)), a, b)
+    return Sides(tuple(faults), _zero(second, special, reach, special.kind.at), a, b)
 
 
 def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:
@@ -136,7 +135,7 @@ def _interpolated(second: SecondOpinion, special: SpecialPoint, reach: float) ->
         points = [second.at(special.point, float(shift)) for shift in shifts]
     except NumericalError:
         return None
-    values, places = np.array([value(special.kind, each) for each in points]), np.array(_NODES)
+    values, places = np.array([special.kind.at(each) for each in points]), np.array(_NODES)
     roots = Polynomial.fit(places, values, len(places) - 1, domain=[-1.0, 1.0]).roots()
     real = roots[np.abs(roots.imag) < _REAL].real
     if not len(real):

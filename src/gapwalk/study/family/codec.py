@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.family.joint import Fate, Joint, Passage
@@ -87,7 +87,7 @@ def _branch(about: Any, number: int, arrays: Arrays, system: System, *, balanced
     located = codec.unpack(_packed(arrays, f"special{number}"), len(plain))
     special_points = tuple(
         SpecialPoint(
-            Kind(each["kind"]),
+            Kind.named(each["kind"]),
             point,
             Instability(*(int(count) for count in each["before"])),
             Instability(*(int(count) for count in each["after"])),
@@ -125,7 +125,7 @@ def _packed(arrays: Arrays, name: str) -> Packed:
 def _joint(plain: Any) -> Joint:
     begin, end, at = plain["begin"], plain["end"], plain["at"]
     return Joint(
-        Kind(plain["kind"]),
+        Kind.named(plain["kind"]),
         str(plain["contact"]),
         int(plain["period"]),
         Fate(plain["fate"]),

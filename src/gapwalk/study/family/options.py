@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.errors import ModelError
 
 
@@ -27,7 +27,7 @@ class FamilyOptions:
     """
 
     max_period: int | None = None
-    kinds: tuple[Kind, ...] = tuple(Kind)
+    kinds: tuple[Kind, ...] = Kind.known()
     exact: bool = True
     workers: int | None = None
 
@@ -37,5 +37,5 @@ class FamilyOptions:
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 1, or None")
         if not self.kinds or not set(self.kinds) <= set(Kind):
-            names = ", ".join(kind.value for kind in Kind)
+            names = ", ".join(kind.value for kind in Kind.known())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.model.system import System
 from gapwalk.notebook.shown import Shown
 from gapwalk.study.family.joint import Fate, Joint
@@ -168,7 +168,7 @@ class Family(Shown):
         )
 
     def __repr__(self) -> str:
-        counts = ", ".join(f"{len(self.of_kind(kind))} of {kind.value}" for kind in Kind if self.of_kind(kind))
+        counts = ", ".join(f"{len(self.of_kind(kind))} of {kind.value}" for kind in Kind.known() if self.of_kind(kind))
         done = f"{len(self.members)} members" + ("" if self.complete else f" of {len(self.over.axis)}")
         return f"Family({self.parameter} over {self.over.name}: {done}; strands: {counts or 'none'})"
 

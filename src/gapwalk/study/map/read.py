@@ -8,8 +8,8 @@ from bisect import bisect_right
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason
-from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.codec import LocusCodec
@@ -81,7 +81,7 @@ def _loci(connection: sqlite3.Connection, system: System, options: MapStudyOptio
         points = codec.unpack(checked(data, events, expected), count)
         one, other = (_end_of(end) for end in json.loads(ends))
         codim2 = tuple(_codim2_points(connection, number, codec))
-        yield Locus(Kind(kind), first, second, period, tuple(points), codim2, (one, other), str(contact))
+        yield Locus(Kind.named(kind), first, second, period, tuple(points), codim2, (one, other), str(contact))
 
 
 def _codim2_points(connection: sqlite3.Connection, locus: int, codec: LocusCodec):

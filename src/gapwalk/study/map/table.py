@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.model.fields import Count, Text
 from gapwalk.model.problem import did_you_mean, given
@@ -25,7 +25,7 @@ def has_a_locus(value: object) -> Kind:
     """The kind of a special point that has a locus; a ValueError for anything else."""
     known = [kind.value for kind in KINDS]
     if isinstance(value, str) and value in known:
-        return Kind(value)
+        return Kind.named(value)
     hint = did_you_mean(value, known) if isinstance(value, str) else ""
     hint = f"; {hint}" if hint.endswith("?") else ""
     raise ValueError(f"is {given(value)}; it must be one of {', '.join(map(given, known))}{hint}")

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.diagram import Origin
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
@@ -126,7 +126,7 @@ def progress_of(plain: Plain) -> Progress:
     rates: Mapping[str, float] = plain["rates"]
     recent: Mapping[str, list[float]] = plain["recent"]
     detector = DetectorState(
-        {Kind(kind): float(rate) for kind, rate in rates.items()},
-        {Kind(kind): tuple(float(zero) for zero in zeros) for kind, zeros in recent.items()},
+        {Kind.named(kind): float(rate) for kind, rate in rates.items()},
+        {Kind.named(kind): tuple(float(zero) for zero in zeros) for kind, zeros in recent.items()},
     )
     return Progress(float(plain["step"]), int(plain["count"]), detector)

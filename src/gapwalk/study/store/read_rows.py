@@ -7,8 +7,8 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Origin
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
@@ -109,7 +109,7 @@ def _special_points(connection: sqlite3.Connection, branch: int, codec: PointCod
     for kind, uncertainty, contact, nature, judged, before, after, data, events, expected in rows:
         (point,) = codec.unpack(checked(data, events, expected), 1)
         sides = (_instability(json.loads(before)), _instability(json.loads(after)))
-        special_points.append(SpecialPoint(Kind(kind), point, *sides, uncertainty, contact, nature, judged))
+        special_points.append(SpecialPoint(Kind.named(kind), point, *sides, uncertainty, contact, nature, judged))
     return special_points
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.kind import Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.model.system import System
@@ -26,16 +26,6 @@ REACH = 0.01
 """Share of a motion up to which the doubled motions that leave its flip are looked at."""
 _WHOLE = 0.5  # share of that from which a nature counts as holding over all of it
 _VERTEX = 1e-3  # parameter component of the tangent below which a branch counts as turning
-
-
-class Kind(StrEnum):
-    """What happens at a special point."""
-
-    FOLD = "fold"
-    FLIP = "flip"
-    NEIMARK_SACKER = "neimark-sacker"
-    BRANCH_POINT = "branch-point"
-    GRAZING = "grazing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +76,7 @@ class SpecialPoint(Shown):
     @property
     def multiplier(self) -> complex:
         """The multiplier that is critical here: nearest to +1, -1 or the unit circle; nan at a grazing point."""
-        return critical_multiplier(self.kind, self.point.orbit.multipliers)
+        return self.kind.critical_multiplier(self.point.orbit.multipliers)
 
     @property
     def is_vertex(self) -> bool:
@@ -108,7 +98,7 @@ class SpecialPoint(Shown):
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
     def __repr__(self) -> str:
-        place = f"{self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e}"
+        place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
@@ -192,22 +182,8 @@ class Branch(Shown):
         return pd.DataFrame(columns)
 
     def __repr__(self) -> str:
-        kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind if self.special(kind))
+        kinds = ", ".join(f"{len(self.special(kind))} {kind}" for kind in Kind.known() if self.special(kind))
         return (
             f"Branch(period {self.period}, {self.parameter} {self.points[0].value:.6g} ... "
             f"{self.points[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
         )
-
-
-def critical_multiplier(kind: Kind, multipliers: NDArray[np.complex128]) -> complex:
-    """The multiplier that a special point of this kind is about."""
-    match kind:
-        case Kind.FOLD | Kind.BRANCH_POINT:
-            distance = np.abs(multipliers - 1.0)
-        case Kind.FLIP:
-            distance = np.abs(multipliers + 1.0)
-        case Kind.NEIMARK_SACKER:
-            distance = np.abs(np.abs(multipliers) - 1.0) + np.where(multipliers.imag > 0, 0.0, 1e3)
-        case Kind.GRAZING:
-            return complex(np.nan, np.nan)
-    return complex(multipliers[np.argmin(distance)])

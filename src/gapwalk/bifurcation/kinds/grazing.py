@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.kind import Kind, Symbol
+from gapwalk.bifurcation.kinds.search import Search, Zero
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
@@ -20,6 +22,35 @@ _LONELY = 0.05  # angle from an extreme to the nearest of another motion beyond 
 _DRIFT = 4.0  # times the change of other extremes by which a pair may have moved since it appeared
 _TOUCH = 1e-6  # depth of a graze, relative to those at the ends of its bracket, that is nothing but rounding
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
+
+
+class Grazing(Kind):
+    """A deflection just reaches the clearance of a stage.
+
+    It has no test function of its own: each extremum of each deflection has one, its depth past its breakpoint, and
+    extrema come and go along a branch.
+    """
+
+    turn = 0
+    symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
+
+    @property
+    def no_locus(self) -> str:
+        """It has one: the depth of the extremum that grazes is zero along it."""
+        return ""
+
+    def find(self, search: Search) -> list[Zero]:
+        """All grazing points of a step; see `find_grazing`."""
+        return [
+            Zero(
+                self,
+                graze.point,
+                graze.spread,
+                lambda point, graze=graze: depth_near(point.orbit, graze.switch, graze.theta),
+                describe_switch(graze.point.orbit, graze.switch),
+            )
+            for graze in find_grazing(search.stretch, search.before, search.first, search.last)
+        ]
 
 
 class Graze(NamedTuple):

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind
 from gapwalk.orbit.floquet import multipliers
 
 _REAL = 1e-9  # relative imaginary part within which two multipliers count as real or as conjugate
@@ -32,21 +30,7 @@ class Criticality(NamedTuple):
     covectors: NDArray[np.float64]
 
 
-Condition = Callable[[NDArray[np.float64]], Criticality]
-"""Gives the criticality of a monodromy matrix, shape (2n, 2n)."""
-
-
-def fold(monodromy: NDArray[np.float64]) -> Criticality:
-    """How far a multiplier is from +1."""
-    return smallest_singular_value(monodromy - np.eye(len(monodromy)))
-
-
-def flip(monodromy: NDArray[np.float64]) -> Criticality:
-    """How far a multiplier is from -1."""
-    return smallest_singular_value(monodromy + np.eye(len(monodromy)))
-
-
-def neimark_sacker(monodromy: NDArray[np.float64]) -> Criticality:
+def pair_on_circle(monodromy: NDArray[np.float64]) -> Criticality:
     """How far the product of a pair of multipliers is from 1: of the pair that comes nearest.
 
     The pair is split off as a matrix of 2 x 2, ``left^T B right`` with ``left^T right = 1``, whose determinant is
@@ -62,10 +46,6 @@ def neimark_sacker(monodromy: NDArray[np.float64]) -> Criticality:
     (a, b), (c, d) = left.T @ monodromy @ right
     adjugate = np.array([[d, -b], [-c, a]])
     return Criticality(float(a * d - b * c) - 1.0, right.T, adjugate @ left.T)
-
-
-CONDITIONS: dict[Kind, Condition] = {Kind.FOLD: fold, Kind.FLIP: flip, Kind.NEIMARK_SACKER: neimark_sacker}
-"""The condition for each bifurcation that a multiplier tells."""
 
 
 def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
