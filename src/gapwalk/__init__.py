@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from gapwalk.attractor.settled import Settled
     from gapwalk.attractor.spectrum import spectrum
     from gapwalk.attractor.waterfall import waterfall
-    from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+    from gapwalk.bifurcation.branch import Branch, SpecialPoint
     from gapwalk.bifurcation.compare import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
-    from gapwalk.bifurcation.follow import follow
+    from gapwalk.bifurcation.follow import BranchWalk, follow, walk
+    from gapwalk.bifurcation.kinds import Event, Kind
     from gapwalk.bifurcation.locus import Locus, follow_locus
     from gapwalk.bifurcation.search import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.switch import switch
@@ -105,6 +106,7 @@ __all__ = [
     "Basins",
     "Branch",
     "BranchPoint",
+    "BranchWalk",
     "Cascade",
     "Check",
     "ClassifyOptions",
@@ -117,6 +119,7 @@ __all__ = [
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
+    "Event",
     "Family",
     "FamilyOptions",
     "Fit",
@@ -224,6 +227,7 @@ __all__ = [
     "sweep",
     "switch",
     "verify",
+    "walk",
     "waterfall",
     "workers",
 ]

@@ -92,6 +92,8 @@ HOMES = {
     "fit": "measurement.fit",
     "follow": "bifurcation.follow",
     "follow_locus": "bifurcation.locus",
+    "walk": "bifurcation.follow",
+    "BranchWalk": "bifurcation.follow",
     "hysteresis": "motion.hysteresis",
     "impact_damping_of": "measurement.damping",
     "impact_plane": "attractor.plane",

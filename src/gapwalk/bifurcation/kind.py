@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,11 @@ class Kind(str):
     pictures, maps, verification and files then know it. A kind whose points are zeros of a smooth function of the
     branch needs `function` and `symbol` alone.
 
+    Parameters
+    ----------
+    name
+        Its name, in tables and files.
+
     Attributes
     ----------
     symbol
@@ -97,6 +102,9 @@ class Kind(str):
     NEIMARK_SACKER: ClassVar[Kind]
     BRANCH_POINT: ClassVar[Kind]
     GRAZING: ClassVar[Kind]
+
+    def __new__(cls, name: str) -> Self:  # noqa: D102 - as the class
+        return super().__new__(cls, name)
 
     @staticmethod
     def known() -> tuple[Kind, ...]:

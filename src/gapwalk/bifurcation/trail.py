@@ -70,7 +70,9 @@ def _walk(departure: Departure, options: WalkOptions, state: WalkState | None) -
     )
 
 
-def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
+def resumed_trail(
+    departure: Departure, walk: WalkOptions | None, state: TrailState, events: Sequence[Event] = ()
+) -> Trail:
     """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
 
     Parameters
@@ -82,6 +84,8 @@ def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailSt
     state
         `Trail.state` when it was stopped; but its points are as they were yielded, so that the one before the last may
         be from before a refinement.
+    events
+        Kinds of special points of the user's own.
     """
     previous, size = state.walk.previous, len(state.walk.point.x)
     while len(departure.first.x) < size:
@@ -91,7 +95,7 @@ def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailSt
         if previous is not None and len(previous.x) < len(finer.first.x):
             previous = lift(previous, finer.corrector, finer.equation)
         departure = finer
-    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)))
+    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)), events)
 
 
 class Trail(Iterator[Step]):
@@ -134,6 +138,15 @@ class Trail(Iterator[Step]):
     def end(self) -> End | None:
         """Where and why the walk ended; None while it goes on."""
         return self.walk.end
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the branch has closed on itself."""
+        return self.end is not None and self.end.reason is EndReason.CLOSED
+
+    def finish_with(self, end: End) -> None:
+        """Take over the end that the walk had come to before it was stopped."""
+        self.walk.end = end
 
     def __next__(self) -> Step:
         state = self.state

@@ -84,6 +84,15 @@ class LocusTrail(Iterator[LocusStep]):
         """Where the trail has come to; a trail made with it as `resume` goes on as if never stopped."""
         return LocusState(self.walk.state)
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the locus has closed on itself."""
+        return self.end is not None and self.end.reason is LocusEndReason.CLOSED
+
+    def finish_with(self, end: LocusEnd) -> None:
+        """Take over the end that the walk had come to before it was stopped."""
+        self.end = end
+
     def __next__(self) -> LocusStep:
         if self.end is not None:
             raise StopIteration
