@@ -64,7 +64,7 @@ class Detector:
         search = Search(self.corrector, first, last, before, self._rates, self._recent)
         for kind in self.kinds:
             kind.prepare(search)
-        found = [zero for kind in self.kinds for zero in kind.find(search)]
+        found = [zero for kind in self.kinds for zero in kind.points_in(search)]
         found.sort(key=lambda zero: zero.point.arclength)
         marks = [first.arclength, *(zero.point.arclength for zero in found), last.arclength]
         special = []

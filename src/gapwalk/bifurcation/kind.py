@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +152,7 @@ class Kind(str):
     def prepare(self, search: Search) -> None:
         """What has to be known of a step before any kind is looked for in it; by default nothing."""
 
-    def find(self, search: Search) -> list[Zero]:
+    def points_in(self, search: Search) -> list[Zero]:
         """All points of this kind in one step of a walk: by default, all genuine zeros of the test function.
 
         Raises
@@ -219,7 +219,20 @@ class Kind(str):
         places = self.critical(multipliers)
         return complex(multipliers[places[0]]) if len(places) else complex(np.nan, np.nan)
 
-    def __reduce__(self) -> tuple[object, tuple[str]]:
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """How model files and results are checked: a name of a known kind."""
+        from pydantic_core import core_schema  # imported late: walks need no files
+
+        def checked(value: Any) -> Kind:
+            try:
+                return value if isinstance(value, Kind) else cls.named(value)
+            except (ModelError, TypeError) as error:
+                raise ValueError(str(error)) from None
+
+        return core_schema.no_info_plain_validator_function(checked, serialization=core_schema.to_string_ser_schema())
+
+    def __reduce__(self) -> tuple[Any, ...]:
         return Kind.named, (str(self),)
 
 

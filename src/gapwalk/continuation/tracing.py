@@ -8,9 +8,10 @@ from typing import Any, Generic, Protocol, TypeVar
 
 D = TypeVar("D")
 S = TypeVar("S")
+S_co = TypeVar("S_co", covariant=True)
 
 
-class Trace(Protocol[S]):
+class Trace(Protocol[S_co]):
     """One direction of a curve: an iterator over its steps that can be stopped after any of them and resumed."""
 
     @property
@@ -32,7 +33,7 @@ class Trace(Protocol[S]):
         """Take over the end that it had come to before it was stopped."""
         ...
 
-    def __next__(self) -> S: ...
+    def __next__(self) -> S_co: ...
 
 
 T = TypeVar("T", bound=Trace[Any])

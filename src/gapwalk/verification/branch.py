@@ -171,8 +171,7 @@ def _verify_stability(
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
     """The multipliers of a point but for those that are critical at a special point of a kind."""
-    places = kind.critical(multipliers) if kind is not None else ()
-    if not len(places):
+    if kind is None or not len(places := kind.critical(multipliers)):
         return multipliers
     off = np.abs((multipliers if kind.target is not None else np.abs(multipliers)) - (kind.target or 1.0))
     # what is known is a polynomial's coefficients: others near by make a root of it that much less certain

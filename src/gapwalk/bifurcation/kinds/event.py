@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from gapwalk.bifurcation.kind import Kind
 from gapwalk.continuation.point import BranchPoint
@@ -61,7 +62,7 @@ class Event(Kind):
             )
         return value
 
-    def __reduce__(self) -> tuple[object, tuple[str, Callable[[Orbit], float]]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         return Event, (str(self), self._of_orbit)
 
 

@@ -27,7 +27,7 @@ class Fold(Kind):
         """The parameter component of the tangent."""
         return float(point.tangent[-1])
 
-    def find(self, search: Search) -> list[Zero]:
+    def points_in(self, search: Search) -> list[Zero]:
         """All folds but the vertex of a pitchfork, which is a branch point.
 
         That one lies where the branch is interpolated through the crossing. Outside of there orbits are held, and

@@ -39,7 +39,7 @@ class Grazing(Kind):
         """It has one: the depth of the extremum that grazes is zero along it."""
         return ""
 
-    def find(self, search: Search) -> list[Zero]:
+    def points_in(self, search: Search) -> list[Zero]:
         """All grazing points of a step; see `find_grazing`."""
         return [
             Zero(
