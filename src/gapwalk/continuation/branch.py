@@ -112,6 +112,26 @@ class SpecialPoint(Shown):
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
+@dataclass(frozen=True)
+class Unexplained:
+    """A step of a branch in which more changes than its special points account for: something was missed there.
+
+    Attributes
+    ----------
+    first, last
+        Values of the parameter at the points before and after it.
+    text
+        What changes, in a sentence.
+    """
+
+    first: float
+    last: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
+
+
 @dataclass(frozen=True, eq=False)
 class Branch(Shown):
     """A family of orbits along one parameter.
@@ -151,11 +171,11 @@ class Branch(Shown):
         return np.array([point.measure(name) for point in self.points])
 
     @cached_property
-    def unexplained(self) -> tuple[Any, ...]:
+    def unexplained(self) -> tuple[Unexplained, ...]:
         """Steps in which more changes than the special points between account for: something was missed there.
 
         Of the numbers of unstable multipliers, the direction, the sign of the determinant, and how often contacts
-        close. Each is a `gapwalk.bifurcation.counts.Unexplained`; a branch of which nothing is missing has none.
+        close. A branch of which nothing is missing has none.
         """
         from gapwalk.bifurcation.counts import unexplained_of
 

@@ -17,7 +17,7 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
-from gapwalk.plot.pieces import Piece, pieces_of
+from gapwalk.plot.pieces import Piece, pieces_of, unexplained_places
 from gapwalk.plot.sheet import make_layout, open_axes
 from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.style import LINES, SIZE, SYMBOLS, in_style, line_options, symbol_options, unexplained_options
@@ -121,7 +121,9 @@ class _Drawing:
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
-        self.unexplained = [place for branch in branches for place in unexplained_places(branch, measure)]
+        self.unexplained = [
+            place for branch in branches for place in unexplained_places(branch, lambda point: point.measure(measure))
+        ]
         self.curve = np.concatenate([np.column_stack((piece.x, piece.y)) for piece in self.pieces])
         self.special_points = [
             (special, special.value, special.point.measure(measure))
@@ -176,18 +178,6 @@ class _Drawing:
             everything = np.array([(x, y) for _, x, y in self.special_points])
             if texts:
                 place_labels(ax, texts, self.curve, everything)
-
-
-def unexplained_places(branch: Branch, measure: str) -> list[tuple[float, float]]:
-    """Where something was missed on a branch: the middle of each of its unexplained steps."""
-    if not branch.unexplained:
-        return []
-    values, sizes = branch.values, branch.measure(measure)
-    places = []
-    for each in branch.unexplained:
-        step = int(np.argmin(np.abs(values[:-1] - each.first) + np.abs(values[1:] - each.last)))
-        places.append((0.5 * (each.first + each.last), 0.5 * float(sizes[step] + sizes[step + 1])))
-    return places
 
 
 def _is_labelled(special: SpecialPoint) -> bool:

@@ -98,7 +98,7 @@ def draw_diagram(
             panel.set_ylabel(broken(state_words(strobes.coordinate, system.units)))
         _set_limits(panels, strobes, crowd)
         if legend:
-            draw_period_legend(panels[1], strobes.periods, bool(strobes.births))
+            draw_period_legend(panels[1], strobes.periods, bool(strobes.births), bool(strobes.unexplained))
         plot_branches(first, measure, ax=panels[0], labels=labels, legend="above" if legend else False, closeup=True)
         if labels:
             strobes.draw_names(panels[1], without=crowd)

@@ -52,7 +52,7 @@ def _between(branch: Branch) -> list[Instability]:
     return [special.after for special in branch.special_points]
 
 
-def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool) -> None:
+def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool, unexplained: bool = False) -> None:
     """Explain the colours of periods above the picture."""
     handles = [
         Line2D([], [], label=f"period {period}", **period_options(rank, stable=True))
@@ -64,6 +64,8 @@ def draw_period_legend(ax: Axes, periods: Sequence[int], births: bool) -> None:
     ]
     if births:
         handles.append(Line2D([], [], label="a branch begins or ends", **birth_options(0)))
+    if unexplained:
+        handles.append(Line2D([], [], label="not explained", **unexplained_options()))
     _draw_above(ax, handles)
 
 

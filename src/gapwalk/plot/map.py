@@ -26,9 +26,10 @@ from gapwalk.plot.map_style import (
     codim2_options,
     locus_options,
 )
+from gapwalk.plot.pieces import unexplained_places
 from gapwalk.plot.sheet import make_layout, new_sheet, open_axes
 from gapwalk.plot.size import takes_size
-from gapwalk.plot.style import SIZE, in_style
+from gapwalk.plot.style import SIZE, in_style, unexplained_options
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import Map
 
@@ -75,6 +76,11 @@ def plot_map(chart: Map, *, ax: Axes | None = None, labels: bool = True, legend:
             ax.plot(*point.values, zorder=5 if CODIM2[point.kind].label else 4, **codim2_options(point.kind))
         for place in _lost(chart):
             ax.plot(*place, zorder=5, **LOST)
+        missed = _missed(chart)
+        if missed:
+            ax.plot(
+                *zip(*missed, strict=True), zorder=6, clip_on=False, **unexplained_options()
+            )  # sections at the edge
         if legend:
             _draw_legend(ax, chart, points)
         make_layout(ax)  # labels are placed in it
@@ -125,6 +131,16 @@ def _lost(chart: Map) -> list[tuple[float, float]]:
     return [end.values for locus in chart.loci for end in locus.ends if end.reason.is_failure]
 
 
+def _missed(chart: Map) -> list[tuple[float, float]]:
+    """Where something was missed on a branch of a section."""
+    return [
+        place
+        for section in chart.sections
+        for branch in section.branches
+        for place in unexplained_places(branch, lambda _, section=section: section.value)
+    ]
+
+
 def _draw_legend(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
     periods = _periods(chart)
     handles = []
@@ -142,6 +158,8 @@ def _draw_legend(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
         handles.append(Line2D([], [], label=text, **codim2_options(kind)))
     if _lost(chart):
         handles.append(Line2D([], [], label="not followed further", **LOST))
+    if _missed(chart):
+        handles.append(Line2D([], [], label="not explained", **unexplained_options()))
     if chart.sections:
         handles.append(Line2D([], [], label="section", **SECTION))
     figure = ax.figure

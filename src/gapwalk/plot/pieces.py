@@ -79,3 +79,25 @@ def joined(
     breaks = np.cumsum([len(x) for x, _ in curves])
     x, y = (np.insert(np.concatenate(parts), breaks, np.nan) for parts in zip(*curves, strict=True))
     return x, y
+
+
+def unexplained_places(
+    branch: Branch, shown: Callable[[BranchPoint], float | NDArray[np.float64]]
+) -> list[tuple[float, float]]:
+    """Where something was missed on a branch, as x and y: the middle of each of its unexplained steps.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    shown
+        What is drawn over the parameter at a point: one number, or several.
+    """
+    if not branch.unexplained:
+        return []
+    values, places = branch.values, []
+    for each in branch.unexplained:
+        step = int(np.argmin(np.abs(values[:-1] - each.first) + np.abs(values[1:] - each.last)))
+        ends = [np.atleast_1d(shown(point)) for point in branch.points[step : step + 2]]
+        places += [(0.5 * (each.first + each.last), float(y)) for y in 0.5 * (ends[0] + ends[1])]
+    return list(dict.fromkeys(places))

@@ -16,8 +16,8 @@ from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.pieces import Piece, cut, joined
-from gapwalk.plot.style import birth_options, period_options
+from gapwalk.plot.pieces import Piece, cut, joined, unexplained_places
+from gapwalk.plot.style import birth_options, period_options, unexplained_options
 
 _NAMED = 16  # names that a picture may hold
 _MANY, _MOST = 8, 0.8  # births from which there may be a crowd, and the share of all that is in it
@@ -50,9 +50,10 @@ class Strobes:
         self._place = diagram.branches[0].system.coordinates.index(coordinate)
         self.pieces: list[tuple[Limb, list[Piece]]] = [(limb, cut(limb.branch, self._states)) for limb in diagram.limbs]
         self.births = list(self._births())
+        self.unexplained = [place for limb in diagram.limbs for place in unexplained_places(limb.branch, self._states)]
 
     def draw(self, ax: Axes) -> None:
-        """Draw all curves, short periods over long ones, and where branches are born."""
+        """Draw all curves, short periods over long ones, where branches are born, and where something was missed."""
         for rank, period in reversed(list(enumerate(self.periods))):
             for stable in (False, True):
                 curves = [
@@ -70,6 +71,8 @@ class Strobes:
                 values = np.repeat([birth.value for birth in births], period)
                 states = np.concatenate([birth.states for birth in births])
                 ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
+        if self.unexplained:
+            ax.plot(*zip(*self.unexplained, strict=True), zorder=6, **unexplained_options())
 
     def draw_names(self, ax: Axes, without: tuple[float, float] | None = None) -> None:
         """Write the names of the branches of the two shortest periods beside them, but in a range of the parameter."""
