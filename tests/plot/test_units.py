@@ -61,6 +61,15 @@ def test_histories_are_in_the_units_at_their_axes(orbit) -> None:
     plt.close(figure)
 
 
+def test_a_velocity_has_one_unit_as_a_state_and_as_a_signal(orbit) -> None:
+    units, place = orbit.system.units, orbit.system.coordinates.index("clutch")
+    assert units.signal("clutch'") == (1.0, units.state("clutch'")) == (1.0, "deg/s")
+    velocity = orbit.motion().signal("clutch'")
+    assert velocity[0] == pytest.approx(orbit.state[len(orbit.state) // 2 + place])
+    slope = np.gradient(orbit.motion().signal("clutch"), orbit.motion().time)
+    assert np.median(np.abs(slope - velocity)) < 0.02 * np.abs(velocity).max()  # deg over s, indeed
+
+
 def test_a_settled_motion_is_told_at_its_speed() -> None:
     mpl.use("Agg")
     settled = gw.settle(gw.read_study(EXAMPLE, name="load").system, speed=2500.0)
@@ -68,5 +77,5 @@ def test_a_settled_motion_is_told_at_its_speed() -> None:
     assert figure.get_suptitle() == "Motion of period 1 at speed = 2500 rpm"
     labels = {ax.get_ylabel() for ax in figure.axes}
     assert {"gearbox'' [rad/s^2]", "amplitude of gearbox'' [rad/s^2]"} <= labels
-    assert {"clutch' [rad/s]", "force of clutch [N m]"} <= labels
+    assert {"clutch' [deg/s]", "force of clutch [N m]"} <= labels
     plt.close("all")
