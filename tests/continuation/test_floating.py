@@ -3,10 +3,12 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.optimize import brentq
 
 import gapwalk as gw
 from gapwalk.continuation.walk import EndReason
+from gapwalk.orbit.floating import floats, unheld
 
 
 def train(firing: float) -> gw.Train:
@@ -70,3 +72,32 @@ def test_a_walk_passes_the_graze_of_a_gear_that_hardly_anything_holds():
 def test_a_five_inertia_train_walks_from_1100_to_700_rpm():
     branch = gw.follow(gw.find_orbit(train(9.7).system()), "speed", 700.0)
     assert branch.ends[-1].reason is EndReason.RANGE
+
+
+def with_drag_alone(firing: float) -> gw.System:
+    """The same train, with nothing but drag in the bearing of the loose gear."""
+    return train(firing).replaced("bearing", stiffness=None).system()
+
+
+def test_a_bearing_that_only_drags_rattles_as_in_the_limit_of_a_soft_one():
+    dragging, soft = (
+        gw.follow(gw.find_orbit(system), "speed", 700.0) for system in (with_drag_alone(9.7), train(9.7).system())
+    )
+    assert dragging.ends[-1].reason is EndReason.RANGE
+    assert gw.verify(dragging)
+    assert [each.kind for each in dragging.special_points] == [each.kind for each in soft.special_points]
+    for one, other in zip(dragging.special_points, soft.special_points, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-7)
+
+
+@pytest.mark.parametrize(("firing", "speed"), [(2.0, 1100.0), (8.0, 990.0)])
+def test_a_gear_that_only_drags_and_lies_free_in_its_mesh_is_said_to_float(firing: float, speed: float):
+    branch = gw.follow(gw.find_orbit(with_drag_alone(firing), speed=speed), "speed", 900.0)
+    end = branch.ends[-1]
+    assert end.reason is EndReason.FLOATING
+    assert end.reason.is_failure
+    assert "mesh touches nowhere, and no other spring holds what floats there" in end.detail
+    assert "give bearing a stiffness, however small" in end.detail
+    assert len(branch.points) == 1
+    assert not floats(gw.find_orbit(with_drag_alone(9.7)), unheld(with_drag_alone(9.7)))
+    assert not unheld(train(8.0).system()).size
