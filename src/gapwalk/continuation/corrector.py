@@ -21,6 +21,7 @@ _LOST = 2.0  # growth of the residual from one iteration to the next at which th
 _CONTRACTION = 0.5  # of the step before: longer ones do not converge; at a graze each is a third of it
 _ROUNDING = 1e-13  # length of a step that rounding alone can make
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_SHALLOW = 1e-3  # share of the depth of the shallowest touch: a longer step finds other multipliers than it comes from
 _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size
 _ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
 _TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
@@ -127,6 +128,7 @@ class Corrector:
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
+            near_enough = min(near_enough, _SHALLOW * evaluation.reach / float(self._unknown_scales[0]))
             if solved and length <= max(near_enough, _ROUNDING):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])

@@ -250,12 +250,14 @@ class TouchEquation:
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths)
             right[len(unknowns) - 1 :, 1] = 1.0
-            solution = np.linalg.lstsq(matrix * self._scales, right, rcond=None)[0]
+            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales, right, rcond=None)
             steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
-            if length < _SETTLED or (length < _ROUNDING and length > 0.5 * before):
+            size = float(np.abs(unknowns[:-1]).max())
+            rounding = max(_ROUNDING, 1e-14 * size / float(singular[-1]))
+            if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 self._check(right[:, 0], unknowns, depth)
                 return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1])
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
