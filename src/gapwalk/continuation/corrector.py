@@ -128,15 +128,16 @@ class Corrector:
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
-            near_enough = min(near_enough, _SHALLOW * evaluation.reach / float(self._unknown_scales[0]))
-            if solved and length <= max(near_enough, _ROUNDING):
+            shallow = _SHALLOW * evaluation.reach / float(self._unknown_scales[0])
+            exact = length <= _ROUNDING and size > _CONTRACTION * before  # nothing but rounding is left
+            if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
-            if size <= trust * scale and length < min(_TRUSTED, near_enough):
+            if size <= trust * scale and length < min(_TRUSTED, near_enough, shallow):
                 course = self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None

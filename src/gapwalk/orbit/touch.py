@@ -173,6 +173,8 @@ class TouchEquation:
         NumericalError
             If there is none.
         """
+        if start.depth * depth < 0.0:  # on the other side of the graze the derivatives are others
+            start = self.hold(start, 0.0)
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
