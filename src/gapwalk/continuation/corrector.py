@@ -164,6 +164,16 @@ class Corrector:
         evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
         return self.evaluated(x, evaluation, tangent, arclength)
 
+    def crossed(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """The branch point near `x`, where another branch crosses: corrected in all directions but the other branch's.
+
+        In that one the bordered Jacobian is singular, and `x` is known better than Newton's method could tell.
+        """
+        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+        left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
+        off = left.T @ np.append(-evaluation.residual, 0.0)
+        return self.uncorrected(x + ways[:-1].T @ (off[:-1] / sizes[:-1]), tangent, arclength)
+
     def evaluated(
         self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float
     ) -> BranchPoint:
