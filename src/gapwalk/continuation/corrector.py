@@ -19,6 +19,7 @@ TRUST = 1e-7
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _CONTRACTION = 0.5  # of the step before: longer ones do not converge; at a graze each is a third of it
+_EXACT = 1e-14  # residual, relative to the unknowns, that is rounding where another step makes it no smaller
 _ROUNDING = 1e-13  # length of a step that rounding alone can make
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
 _SHALLOW = 1e-3  # share of the depth of the shallowest touch: a longer step finds other multipliers than it comes from
@@ -129,7 +130,7 @@ class Corrector:
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
             shallow = _SHALLOW * evaluation.reach / float(self._unknown_scales[0])
-            exact = length <= _ROUNDING and size > _CONTRACTION * before  # nothing but rounding is left
+            exact = _CONTRACTION * before < size <= _EXACT * scale  # nothing but rounding is left of the residual
             if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])

@@ -208,7 +208,7 @@ def composed(arcs: list[Arc]) -> Arc:
 
 
 def _shallowest(arcs: list[Arc]) -> float:
-    """The depth of the shallowest touch, over the time of a radian: a quarter of its velocity at first and its duration."""
+    """The depth of the shallowest touch, over the time of a radian: a quarter of its first velocity and duration."""
     least = math.inf
     for arc in arcs:
         begun: dict[int, ContactEvent] = {}

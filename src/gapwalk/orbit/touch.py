@@ -34,6 +34,7 @@ _CALIBRATIONS = 2
 _UNEVEN = 0.1  # share by which the depths of touches that happen at once may differ
 _SETTLED = 1e-16  # length of a Newton step, in scaled variables, that changes nothing
 _ROUNDING = 1e-9  # the same where steps grow no shorter
+_EXACT = 1e-14  # residual, relative to the states, that is rounding
 
 
 class Touch(NamedTuple):
@@ -173,7 +174,7 @@ class TouchEquation:
         NumericalError
             If there is none.
         """
-        if start.depth * depth < 0.0:  # on the other side of the graze the derivatives are others
+        if start.depth * self.free < 0.0 < depth * self.free:  # the derivatives of a touch do not hold beyond its end
             start = self.hold(start, 0.0)
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if depth * self.free > 0.0:
@@ -257,8 +258,8 @@ class TouchEquation:
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
-            size = float(np.abs(unknowns[:-1]).max())
-            rounding = max(_ROUNDING, 1e-14 * size / float(singular[-1]))
+            # a residual of rounding makes steps that long: where hardly anything holds a coordinate they are long
+            rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 self._check(right[:, 0], unknowns, depth)
                 return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1])
