@@ -129,7 +129,7 @@ class Corrector:
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
-            shallow = _SHALLOW * evaluation.reach / float(self._unknown_scales[0])
+            shallow = max(_SHALLOW * evaluation.reach / float(self._unknown_scales[0]), _ROUNDING)
             exact = _CONTRACTION * before < size <= _EXACT * scale  # nothing but rounding is left of the residual
             if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x

@@ -174,14 +174,18 @@ class TouchEquation:
         NumericalError
             If there is none.
         """
-        if start.depth * self.free < 0.0 < depth * self.free:  # the derivatives of a touch do not hold beyond its end
-            start = self.hold(start, 0.0)
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
-        return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+        try:
+            return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+        except ConvergenceError:
+            if not start.depth * self.free < 0.0 < depth * self.free:
+                raise
+        # the derivatives of a touch say nothing of what lies beyond its end: first to there
+        return self.hold(self.hold(start, 0.0), depth)
 
     def calibrate(self, start: Held, depth: float) -> Held:
         """Take what the acceleration changes before the touch into account, by the depth of an orbit that just misses.
