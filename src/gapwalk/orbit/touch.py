@@ -74,6 +74,8 @@ class Held(NamedTuple):
         The equation of all segments there.
     slope : shape (segments * 2n + 1,)
         Derivatives of the scaled states and the scaled parameter by the depth.
+    error
+        Error of the value that rounding leaves: what another Newton step would change, and the depth's own rounding.
     """
 
     states: NDArray[np.float64]
@@ -81,6 +83,7 @@ class Held(NamedTuple):
     depth: float
     evaluation: Evaluation
     slope: NDArray[np.float64]
+    error: float
 
 
 def touches(orbit: Orbit) -> list[Touch]:
@@ -266,7 +269,8 @@ class TouchEquation:
             rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 self._check(right[:, 0], unknowns, depth)
-                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1])
+                error = abs(float(steps[-1, 0]) * self._scales[-1])
+                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 
