@@ -15,6 +15,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
+
 from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import Graze, depth_near, describe_switch, find_grazing
@@ -33,6 +35,7 @@ _CROWDED = 1e-6  # arclength over which rates of test functions would be made of
 _BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
+_EPS = float(np.finfo(float).eps)
 _EXACT = 1e-14  # arclength to which zeros are located
 
 
@@ -128,8 +131,14 @@ class Detector:
                 )
                 return Neighbour(point, zero)
 
-            beside, second = _beside_point(stretch, item.point), self._second.at(item.point)
-            return location_error(kind, seen(item.point), seen(beside), seen(second), item.spread)
+            second = self._second.at(item.point)
+            # beyond a graze a touch may stay so shallow that its depth is all but rounding
+            noise = 0.0 if isinstance(item, _Zero) else _EPS * float(np.abs(item.point.orbit.extremes[:, :2]).max())
+            here, other = seen(item.point), seen(second)
+            besides = [_beside_point(stretch, item.point)]
+            if kind is Kind.GRAZING:  # the depth may rise on one side and stay all but zero on the other
+                besides += _known_sides(stretch, item.point)
+            return max(location_error(kind, here, seen(each), other, item.spread, noise) for each in besides)
         except NumericalError:
             return math.inf
 
@@ -257,6 +266,13 @@ def _beside_point(stretch: Stretch, point: BranchPoint) -> BranchPoint:
         return away[nearest]
     low, high = (each.arclength - point.arclength for each in (stretch.points[0], stretch.points[-1]))
     return stretch.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
+
+
+def _known_sides(stretch: Stretch, point: BranchPoint) -> list[BranchPoint]:
+    """The nearest known points on both sides of another, but not those that crowd about it."""
+    offsets = [(each.arclength - point.arclength, each) for each in stretch.points]
+    sides = [[(abs(s), each) for s, each in offsets if s * way > _CROWDED] for way in (-1.0, 1.0)]
+    return [min(side, key=lambda known: known[0])[1] for side in sides if side]
 
 
 def _crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing | None:

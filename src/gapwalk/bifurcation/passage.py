@@ -242,7 +242,7 @@ class _Corner:
             beside = self._at(label + _NEAR)
         except NumericalError:
             return math.inf
-        off = abs(other.value - here.value)
+        off = abs(other.value - here.value) + self._held[label].error
         if kind is not Kind.GRAZING:
             rise = value(kind, beside) - value(kind, here)
             off += abs((beside.value - here.value) * (value(kind, other) / rise)) if rise else 0.0

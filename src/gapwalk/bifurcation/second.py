@@ -111,7 +111,9 @@ class Neighbour(NamedTuple):
     zero: float
 
 
-def location_error(kind: Kind, here: Neighbour, beside: Neighbour, second: Neighbour, spread: float) -> float:
+def location_error(
+    kind: Kind, here: Neighbour, beside: Neighbour, second: Neighbour, spread: float, noise: float = 0.0
+) -> float:
     """Estimated error of the parameter at a special point; infinite where it cannot be told.
 
     Parameters
@@ -122,13 +124,15 @@ def location_error(kind: Kind, here: Neighbour, beside: Neighbour, second: Neigh
         The point, one beside it on the branch, and the same point by a second opinion, on the plane across the tangent.
     spread
         Width of its bracket in arclength.
+    noise
+        Size of the test function that is nothing but rounding.
     """
     point, apart = here.point, beside.point.arclength - here.point.arclength
     rate = (beside.zero - here.zero) / apart if apart else 0.0
     if not rate or not math.isfinite(rate):
         return math.inf
     off = abs(second.point.value - point.value)  # across the branch
-    along = max(abs(here.zero), abs(second.zero)) / abs(rate)
+    along = max(abs(here.zero), abs(second.zero), noise) / abs(rate)
     width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
     ahead = abs(float(point.tangent[-1])) * along
     if kind is Kind.FOLD:
