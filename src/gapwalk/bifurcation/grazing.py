@@ -68,11 +68,10 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True
-        if change:
-            continue
+        # a pair that is born may graze once more than the change of the pattern tells: in, up to rest inside, and out
         if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
             return True
-        if before is not None and _may_touch(before, first, last, switch):
+        if not change and before is not None and _may_touch(before, first, last, switch):
             return True
     return False
 
