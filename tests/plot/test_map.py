@@ -12,7 +12,7 @@ from gapwalk.continuation import End, EndReason
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw, save
 from gapwalk.plot.picture import picture_of
-from gapwalk.plot.style import CODIM2, LOCUS_TEXTS, locus_options
+from gapwalk.plot.style import CODIM2, LOCI, locus_options
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import KINDS
 from tests.study.maps import clutch_map
@@ -63,7 +63,7 @@ def test_what_is_drawn_is_explained(result, figure) -> None:
 
 
 def test_kinds_are_told_apart_without_colour() -> None:
-    assert set(LOCUS_TEXTS) == set(KINDS)
+    assert set(LOCI) == set(KINDS)
     lines = [str(locus_options(kind, 0)["linestyle"]) for kind in KINDS]
     assert len(set(lines)) == len(KINDS)
     assert set(CODIM2) == set(Codim2)

@@ -20,7 +20,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import write_legend
-from gapwalk.plot.style import LINES, SYMBOLS, UNEXPLAINED, broken, line_options
+from gapwalk.plot.style import LINES, SYMBOLS, UNEXPLAINED, broken
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
@@ -117,7 +117,7 @@ def draw_unexplained(ax: Axes, places: Sequence[tuple[float, float]], clip_on: b
 
 def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """The entry of a legend for question marks, if there are any."""
-    return [(UNEXPLAINED.text, UNEXPLAINED.options())] if any(branch.unexplained for branch in branches) else []
+    return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
 
 
 @draws(Branch, alone={"closeup": True})
@@ -171,9 +171,9 @@ def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """The lines and symbols that occur, for a legend: between special points there may be no point of the branch."""
     counts = {count.label for branch in branches for count in branch.instabilities}
     counts |= {special.after.label for branch in branches for special in branch.special_points}
-    entries = [(style.text, line_options(name)) for name, style in LINES.items() if name in counts]
+    entries = [style.entry for name, style in LINES.items() if name in counts]
     kinds = {special.kind for branch in branches for special in branch.special_points}
-    entries += [(style.text, style.options()) for kind, style in SYMBOLS.items() if kind in kinds]
+    entries += [style.entry for kind, style in SYMBOLS.items() if kind in kinds]
     return entries + unexplained_entries(branches)
 
 
@@ -204,7 +204,7 @@ class _Drawing:
     def draw_lines(self, ax: Axes) -> None:
         for piece in self.pieces:
             marked = bool(LINES[piece.label].marker)
-            options = line_options(piece.label) | {"markevery": _MARKERS if marked else None}
+            options = LINES[piece.label].options(markevery=_MARKERS if marked else None)
             ax.plot(piece.x, piece.y, zorder=2.5 if marked else 3, **options)
 
     def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
@@ -25,7 +24,7 @@ from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
 from gapwalk.plot.style import (
     BLACK,
     BLUE,
-    LOCUS_TEXTS,
+    LOCI,
     NAMED_PERIODS,
     VERMILLION,
     dots,
@@ -238,7 +237,7 @@ def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[st
         ax.plot(x, y, color="white", linewidth=points(2.6), zorder=3)
         ax.plot(x, y, zorder=4, **_black(locus))
     firsts = {locus.kind: locus for locus in loci}
-    return [(text, _black(firsts[kind])) for kind, text in LOCUS_TEXTS.items() if kind in firsts]
+    return [(style.text, _black(firsts[kind])) for kind, style in LOCI.items() if kind in firsts]
 
 
 def _black(locus: Locus) -> dict[str, Any]:
@@ -342,7 +341,7 @@ def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
         for band in sweep.bands(lane):
             text = f"P{m}" if (m := period_of(band.regime)) is not None else band.regime
             if (band.high - band.low) / span * width > points(_LETTER) * len(text) + 2.0:
-                red, green, blue = to_rgb(mpl.colors.to_hex(regime_color(band.regime)))
+                red, green, blue = to_rgb(regime_color(band.regime))
                 color = "white" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.5 else BLACK
                 ax.text(0.5 * (band.low + band.high), row, text, color=color, **centered)
 

@@ -22,7 +22,19 @@ from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import BLACK, BLUE, GREY, SYMBOLS, VERMILLION, dots, points, stroke, symbols
+from gapwalk.plot.style import (
+    AXIS,
+    BLACK,
+    BLUE,
+    GREY,
+    SYMBOLS,
+    VERMILLION,
+    LineStyle,
+    SymbolStyle,
+    dots,
+    points,
+    symbols,
+)
 from gapwalk.plot.words import full_measure, measure_words, order_words, pace_words, parameter_words
 from gapwalk.study.comparison import ResultComparison
 from gapwalk.study.result import Result
@@ -35,15 +47,13 @@ _SHOWN = 3  # periods of the orbit in the history of a record
 _SMOOTH = 600  # points of the computed history a period of the orbit
 _FEW = 120  # samples a period of the orbit up to which they are drawn as dots
 
+_FIRST, _SECOND = LineStyle("", BLACK, "-", 1.2), LineStyle("", VERMILLION, (0, (4, 1.5)), 1.2)
+_PALE, _THIN = LineStyle("", "#8fc3e8", "-", 4.6), LineStyle("", BLACK, "-", 1.1)  # of two results, over one another
+_UNSTABLE = LineStyle("unstable in the second", BLACK, (0, (3.2, 1.6)), 1.1)
+_TOLERANCE = LineStyle("tolerance", VERMILLION, (0, (5, 2)), 1.0)
+_RING = SymbolStyle("in one of them only", "", "o", "none", 12.0, VERMILLION, 1.1)
+
 _ZERO = 1e-12  # share of the ranges below which a distance is drawn as this
-
-
-def _first(width: float = 1.2) -> dict[str, Any]:
-    return stroke(BLACK, width, solid_joinstyle="round")
-
-
-def _second(width: float = 1.2) -> dict[str, Any]:
-    return stroke(VERMILLION, width, (0, (4, 1.5)))
 
 
 def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | None) -> None:
@@ -93,7 +103,7 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
     """
     axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
     for (left, right), pair in zip(axes, found.pairs, strict=True):
-        for values, options in zip(pair.histories, (_first(), _second()), strict=True):
+        for values, options in zip(pair.histories, (_FIRST.options(), _SECOND.options()), strict=True):
             left.plot(pair.theta / PERIOD, values, **options)
         left.set_xlim(float(pair.theta[0]) / PERIOD, float(pair.theta[-1]) / PERIOD)
         left.set(xlabel="forcing periods", ylabel=pair.signal)
@@ -101,7 +111,7 @@ def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = Non
             text = f"rms difference {pair.agreement.relative:.2g}, correlation {pair.agreement.correlation:.4f}"
             left.set_title(text, fontsize=points(8.5))
         _draw_spectra(right, pair)
-    write_legend(figure, list(zip(found.names, (_first(), _second()), strict=True)))
+    write_legend(figure, list(zip(found.names, (_FIRST.options(), _SECOND.options()), strict=True)))
     write_heading(figure, _contrast_title(found) if title is None else title)
 
 
@@ -111,8 +121,8 @@ def _draw_spectra(ax: Axes, pair: SignalPair) -> None:
         _draw_lines(ax, pair.agreement.lines, pair.signal, turns)
         return
     largest = max(float(found.amplitudes[1:].max()) for found in pair.spectra)
-    for found, options in zip(pair.spectra, (_first(0.8), _second(0.8)), strict=True):
-        ax.plot(found.orders[1:], found.amplitudes[1:], **options)
+    for found, style in zip(pair.spectra, (_FIRST, _SECOND), strict=True):
+        ax.plot(found.orders[1:], found.amplitudes[1:], **style.options(0.7))
     _set_spectrum(ax, 8.0 * (turns or 1), (1e-4 * largest, 3.0 * largest), pair.signal, turns)
 
 
@@ -173,21 +183,21 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
     length = PERIOD * found.orbit.period
     shown = found.theta <= found.theta[0] + min(_SHOWN, found.periods) * length
     theta = found.theta[shown]
-    measured = symbols("o", 2.4, BLACK) if np.count_nonzero(shown) <= _FEW * _SHOWN else _first(1.0)
+    measured = symbols("o", 2.4, BLACK) if np.count_nonzero(shown) <= _FEW * _SHOWN else _FIRST.options()
     ax.plot(theta / PERIOD, found.measured[shown], **measured)
     fine = np.linspace(theta[0], theta[-1], _SMOOTH * min(_SHOWN, found.periods))
     whole = signal_along(found.orbit, found.signal, length * np.arange(_SMOOTH) / _SMOOTH)
-    ax.plot(fine / PERIOD, signal_along(found.orbit, found.signal, fine) - whole.mean(), **_second())
+    ax.plot(fine / PERIOD, signal_along(found.orbit, found.signal, fine) - whole.mean(), **_SECOND.options())
     ax.set(xlim=(theta[0] / PERIOD, theta[-1] / PERIOD), xlabel="forcing periods", ylabel=found.signal.name)
     name = f"record ({found.record.name})".replace("$", r"\$")
-    entries = [(name, measured), (f"computed at {pace_words(found.orbit.system)}", _second())]
+    entries = [(name, measured), (f"computed at {pace_words(found.orbit.system)}", _SECOND.options())]
     write_legend(ax, entries, "above")
 
 
 def _draw_rest(ax: Axes, found: Alignment) -> None:
     """Draw what is left over the phase in the period of the orbit: noise has no form, a fault of the model has."""
     phase = (found.theta / PERIOD) % found.orbit.period
-    ax.axhline(0.0, **stroke(GREY, 0.8))
+    ax.axhline(0.0, **AXIS.options())
     ax.plot(phase, found.measured - found.computed, **dots(4.0))
     ax.set(xlim=(0.0, found.orbit.period), xlabel="phase in the motion, forcing periods")
     ax.set_ylabel("measured minus computed")
@@ -227,7 +237,7 @@ def draw_comparison(
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.4))
     above.set_title(first.title.replace("$", r"\$") if title is None else title, wrap=True)
     if first.map is not None:
-        for result, options in ((first, _pale()), (second, _thin())):
+        for result, options in ((first, _PALE.options()), (second, _THIN.options())):
             for locus in result.map.loci if result.map else ():
                 above.plot(*locus.values.T, **options)
         above.set_ylabel(parameter_words(found.parameters[-1], units))
@@ -242,26 +252,11 @@ def draw_comparison(
     write_legend(figure, _comparison_entries(found, names, tolerance))
 
 
-def _pale() -> dict[str, Any]:
-    return stroke("#8fc3e8", 4.6, solid_capstyle="round", zorder=2)
-
-
-def _thin(stable: bool = True) -> dict[str, Any]:
-    return stroke(BLACK, 1.1, "-" if stable else (0, (3.2, 1.6)), zorder=3)
-
-
-def _ring(size: float = 12.0) -> dict[str, Any]:
-    return symbols("o", size, "none", VERMILLION, 1.1, zorder=6)
-
-
-def _tolerance() -> dict[str, Any]:
-    return stroke(VERMILLION, 1.0, (0, (5, 2)), zorder=1)
-
-
 def _draw_branches(ax: Axes, result: Result, measure: str, is_first: bool) -> None:
     for branch in result.branches:
         for piece in pieces_of(branch, measure):
-            ax.plot(piece.x, piece.y, **(_pale() if is_first else _thin(piece.label == "stable")))
+            style = _PALE if is_first else _THIN if piece.label == "stable" else _UNSTABLE
+            ax.plot(piece.x, piece.y, **style.options(zorder=2 if is_first else 3))
         for special in branch.special_points:
             ax.plot(special.value, special.point.measure(measure), **_symbol(special.kind, is_first))
 
@@ -282,10 +277,10 @@ def _ring_lone(ax: Axes, found: ResultComparison, measure: str) -> None:
             branch, alone = branches.get(pair.names[side]), {each.values[0] for each in pair.only[side]}
             for special in branch.special_points if branch else ():
                 if special.value in alone:
-                    ax.plot(special.value, special.point.measure(measure), **_ring())
+                    ax.plot(special.value, special.point.measure(measure), **_RING.options(zorder=6))
         for name in lone:
             point = branches[name].points[len(branches[name].points) // 2]
-            ax.plot(point.value, point.measure(measure), **_ring())
+            ax.plot(point.value, point.measure(measure), **_RING.options(zorder=6))
 
 
 def _draw_distances(ax: Axes, found: ResultComparison, tolerance: float | None) -> None:
@@ -297,21 +292,21 @@ def _draw_distances(ax: Axes, found: ResultComparison, tolerance: float | None) 
             options = _symbol(Kind(word), False) if word in tuple(Kind) else symbols("o", 4.0, GREY, GREY)
             ax.plot(shift.first[0], max(shift.share, _ZERO), **options)
     if tolerance is not None:
-        ax.axhline(tolerance, **_tolerance())
+        ax.axhline(tolerance, **_TOLERANCE.options())
     ax.set_yscale("log")
 
 
 def _comparison_entries(
     found: ResultComparison, names: tuple[str, str], tolerance: float | None
 ) -> list[tuple[str, dict[str, Any]]]:
-    entries = [(names[0], _pale()), (names[1], _thin())]
+    entries = [(names[0], _PALE.options()), (names[1], _THIN.options())]
     if found.results[0].map is None:
-        entries.append(("unstable in the second", _thin(stable=False)))
+        entries.append(_UNSTABLE.entry)
     words = {shift.label.partition(" ")[0] for pair in found.pairs for shift in pair.shifts}
     entries += [(style.text, _symbol(kind, False)) for kind, style in SYMBOLS.items() if kind in words]
     entries.append(("distance", dots(8.0, GREY)))
     if any(found.only) or any(any(pair.only) for pair in found.pairs):
-        entries.append(("in one of them only", _ring(8.0)))
+        entries.append((_RING.text, _RING.options(0.7)))
     if tolerance is not None:
-        entries.append((f"tolerance {tolerance:g}", _tolerance()))
+        entries.append((f"tolerance {tolerance:g}", _TOLERANCE.options()))
     return entries

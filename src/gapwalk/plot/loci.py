@@ -22,7 +22,19 @@ from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entri
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, write_legend, write_letters
-from gapwalk.plot.style import BLACK, CODIM2, GREY, LINES, LOCUS_TEXTS, SYMBOLS, locus_options, stroke, symbols
+from gapwalk.plot.style import (
+    BLACK,
+    CODIM2,
+    GREY,
+    LINES,
+    LOCI,
+    SYMBOLS,
+    LineStyle,
+    SymbolStyle,
+    locus_options,
+    stroke,
+    symbols,
+)
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.record import Family
@@ -37,16 +49,15 @@ _THIN = 0.75  # width of the lines of members, of which there are several
 _MOST_TICKS = 12
 
 
-def _section() -> dict[str, Any]:
-    return stroke("#b9b1a0", 0.7)
+_SECTION = LineStyle("section", "#b9b1a0", "-", 0.7)
+_LOST = SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
+_TURN = SymbolStyle("two meet", "", "o", "white", 4.6, width=0.9)
+_NOWHERE = SymbolStyle("leads to no known branch", "", "s", "white", 4.0, GREY, 0.9)
+_GUESS = LineStyle("joined by nearness", GREY, (0, (1.0, 2.2)), 1.0)
 
 
-def _island() -> dict[str, Any]:
+def _isola() -> dict[str, Any]:
     return symbols("|", 9.0, width=1.3) | stroke(BLACK, 2.0)
-
-
-def _lost() -> dict[str, Any]:
-    return symbols("x", 5.0, width=1.2)
 
 
 @draws(Map, size=(WIDE[0], 5.6), shows="its loci over two parameters")
@@ -69,7 +80,7 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     ax.set_xlabel(parameter_words(chart.first, units))
     ax.set_ylabel(parameter_words(chart.second, units))
     _draw_sections(ax, chart, labels)
-    order, periods = list(LOCUS_TEXTS), _periods(chart)
+    order, periods = list(LOCI), _periods(chart)
     for locus in chart.loci:
         options = locus_options(locus.kind, periods.index(locus.period))
         ax.plot(*_curve(locus).T, zorder=3.0 - 0.1 * order.index(locus.kind), **options)
@@ -78,7 +89,7 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
         style = CODIM2[point.kind]
         ax.plot(*point.values, zorder=5 if style.label else 4, **style.options())
     for place in _lost_ends(chart):
-        ax.plot(*place, zorder=5, **_lost())
+        ax.plot(*place, zorder=5, **_LOST.options())
     if legend:
         write_legend(ax, list(_map_entries(chart, found)))
     return partial(_name, ax, chart, found) if labels else None
@@ -98,12 +109,12 @@ def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
     right = blended_transform_factory(ax.transAxes, ax.transData)
     style = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
     for section in chart.sections:
-        ax.axhline(section.value, zorder=1.5, **_section())
+        ax.axhline(section.value, zorder=1.5, **_SECTION.options())
         if labels:
             ax.text(1.006, section.value, f"{section.value:.4g}", transform=right, va="center", **style)
         draw_unexplained(ax, _unexplained(section.branches, section.value), clip_on=False)
-    for value, low, high in _islands(chart):
-        ax.plot((low, high), (value, value), zorder=3.5, **_island())
+    for value, low, high in _isolas(chart):
+        ax.plot((low, high), (value, value), zorder=3.5, **_isola())
 
 
 def _unexplained(branches: Sequence[Branch], value: float) -> list[tuple[float, float]]:
@@ -111,7 +122,7 @@ def _unexplained(branches: Sequence[Branch], value: float) -> list[tuple[float, 
     return [place for branch in branches for place in unexplained_places(branch, lambda _: np.array([value]))]
 
 
-def _islands(chart: Map) -> Iterator[tuple[float, float, float]]:
+def _isolas(chart: Map) -> Iterator[tuple[float, float, float]]:
     """Of each closed branch of a section: the value of the section, and the range of the first parameter."""
     for section in chart.sections:
         for branch in section.branches:
@@ -126,20 +137,20 @@ def _lost_ends(chart: Map) -> list[tuple[float, float]]:
 
 def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, dict[str, Any]]]:
     periods = _periods(chart)
-    for kind, text in LOCUS_TEXTS.items():
+    for kind, style in LOCI.items():
         for rank, period in enumerate(periods):
             if any(locus.period == period for locus in chart.of_kind(kind)):
-                yield text if len(periods) == 1 else f"{text}, period {period}", locus_options(kind, rank)
-    if next(_islands(chart), None):
-        yield "island on a section", _island()
+                yield style.text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
+    if next(_isolas(chart), None):
+        yield "island on a section", _isola()
     kinds = {point.kind for point in points}
     shown = dict.fromkeys(style for kind, style in CODIM2.items() if kind in kinds)
-    yield from ((style.legend, style.options()) for style in shown)
+    yield from (style.entry for style in shown)
     if _lost_ends(chart):
-        yield "not followed further", _lost()
+        yield _LOST.entry
     yield from unexplained_entries(chart.branches)
     if chart.sections:
-        yield "section", _section()
+        yield _SECTION.entry
 
 
 def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
@@ -242,34 +253,22 @@ def _draw_joints(ax: Axes, family: Family) -> None:
     """Draw the paths of special points from member to member, and what happens on the way."""
     ranks = _ranks(family)
     for member in family.members:
-        ax.axhline(member.value, zorder=1.5, **_section())
+        ax.axhline(member.value, zorder=1.5, **_SECTION.options())
         for _, special in member.special_points:
             ax.plot(special.value, member.value, zorder=4, **_small(special.kind))
         draw_unexplained(ax, _unexplained(member.branches, member.value))
     for joint in _joints(family):
         if joint.curve:
-            options = _guess() if joint.fate is Fate.NEAR else locus_options(joint.kind, ranks[joint.period])
+            options = _GUESS.options() if joint.fate is Fate.NEAR else locus_options(joint.kind, ranks[joint.period])
             ax.plot(*np.array(joint.curve).T, zorder=2.5 if joint.kind is Kind.GRAZING else 3.0, **options)
         for passage in joint.passages:
             style = CODIM2[Codim2(passage.kind)]
             if style.label:
                 ax.plot(passage.first, passage.value, zorder=6, **style.options())
         if joint.at is not None and _leads_nowhere(joint):
-            ax.plot(*(joint.at if joint.fate is Fate.OUTSIDE else joint.curve[-1]), zorder=5, **_outside())
+            ax.plot(*(joint.at if joint.fate is Fate.OUTSIDE else joint.curve[-1]), zorder=5, **_NOWHERE.options())
         if joint.at is not None and _turns(joint):
-            ax.plot(*joint.at, zorder=5, **_turn())
-
-
-def _turn() -> dict[str, Any]:
-    return symbols("o", 4.6, width=0.9)
-
-
-def _outside() -> dict[str, Any]:
-    return symbols("s", 4.0, edge=GREY, width=0.9)
-
-
-def _guess() -> dict[str, Any]:
-    return stroke(GREY, 1.0, (0, (1.0, 2.2)))
+            ax.plot(*joint.at, zorder=5, **_TURN.options())
 
 
 def _leads_nowhere(joint: Joint) -> bool:
@@ -293,19 +292,19 @@ def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
     for kind, style in SYMBOLS.items():
         for period, rank in ranks.items():
             if (kind, period) in kinds:
-                line = locus_options(kind, rank) if kind in LOCUS_TEXTS else {}
+                line = locus_options(kind, rank) if kind in LOCI else {}
                 yield style.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
     joints = list(_joints(family))
     events = {passage.kind for joint in joints for passage in joint.passages}
     events |= {joint.event for joint in joints if joint.fate is Fate.MET}
     shown = [style for kind, style in CODIM2.items() if kind.value in events and style.label]
-    yield from ((style.legend, style.options()) for style in shown)
+    yield from (style.entry for style in shown)
     if any(map(_turns, joints)):
-        yield "two meet", _turn()
+        yield _TURN.entry
     if any(map(_leads_nowhere, joints)):
-        yield "leads to no known branch", _outside()
+        yield _NOWHERE.entry
     if any(joint.fate is Fate.NEAR for joint in joints):
-        yield "joined by nearness", _guess()
+        yield _GUESS.entry
     yield from unexplained_entries(family.branches)
 
 

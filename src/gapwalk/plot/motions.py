@@ -34,7 +34,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
-from gapwalk.plot.style import BLACK, BLUE, DASHES, GREEN, GREY, PURPLE, VERMILLION, dots, stroke, symbols
+from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
 from gapwalk.plot.words import line_words, order_words, pace_words, parameter_words, signal_words
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
@@ -53,11 +53,6 @@ _COLOURS = "viridis_r"  # even in grey, and for any form of colour vision
 
 _MODES = 6  # modes that are shown
 _PLACES = 40  # places along a train, or coordinates, that have their names below
-
-
-def _guide() -> dict[str, Any]:
-    """Options of the lines of breakpoints."""
-    return stroke(GREY, 0.8, DASHES, zorder=1)
 
 
 @draws(Motion, Orbit, Settled, Attractor)
@@ -89,7 +84,7 @@ def draw_history(
     pad = 0.08 * ((high - low) or 1.0)
     for level in breakpoints(motion.system, signal):
         if low - 3 * pad <= level <= high + 3 * pad:
-            ax.axhline(level, **_guide())
+            ax.axhline(level, **GUIDE.options(zorder=1))
             low, high = min(low, level), max(high, level)
     ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
     ax.set_ylim(low - pad, high + pad)
@@ -106,7 +101,7 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
     index = names.index(contact)
     ax.plot(motion.deflections[:, index], motion.forces[:, index], **stroke(BLACK, 0.9, solid_joinstyle="round"))
     for level in _levels(system, contacts[index]):
-        ax.axvline(level, **_guide())
+        ax.axvline(level, **GUIDE.options(zorder=1))
     ax.set_xlabel(f"deflection of {signal_words(contact, system.units)}")
     ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
 
@@ -294,10 +289,10 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
         ax.plot(loop.deflection, loop.force, **options)
         name = names[place] if place < len(names) else loop.law.value
         entries.append((f"{name}: loss {loop.loss:.4g} a cycle", options))
-    ax.axhline(0.0, **stroke(GREY, 0.8, zorder=1))
+    ax.axhline(0.0, **AXIS.options(zorder=1))
     for level in sorted({level for loop in loops for level in loop.breakpoints}):
         if any(loop.deflection.min() < level < loop.deflection.max() for loop in loops):
-            ax.axvline(level, **_guide())
+            ax.axvline(level, **GUIDE.options(zorder=1))
     ax.set_xlabel("deflection")
     ax.set_ylabel("contact force")
     write_legend(ax, entries, "inside")
@@ -333,7 +328,7 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
         rasterized=True,
     )
     for turn in turns:
-        ax.axvline(float(places[turn]), **stroke(GREY, 0.8, DASHES))
+        ax.axvline(float(places[turn]), **GUIDE.options())
     marks = _marks(found.values, places, turns)
     ax.set_xticks([x for x, _ in marks], [text for _, text in marks])
     ax.grid(visible=False)
@@ -390,7 +385,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
         rate = f"{frequency / (2 * math.pi):.4g} Hz" if system.units else f"{frequency:.4g}"
         text = "no vibration" if math.isnan(frequency) else rate
         ax.set_ylabel(f"{number + 1}\n{text}", rotation=0, ha="right", va="center")
-        ax.axhline(0.0, **stroke(GREY, 0.7))
+        ax.axhline(0.0, **AXIS.options())
         ax.set_ylim(-1.25, 1.25)
         ax.set_yticks([-1, 0, 1])
     if len(names) <= _PLACES:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gapwalk.errors import ModelError
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, lay_out, make_layout, new_sheet, open_window, sheet_bytes
+from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, make_layout, new_sheet, open_window, sheet_bytes
 from gapwalk.plot.style import SizeName, in_style, sized
 from gapwalk.study.export import write_whole
 from gapwalk.study.result import Result
@@ -29,28 +29,18 @@ FORMS = ("png", "svg", "pdf")
 """Forms of files, and their endings."""
 
 # Modules of this package that draw the types of gapwalk, imported when such a record is drawn first.
-_HOMES = {
-    "Alignment": "comparisons",
-    "Attractor": "motions",
-    "Basins": "cells",
-    "Branch": "branches",
-    "Contrast": "comparisons",
-    "Diagram": "diagrams",
-    "Family": "loci",
-    "Fit": "comparisons",
-    "Hysteresis": "motions",
-    "Map": "loci",
-    "Modes": "motions",
-    "Motion": "motions",
-    "Orbit": "motions",
-    "Regimes": "cells",
-    "ResultComparison": "comparisons",
-    "Section": "motions",
-    "Settled": "motions",
-    "Spectrum": "motions",
-    "Sweep": "cells",
-    "Waterfall": "motions",
+_MODULES = {
+    "branches": ("Branch",),
+    "cells": ("Basins", "Regimes", "Sweep"),
+    "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
+    "diagrams": ("Diagram",),
+    "loci": ("Family", "Map"),
+    "motions": (
+        *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
+        *("Section", "Settled", "Spectrum", "Waterfall"),
+    ),
 }
+_HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
 
 
 @dataclass(frozen=True)
@@ -331,6 +321,3 @@ def _unpacked(record: Any, options: dict[str, Any], title: str | None) -> tuple[
         raise ModelError(f"the picture of the kind {record.options.kind} shows no measure; leave it out")
     given = {name: value for name, value in options.items() if value is not None}
     return shown, named | given, (record.title or None) if title is None else title
-
-
-__all__ = ["Drawing", "begin", "draw", "drawing_of", "draws", "lay_out", "picture_of", "save"]

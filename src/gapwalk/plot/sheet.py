@@ -138,13 +138,8 @@ def _columns(figure: AnyFigure, handles: Sequence[Artist], fills: bool = False) 
     wanted = min(count, _FILL_COLUMNS) if fills else -(-count // (1 if count < 5 else 2))
     letter = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0] * 0.58 * rc()["legend.fontsize"]
     widths = [letter * (len(str(handle.get_label())) + _BESIDE) for handle in handles]
-    return next((n for n in range(wanted, 1, -1) if _width(widths, n) < figure.bbox.width), 1)
-
-
-def _width(widths: Sequence[float], columns: int) -> float:
-    """Width of entries in this many columns, filled one after the other."""
-    rows = -(-len(widths) // columns)
-    return sum(max(widths[i : i + rows]) for i in range(0, len(widths), rows))
+    room = figure.bbox.width
+    return next((n for n in range(wanted, 1, -1) if sum(map(max, np.array_split(widths, n))) < room), 1)
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:

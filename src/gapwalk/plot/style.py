@@ -25,9 +25,6 @@ from gapwalk.errors import ModelError
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"
 BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
-DASHES = (0, (4, 2))
-"""Of lines that only guide the eye: breakpoints, folds of a waterfall."""
-
 DPI = 200
 
 # ---------------------------------------------------------------------------------------------------------- sizes
@@ -122,10 +119,10 @@ def sheet_size(width: float, height: float) -> tuple[float, float]:
 
 
 @cache
-def _settings() -> dict[str, Any]:
+def _settings() -> Any:
     """The style file at the size of a screen."""
     with as_file(files("gapwalk.plot") / "gapwalk.mplstyle") as path:
-        return dict(mpl.rc_params_from_file(path, use_default_template=False))
+        return {**mpl.rc_params_from_file(path, use_default_template=False)}
 
 
 def rc() -> dict[str, Any]:
@@ -183,14 +180,14 @@ def dots(size: float, color: str = BLACK, **more: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """Style of a part of a branch.
+    """Style of a kind of line.
 
     Parameters
     ----------
     text
         Its name in a legend.
     color, line, width
-        Of the line.
+        Of the line: colour, dashes, and width in points at the size of a screen.
     marker
         Sparse, open and small; empty for none.
     """
@@ -200,6 +197,16 @@ class LineStyle:
     line: Any
     width: float
     marker: str = ""
+
+    def options(self, width: float = 1.0, **more: Any) -> dict[str, Any]:
+        """Options of a matplotlib line, wider or thinner by a factor."""
+        marker = symbols(self.marker, 3.4, edge=self.color) if self.marker else {}
+        return marker | stroke(self.color, width * self.width, self.line, solid_capstyle="butt", **more)
+
+    @property
+    def entry(self) -> tuple[str, dict[str, Any]]:
+        """Its entry in a legend."""
+        return self.text, self.options()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +241,11 @@ class SymbolStyle:
     def options(self, scale: float = 1.0, **more: Any) -> dict[str, Any]:
         """Options of a matplotlib line for the symbol, larger or smaller by a factor."""
         return symbols(self.marker, scale * self.size, self.color, self.edge, self.width, **more)
+
+    @property
+    def entry(self) -> tuple[str, dict[str, Any]]:
+        """Its entry in a legend."""
+        return self.legend, self.options()
 
 
 LINES = {
@@ -279,6 +291,9 @@ CODIM2 = {
 }
 """The symbols of points of codimension two."""
 
+AXIS, GUIDE = LineStyle("", GREY, "-", 0.8), LineStyle("", GREY, (0, (4, 2)), 0.8)
+"""Lines that only guide the eye: zero; breakpoints, and folds of a waterfall."""
+
 _PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
 
 
@@ -300,33 +315,18 @@ def birth_options(rank: int) -> dict[str, Any]:
     return symbols(SYMBOLS[Kind.FLIP].marker, size, edge=period_color(rank), width=width)
 
 
-def line_options(label: str) -> dict[str, Any]:
-    """Options of a matplotlib line for a kind of instability."""
-    style = LINES[label]
-    marker = symbols(style.marker, 3.4, edge=style.color) if style.marker else {}
-    return marker | stroke(style.color, style.width, style.line, solid_capstyle="butt")
-
-
-LOCUS_TEXTS = {
-    Kind.FOLD: "fold",
-    Kind.FLIP: "flip",
-    Kind.NEIMARK_SACKER: "Neimark–Sacker",
-    Kind.GRAZING: "grazing",
+LOCI = {
+    Kind.FOLD: LineStyle("fold", BLUE, "-", 1.7),
+    Kind.FLIP: LineStyle("flip", VERMILLION, (0, (4.5, 1.4)), 1.6),
+    Kind.NEIMARK_SACKER: LineStyle("Neimark–Sacker", GREEN, (0, (6, 1.3, 1.2, 1.3)), 1.6),
+    Kind.GRAZING: LineStyle("grazing", GREY, (0, (1.2, 1.6)), 1.0),
 }
-"""The loci by their names in a legend, in the order in which they are drawn, the last ones first."""
-
-_LOCI: dict[Kind, tuple[Any, float]] = {
-    Kind.FOLD: ("-", 1.7),
-    Kind.FLIP: ((0, (4.5, 1.4)), 1.6),
-    Kind.NEIMARK_SACKER: ((0, (6, 1.3, 1.2, 1.3)), 1.6),
-    Kind.GRAZING: ((0, (1.2, 1.6)), 1.0),
-}
+"""The loci, in the order in which they are drawn, the last ones first."""
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
     """Options of a matplotlib line for a locus of motions of the shortest period (rank 0), the next (1), and so on."""
-    dashes, width = _LOCI[kind]
-    return stroke(SYMBOLS[kind].color, width * (1.0, 0.55, 0.38)[min(rank, 2)], dashes, solid_capstyle="butt")
+    return LOCI[kind].options((1.0, 0.55, 0.38)[min(rank, 2)])
 
 
 # ------------------------------------------------------------------------------------------------------- regimes
