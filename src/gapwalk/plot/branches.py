@@ -120,7 +120,7 @@ def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str,
     return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
 
 
-@draws(Branch, alone={"closeup": True})
+@draws(Branch, alone={"closeup": True}, several=True)
 def draw_branches(
     branches: Branch | Sequence[Branch],
     ax: Axes,

@@ -139,7 +139,7 @@ def _alignment_size(found: Alignment | Fit | Sequence[Alignment], **_: object) -
     return 9.5, 6.0 * (len(found) if isinstance(found, (list, tuple)) else 1)
 
 
-@draws(Alignment, Fit, panels=True, size=_alignment_size, shows="its own signal")
+@draws(Alignment, Fit, panels=True, size=_alignment_size, shows="its own signal", several=True)
 def draw_alignment(
     found: Alignment | Fit | Sequence[Alignment],
     figure: AnyFigure,

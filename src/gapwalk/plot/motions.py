@@ -271,7 +271,7 @@ def _settled_title(motion: Settled | Attractor) -> str:
     return f"Motion of period {motion.period} {where}" if motion.period else f"Motion without period {where}"
 
 
-@draws(Hysteresis, size=(6.0, 4.4))
+@draws(Hysteresis, size=(6.0, 4.4), several=True)
 def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: Sequence[str] = ()) -> None:
     """Draw loops of contact force over deflection, one or several: the area is the energy that a cycle costs.
 

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gapwalk.errors import ModelError
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, make_layout, new_sheet, open_window, sheet_bytes
+from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, close_window, make_layout, new_sheet, open_window, sheet_bytes
 from gapwalk.plot.style import SizeName, in_style, sized
 from gapwalk.study.export import write_whole
 from gapwalk.study.result import Result
@@ -58,12 +58,15 @@ class Drawing:
         What it shows in place of a measure, in words.
     alone
         Options by default where it has a sheet of its own.
+    several
+        Whether it is called with a list of records too.
     """
 
     draw: Callable[..., Finish]
     size: Inches | Callable[..., Inches] = WIDE
     shows: str = ""
     alone: Mapping[str, Any] = field(default_factory=dict)
+    several: bool = False
 
     @cached_property
     def options(self) -> tuple[str, ...]:
@@ -98,17 +101,18 @@ def draws(
     size: Inches | Callable[..., Inches] = WIDE,
     shows: str = "",
     alone: Mapping[str, Any] | None = None,
+    several: bool = False,
 ) -> Callable[[Draw], Draw]:
     """Register a function that draws records of some types.
 
     Parameters
     ----------
     *kinds
-        The types. A list of records is drawn by the function of its first one.
+        The types.
     panels
         Whether it is called with a figure, in which it makes panels, and not with axes. A type may have both: the
         axes are for a card, or for a panel of your own.
-    size, shows, alone
+    size, shows, alone, several
         As in `Drawing`.
 
     Examples
@@ -125,7 +129,7 @@ def draws(
 
     def register(draw: Draw) -> Draw:
         for kind in kinds:
-            (_IN_PANELS if panels else _IN_AXES)[kind] = Drawing(draw, size, shows, alone or {})
+            (_IN_PANELS if panels else _IN_AXES)[kind] = Drawing(draw, size, shows, alone or {}, several)
         return draw
 
     return register
@@ -137,10 +141,12 @@ def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
             import_module(f"gapwalk.plot.{_HOMES[kind.__name__]}")
-        if not in_axes and kind in _IN_PANELS:
-            return _IN_PANELS[kind], False
-        if kind in _IN_AXES:
-            return _IN_AXES[kind], True
+        found = _IN_AXES.get(kind) if in_axes else _IN_PANELS.get(kind, _IN_AXES.get(kind))
+        if found is not None:
+            if first is not record and not (found.several and all(isinstance(each, kind) for each in record)):
+                kinds = ", ".join(dict.fromkeys(type(each).__name__ for each in record))
+                raise ModelError(f"a list of {kinds} has no picture in common; draw them one by one, with ax=...")
+            return found, found is _IN_AXES.get(kind)
         if kind in _IN_PANELS:
             raise ModelError(f"a {kind.__name__} is drawn in several panels: give figure=..., not ax=...")
     raise ModelError(
@@ -209,7 +215,7 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
         Draws the rest (labels, close-ups). Call it when all panels are drawn and laid out, so that a figure of several
         panels is laid out once.
     """
-    record, options, _ = _unpacked(record, options, None)
+    record, options, _ = _unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)
     with in_style():
         finish = drawing.draw(record, ax, **drawing.named(arguments, options, record))
@@ -257,7 +263,7 @@ def save(
     forms = [form or Path(path).suffix.lower().removeprefix(".") for path in paths]
     for path, each in zip(paths, forms, strict=True):
         if each not in FORMS:
-            raise ModelError(f"{os.fspath(path)} is not a name for a picture; end it in .png, .svg or .pdf")
+            raise ModelError(f"{os.fspath(path)} is not a name for a picture; give it the ending .png, .svg or .pdf")
     with sized(size):
         figure = record if isinstance(record, Figure) else picture_of(record, title=title, **options)
         for path, each in zip(paths, forms, strict=True):
@@ -274,22 +280,28 @@ def _draw(
     figure: AnyFigure | None = None,
 ) -> Any:
     """Draw a record into axes, a figure, or a new figure that is made in the size that suits it."""
-    record, options, title = _unpacked(record, options, title)
+    record, options, title = _unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
     if title is not None and "title" in drawing.options:
         options["title"] = title.replace("$", r"\$")
     options = drawing.named(arguments, options, record)
+    opened = None
     if ax is None and figure is None:
         options = {**drawing.alone, **options}
-        figure = make(drawing.sheet(record, options))
-    with in_style():
-        place: Any = ax if ax is not None else figure.add_subplot() if in_axes and figure else figure
-        if in_axes and title:
-            place.set_title(title.replace("$", r"\$"), wrap=True)
-        finish = drawing.draw(record, place, **options)
-        if finish:
-            make_layout(place if in_axes else place.axes[0])
-            finish()
+        figure = opened = make(drawing.sheet(record, options))
+    try:
+        with in_style():
+            place: Any = ax if ax is not None else figure.add_subplot() if in_axes and figure else figure
+            if in_axes and title:
+                place.set_title(title.replace("$", r"\$"), wrap=True)
+            finish = drawing.draw(record, place, **options)
+            if finish:
+                make_layout(place if in_axes else place.axes[0])
+                finish()
+    except BaseException:
+        if opened is not None:
+            close_window(opened)  # or pyplot would show it empty
+        raise
     return place
 
 
@@ -302,7 +314,9 @@ def _in_style(finish: Finish) -> Callable[[], None]:
     return finished
 
 
-def _unpacked(record: Any, options: dict[str, Any], title: str | None) -> tuple[Any, dict[str, Any], str | None]:
+def _unpacked(
+    record: Any, options: dict[str, Any], title: str | None, in_axes: bool
+) -> tuple[Any, dict[str, Any], str | None]:
     """What is drawn of a result, with the options of its study that are options of the picture too."""
     if not isinstance(record, Result):
         return record, dict(options), title
@@ -313,9 +327,11 @@ def _unpacked(record: Any, options: dict[str, Any], title: str | None) -> tuple[
     shown = record.diagram or record.map or record.branches if finding is None else finding.record
     shown = getattr(finding, "attractor", shown)
     if isinstance(shown, tuple):
-        shown = list(shown[:1])
+        if not shown:
+            raise ModelError("there is nothing to draw: the result has no branches")
+        shown = shown[0]
     asked = {each.name: getattr(record.options, each.name) for each in fields(record.options)}
-    known = drawing_of(shown)[0].options
+    known = drawing_of(shown, in_axes)[0].options
     named = {name: asked[name] for name in ("measure", "signal", "phase") if name in asked and name in known}
     if options.get("measure") is not None and "measure" not in known:
         raise ModelError(f"the picture of the kind {record.options.kind} shows no measure; leave it out")

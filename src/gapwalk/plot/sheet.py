@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -50,6 +51,12 @@ def open_window(size: Inches = WIDE) -> Figure:
     import matplotlib.pyplot as plt  # only here: it chooses how to show windows, which costs time
 
     return plt.figure(figsize=sheet_size(*size), layout="constrained")
+
+
+def close_window(figure: Figure) -> None:
+    """Close a window again, if the figure has one."""
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close(figure)
 
 
 def make_layout(ax: Axes) -> None:
