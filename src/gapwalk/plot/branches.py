@@ -178,7 +178,7 @@ def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
 
 
 class _Drawing:
-    """What is drawn of some branches, in the whole picture and in a close-up alike."""
+    """Lines and symbols of some branches, in the whole picture and in a close-up alike."""
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]

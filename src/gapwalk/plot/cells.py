@@ -214,7 +214,7 @@ def _contact_index(found: Regimes, contact: int | str | None) -> int:
 
 
 def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """What occurs in a map, the periods first: text, colour, and which cells have it."""
+    """Yield the regimes of a map, the periods first: text, colour, and which cells have it."""
     kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
     for text, word in regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
         m = period_of(word)

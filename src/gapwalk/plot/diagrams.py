@@ -183,7 +183,7 @@ def draw_strobes(
 
 
 class Strobes:
-    """What is drawn of the states of a diagram, in the whole picture and in a close-up alike.
+    """Curves of the states of a diagram, in the whole picture and in a close-up alike.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def _write(ax: Axes, label: Label, shift: NDArray[np.float64], leader: bool) -> 
 
 
 def _hits(points: NDArray[np.float64], low, high, margin: float) -> NDArray[np.float64]:
-    """How many points lie in each box."""
+    """Count the points in each box."""
     x, y = points[:, 0], points[:, 1]
     hit = (x > low[:, :1] - margin) & (x < high[:, :1] + margin)
     hit &= (y > low[:, 1:] - margin) & (y < high[:, 1:] + margin)
@@ -117,12 +117,12 @@ class Region(NamedTuple):
     high: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a point lies inside."""
+        """Return True if a point lies inside."""
         return self.left <= x <= self.right and self.low <= y <= self.high
 
 
 def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
-    """Where most symbols crowd, or None if they do not."""
+    """Find the region in which most symbols crowd; None if they do not."""
     if len(symbols) < _CROWD:
         return None
     pixels = ax.transData.transform(symbols)
@@ -139,7 +139,7 @@ def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
 
 
 def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes | None:
-    """Empty axes for a region in the largest free place of the picture; None if there is none large enough.
+    """Make empty axes for a region in the largest free place of the picture; None if there is none large enough.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes |
 
 
 def _connect(ax: Axes, region: Region, closeup: Axes) -> None:
-    """A frame round the region, and a line from it to the close-up between the corners that are nearest."""
+    """Draw a frame round the region, and a line from it to the close-up between the corners that are nearest."""
     size = (region.right - region.left, region.high - region.low)
     ax.add_patch(Rectangle((region.left, region.low), *size, fill=False, edgecolor=GREY, linewidth=0.6, zorder=4))
     corners = [(x, y) for x in (region.left, region.right) for y in (region.low, region.high)]
@@ -181,7 +181,7 @@ def _connect(ax: Axes, region: Region, closeup: Axes) -> None:
 
 
 def _free_place(line: NDArray[np.float64], width: float, height: float) -> tuple[float, float] | None:
-    """Lower left corner of a free place, as far up and to the right as possible."""
+    """Find the lower left corner of a free place, as far up and to the right as possible."""
     for y in np.arange(0.97 - height, 0.05, -0.02):
         for x in np.arange(0.975 - width, 0.05, -0.02):
             hit = (line[:, 0] > x - _MARGIN[0]) & (line[:, 0] < x + width + 0.015)

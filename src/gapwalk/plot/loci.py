@@ -123,7 +123,7 @@ def _unexplained(branches: Sequence[Branch], value: float) -> list[tuple[float, 
 
 
 def _isolas(chart: Map) -> Iterator[tuple[float, float, float]]:
-    """Of each closed branch of a section: the value of the section, and the range of the first parameter."""
+    """Yield value of the section and range of the first parameter for each isola (closed branch) on a section."""
     for section in chart.sections:
         for branch in section.branches:
             if branch.ends[-1].reason is EndReason.CLOSED:
@@ -131,7 +131,7 @@ def _isolas(chart: Map) -> Iterator[tuple[float, float, float]]:
 
 
 def _lost_ends(chart: Map) -> list[tuple[float, float]]:
-    """Where loci end because the numerics gave up."""
+    """Return the ends of loci at which the numerics gave up."""
     return [end.values for locus in chart.loci for end in locus.ends if end.reason.is_failure]
 
 
@@ -142,7 +142,7 @@ def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, d
             if any(locus.period == period for locus in chart.of_kind(kind)):
                 yield style.text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
     if next(_isolas(chart), None):
-        yield "island on a section", _isola()
+        yield "isola on a section", _isola()
     kinds = {point.kind for point in points}
     shown = dict.fromkeys(style for kind, style in CODIM2.items() if kind in kinds)
     yield from (style.entry for style in shown)
@@ -272,12 +272,12 @@ def _draw_joints(ax: Axes, family: Family) -> None:
 
 
 def _leads_nowhere(joint: Joint) -> bool:
-    """Whether a path leads to a member, but to none of the branches that are known there."""
+    """Return True if a path leads to a member, but to none of the branches that are known there."""
     return joint.fate is Fate.OUTSIDE or (joint.fate is Fate.MET and joint.end is None)
 
 
 def _turns(joint: Joint) -> bool:
-    """Whether two special points meet, and what happens has no symbol of its own."""
+    """Return True if two special points meet, and what happens has no symbol of its own."""
     known = joint.event in list(Codim2) and bool(CODIM2[Codim2(joint.event)].label)
     return joint.fate is Fate.MET and not known
 

@@ -45,7 +45,7 @@ _HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
 
 @dataclass(frozen=True)
 class Drawing:
-    """How records of one type are drawn: in one axes, or in the panels of a figure.
+    """Drawing of records of one type: in one axes, or in the panels of a figure.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def draws(
 
 
 def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
-    """What draws a record, and whether in one axes; a ModelError if nothing does."""
+    """Find what draws a record, and whether in one axes; a ModelError if nothing does."""
     first = record[0] if isinstance(record, (list, tuple)) and record else record
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
@@ -317,7 +317,7 @@ def _in_style(finish: Finish) -> Callable[[], None]:
 def _unpacked(
     record: Any, options: dict[str, Any], title: str | None, in_axes: bool
 ) -> tuple[Any, dict[str, Any], str | None]:
-    """What is drawn of a result, with the options of its study that are options of the picture too."""
+    """Take from a result what is drawn, with the options of its study that are options of the picture too."""
     if not isinstance(record, Result):
         return record, dict(options), title
     finding = record.finding
