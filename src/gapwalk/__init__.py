@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gapwalk.homes import HOMES
 
 if TYPE_CHECKING:
-    from gapwalk import errors, paper
+    from gapwalk import errors, paper, plot
     from gapwalk.attractor.attractor import Attractor
     from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
@@ -205,6 +205,7 @@ __all__ = [
     "on_cluster",
     "paper",
     "paper_numbers",
+    "plot",
     "rattle",
     "read_measurement",
     "read_studies",

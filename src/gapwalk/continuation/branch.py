@@ -191,10 +191,13 @@ class Branch(Shown):
         return tuple(special for special in self.special_points if special.kind == kind)
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes."""
-        from gapwalk.plot import plot_branch
+        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes.
 
-        return plot_branch(self, measure, **options)
+        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, measure, **options)
 
     def to_dataframe(self, *measures: str) -> pandas.DataFrame:
         """The points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
@@ -14,15 +14,12 @@ from matplotlib.lines import Line2D
 from gapwalk.continuation.branch import Branch
 from gapwalk.paper.figure import Figure, Panel, View
 from gapwalk.paper.loops import LOOPS
-from gapwalk.plot.branch import begin_branches
-from gapwalk.plot.hysteresis import plot_hysteresis
-from gapwalk.plot.legend import draw_period_legend
+from gapwalk.plot import begin, draw
+from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.paper_motions import WHOLE
-from gapwalk.plot.pieces import pieces_of
-from gapwalk.plot.sheet import lay_out, new_sheet
-from gapwalk.plot.strobes import Strobes
-from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, in_style, rc
-from gapwalk.plot.words import measure_words, parameter_words, state_words
+from gapwalk.plot.sheet import lay_out, new_sheet, write_heading
+from gapwalk.plot.style import BLACK, BLUE, GREEN, VERMILLION, in_style
+from gapwalk.plot.words import measure_words, parameter_words
 from gapwalk.study.result import Result
 
 MEASURE = "half.q1"
@@ -60,7 +57,7 @@ def _draw_panels(figure: Figure, results: Mapping[str, Result], title: str) -> P
     rows = -(-len(figure.panels) // columns)
     with in_style():
         picture = new_sheet((_WIDTH[columns] * columns, _HEIGHT * rows))
-        picture.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
+        write_heading(picture, title)
         axes = picture.subplots(rows, columns, squeeze=False)
         for ax, panel in zip(axes.flat, figure.panels, strict=False):
             pad = None if panel.view in _LEGEND_INSIDE else _ABOVE
@@ -89,22 +86,16 @@ class _Shown:
         shortest = min(branch.period for branch in branches)
         return [branch for branch in branches if branch.period == shortest]
 
-    @cached_property
-    def strobes(self) -> Strobes:
-        """All motions, once every forcing period."""
-        assert self.result.diagram is not None
-        return Strobes(self.result.diagram, "q1")
-
 
 def _draw_response(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     branches = shown[0].shortest
-    return begin_branches(branches, MEASURE, ax, legend="above", closeup=panel.within is None, within=panel.within)
+    return begin(branches, MEASURE, ax=ax, legend="above", closeup=panel.within is None, within=panel.within)
 
 
 def _draw_balance(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """The response by shooting, and points by harmonic balance on it, spread evenly along the branch."""
     shot, balanced = shown
-    finish = begin_branches(shot.shortest, MEASURE, ax, labels=False, legend="above", within=panel.within)
+    finish = begin(shot.shortest, MEASURE, ax=ax, labels=False, legend="above", within=panel.within)
     other = balanced.result.branches[0]
     style = {"linestyle": "none", "marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": GREEN}
     ax.plot(other.values, other.measure(MEASURE), markevery=0.03, zorder=6, **style)
@@ -115,23 +106,7 @@ def _draw_balance(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
 
 def _draw_loops(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """All motions once every forcing period; what it returns writes the names of the branches."""
-    strobes = shown[0].strobes
-    diagram = strobes.diagram
-    strobes.draw(ax)
-    ax.set_xlabel(parameter_words(diagram.parameter))
-    ax.set_ylabel(state_words("q1"))
-    left, right = panel.within or diagram.within
-    pad = 0.0 if panel.within else 0.02 * (right - left)
-    ax.set(xlim=(left - pad, right + pad), ylim=strobes.extent(left, right))
-    ax.set_autoscale_on(False)
-    longest = max(limb.period for limb in diagram.limbs if _meets(limb.branch, left, right))
-    draw_period_legend(ax, [period for period in strobes.periods if period <= longest], bool(strobes.births))
-    return partial(strobes.draw_names, ax)
-
-
-def _meets(branch: Branch, left: float, right: float) -> bool:
-    """Whether a branch has points within a range of the parameter."""
-    return bool(((branch.values >= left) & (branch.values <= right)).any())
+    return begin(shown[0].result.diagram, MEASURE, ax=ax, within=panel.within)
 
 
 def _draw_overlay(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
@@ -158,7 +133,7 @@ def _draw_overlay(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
 
 def _draw_hysteresis(ax: Axes, panel: Panel, shown: list[_Shown]) -> Finish:
     """Loops of contact force over deflection, in closed form."""
-    plot_hysteresis([LOOPS[name] for name in panel.names], panel.names, ax=ax)
+    draw([LOOPS[name] for name in panel.names], panel.names, ax=ax)
     return None
 
 

@@ -10,18 +10,14 @@ from gapwalk.attractor.contrast import contrast
 from gapwalk.paper.figure import Figure, View
 from gapwalk.paper.motion import orbit_of
 from gapwalk.paper.record import beside_record
-from gapwalk.plot.alignment import draw_alignments
-from gapwalk.plot.contrast import draw_contrast
-from gapwalk.plot.findings import draw_finding
+from gapwalk.plot.picture import picture_of
 from gapwalk.study.result import Result
 
 Drawer = Callable[[Figure, Mapping[str, Result], str], Picture]
 
 
 def _draw_motion(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
-    result = results[figure.key(figure.panels[0].jobs[0])]
-    assert result.finding is not None
-    return draw_finding(result.finding, result.options, title)
+    return picture_of(results[figure.key(figure.panels[0].jobs[0])], title=title)
 
 
 def _draw_contrast(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
@@ -29,13 +25,14 @@ def _draw_contrast(figure: Figure, results: Mapping[str, Result], title: str) ->
     first = figure.panels[0]
     one, two = (orbit_of(results[figure.key(key)]) for key in first.jobs)
     names = (first.names[0], first.names[1])
-    return draw_contrast(contrast(one, two, [panel.signal for panel in figure.panels], names=names), title)
+    found = contrast(one, two, [panel.signal for panel in figure.panels], names=names)
+    return picture_of(found, title=title)
 
 
 def _draw_record(figure: Figure, results: Mapping[str, Result], title: str) -> Picture:
     """Below each other, each motion over the record."""
     found = [beside_record(*(results[figure.key(key)] for key in panel.jobs)) for panel in figure.panels]
-    return draw_alignments(found, [panel.title for panel in figure.panels], title)
+    return picture_of(found, names=[panel.title for panel in figure.panels], title=title)
 
 
 WHOLE: dict[View, Drawer] = {
