@@ -1,74 +1,183 @@
-"""The figures of the paper, as data."""
+"""The figures of the paper as data: their panels, and the jobs that these show."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
-from gapwalk.errors import ModelError
-from gapwalk.model.problem import did_you_mean
-from reproductions.padmanabhan_singh_1995.figure import Figure, FigureKind, Panel, View
-from reproductions.padmanabhan_singh_1995.loops import IMPACT, VISCOUS
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.jobs import JOBS, USUAL, Job, Reading
+from reproductions.padmanabhan_singh_1995.panels import (
+    Balance,
+    Contrast,
+    Hysteresis,
+    Loops,
+    Motion,
+    Overlay,
+    Panel,
+    Record,
+    Response,
+)
+from reproductions.padmanabhan_singh_1995.quantities import IMPACT, VISCOUS
 
-_RESPONSE, _DIAGRAM = FigureKind.RESPONSE, FigureKind.DIAGRAM
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
 
 
-def _response(letter: str, job: str, title: str, within: tuple[float, float] | None = None) -> Panel:
-    return Panel(letter, View.RESPONSE, (job,), title, within)
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of the paper, in one reading.
+
+    Parameters
+    ----------
+    name
+        Its number; with a letter if it is only a part, such as ``20a``.
+    caption
+        What is to be seen, in our words.
+    panels
+        Its panels, row by row.
+    columns
+        Number of columns.
+    kind
+        What it shows, in two or three words.
+    reading
+        How the paper is read.
+    """
+
+    name: str
+    caption: str
+    panels: tuple[Panel, ...]
+    columns: int = 1
+    kind: str = "frequency response"
+    reading: Reading = USUAL
+
+    @property
+    def number(self) -> int:
+        """Its number in the paper."""
+        return int(self.name.rstrip("abcdefgh"))
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """The jobs that it shows, in this reading, each once."""
+        jobs = [job for panel in self.panels for job in self.jobs_of(panel)]
+        return tuple({job.key: job for job in jobs}.values())
+
+    def jobs_of(self, panel: Panel) -> tuple[Job, ...]:
+        """Return the jobs that one panel shows, in this reading."""
+        return tuple(JOBS[key].at(self.reading) for key in panel.jobs)
+
+    @property
+    def file_name(self) -> str:
+        """How its files are called; a reading that is not the default stands at the end."""
+        return f"figure-{self.name}{self.reading.suffix}"
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What had to be decided beyond the printed tables, by the parameter set that it concerns."""
+        cases = dict.fromkeys(job.case for job in self.jobs)
+        return {case: note for case in cases if (note := gw.paper.describe(case))}
+
+    def at(self, reading: Reading) -> Figure:
+        """Return the figure in another reading."""
+        return replace(self, reading=reading)
+
+    def part(self, letter: str) -> Figure:
+        """Return the figure with the panel of one letter only."""
+        panels = tuple(panel for panel in self.panels if panel.letter == letter)
+        return replace(self, name=f"{self.number}{letter}", panels=panels, columns=1)
+
+    def draw(self, results: Mapping[str, gw.Result]) -> Picture:
+        """Draw it from the results of its jobs, by their keys."""
+        shown = [[results[job.key] for job in self.jobs_of(panel)] for panel in self.panels]
+        view = type(self.panels[0])
+        size = view.size(len(self.panels), self.columns)
+        with gw.plot.figure(*size, f"Figure {self.name}. {self.caption}") as picture:
+            view.fill(picture, self.panels, shown, self.columns)
+        return picture
 
 
-def _loops(letter: str, job: str, title: str, within: tuple[float, float] | None = None) -> Panel:
-    return Panel(letter, View.LOOPS, (job,), title, within)
+Within = tuple[float, float]
+
+
+def _response(job: str, title: str = "response", letter: str = "a", within: Within | None = None) -> Panel:
+    return Response(title=title, jobs=(job,), letter=letter, within=within)
+
+
+def _loops(job: str, title: str, letter: str = "", within: Within | None = None) -> Panel:
+    return Loops(title=title, jobs=(job,), letter=letter, within=within)
+
+
+def _overlay(letter: str, title: str, within: Within, **jobs: tuple[str, str]) -> Panel:
+    first, second = jobs["first"], jobs["second"]
+    return Overlay(title=title, jobs=(first[0], second[0]), letter=letter, within=within, names=(first[1], second[1]))
 
 
 def _two_cases(name: str, caption: str, first: tuple[str, str], second: tuple[str, str]) -> Figure:
-    """Two frequency responses side by side, and under each of them its loops, which the paper leaves out."""
+    """Two frequency responses next to each other, and under each of them its loops, which the paper leaves out."""
     panels = (
-        _response("a", *first),
-        _response("b", *second),
-        _loops("", first[0], f"all periods of a: {first[1]}"),
-        _loops("", second[0], f"all periods of b: {second[1]}"),
+        _response(*first, letter="a"),
+        _response(*second, letter="b"),
+        _loops(first[0], f"all periods of a: {first[1]}"),
+        _loops(second[0], f"all periods of b: {second[1]}"),
     )
-    return Figure(name, _RESPONSE, caption, panels, columns=2)
-
-
-def _with_balance(letter: str, job: str, title: str) -> Panel:
-    return Panel(letter, View.BALANCE, (job, f"{job}-balance"), title)
+    return Figure(name, caption, panels, columns=2)
 
 
 def _motion(name: str, job: str, caption: str) -> Figure:
-    """Time history, spectrum and section, as the paper has them, and the loop of the contact force."""
-    return Figure(name, FigureKind.MOTION, caption, (Panel("", View.MOTION, (job,), "settled motion"),))
+    return Figure(name, caption, (Motion(title="settled motion", jobs=(job,)),), kind="settled motion")
 
 
-def _contrast(name: str, caption: str, jobs: tuple[str, str], letters: tuple[str, str]) -> Figure:
-    """Force and acceleration of both damping models, in time and as spectra."""
-    signals = dict(zip(letters, ("stage2", "q1''"), strict=True))
+def _contrast(name: str, caption: str, jobs: tuple[str, str], force: str, acceleration: str) -> Figure:
+    """Force and acceleration of both damping models; each has the letter of its panel."""
     panels = tuple(
-        Panel(letter, View.CONTRAST, jobs, f"both models: {signals[letter]}", None, (VISCOUS, IMPACT), signals[letter])
-        for letter in sorted(letters)
+        Contrast(title=f"both models: {signal}", jobs=jobs, letter=letter, names=(VISCOUS, IMPACT), signal=signal)
+        for letter, signal in sorted({force: "stage2", acceleration: "q1''"}.items())
     )
-    return Figure(name, FigureKind.CONTRAST, caption, panels)
+    return Figure(name, caption, panels, kind="two motions")
+
+
+def _over_amplitude(name: str, caption: str, job: str, loops: str = "states") -> Figure:
+    panels = (_response(job, "motions of period 1"), _loops(job, loops, "b"))
+    return Figure(name, caption, panels, kind="diagram over the amplitude")
+
+
+_LAWS = (
+    Hysteresis(title="Dubowsky and Freudenstein: the contact pulls at the end", jobs=(), letter="a", law=VISCOUS),
+    Hysteresis(title="Hunt and Crossley: no force where the bodies part", jobs=(), letter="b", law=IMPACT),
+)
+_RECORDS = (
+    Record(title="computed with impact damping", jobs=("8-impact", "8-record"), letter="a"),
+    Record(title="computed with viscous damping", jobs=("8-viscous", "8-record"), letter="b"),
+)
+_BALANCES = (
+    Balance(title="κ = 0.1", jobs=("9a", "9a-balance"), letter="a"),
+    Balance(title="κ = 0.4", jobs=("9b", "9b-balance"), letter="b"),
+    _loops("9a", "all periods of a: κ = 0.1"),
+    _loops("9b", "all periods of b: κ = 0.4"),
+)
+_SUPERHARMONIC = ("about the superharmonic resonance", (0.24, 0.36))
+_IN_PHASE = ("20a", "φ = 0")
+
+
+def _soft_clutch(job: str) -> tuple[Panel, ...]:
+    low = _response(job, "low frequencies", "b", (0.15, 0.45))
+    return _response(job), low, _loops(job, "all periods")
 
 
 FIGURES = (
     Figure(
         "1",
-        FigureKind.LAW,
         "Contact force under a harmonic deflection: with a damper while the bodies touch, and with impact damping of "
         "the same loss.",
-        (
-            Panel(
-                "a", View.HYSTERESIS, (), "Dubowsky and Freudenstein: the contact pulls at the end", None, (VISCOUS,)
-            ),
-            Panel("b", View.HYSTERESIS, (), "Hunt and Crossley: no force where the bodies part", None, (IMPACT,)),
-        ),
+        _LAWS,
         columns=2,
+        kind="force law",
     ),
     _contrast(
-        "3",
-        "Accelerations and contact forces of both damping models at Ω = 1.5.",
-        ("3-viscous", "3-impact"),
-        ("b", "a"),
+        "3", "Accelerations and contact forces of both damping models at Ω = 1.5.", ("3-viscous", "3-impact"), "b", "a"
     ),
     _two_cases(
         "4",
@@ -87,30 +196,17 @@ FIGURES = (
         "7",
         "Both damping models at the place of figure 5, with damping so high that their forces are alike.",
         ("7-viscous-near", "7-impact-near"),
-        ("a", "c"),
+        "a",
+        "c",
     ),
     Figure(
         "8",
-        FigureKind.RECORD,
         "Acceleration u3'' of the third inertia under a very low mean load, beside a SYNTHETIC record: the measured "
         "one of the paper is not printed as numbers.",
-        (
-            Panel("a", View.RECORD, ("8-impact", "8-record"), "computed with impact damping"),
-            Panel("b", View.RECORD, ("8-viscous", "8-record"), "computed with viscous damping"),
-        ),
+        _RECORDS,
+        kind="motion beside a record",
     ),
-    Figure(
-        "9",
-        _RESPONSE,
-        "Shooting (lines) and harmonic balance (circles) give the same responses.",
-        (
-            _with_balance("a", "9a", "κ = 0.1"),
-            _with_balance("b", "9b", "κ = 0.4"),
-            _loops("", "9a", "all periods of a: κ = 0.1"),
-            _loops("", "9b", "all periods of b: κ = 0.4"),
-        ),
-        columns=2,
-    ),
+    Figure("9", "Shooting (lines) and harmonic balance (circles) give the same responses.", _BALANCES, columns=2),
     _two_cases(
         "10",
         "Pure backlash: a stiff second stage, and one that is a fifth softer.",
@@ -125,44 +221,36 @@ FIGURES = (
     ),
     Figure(
         "12",
-        _RESPONSE,
         "A heavily loaded clutch: jumps, and no motion of a longer period.",
-        (_response("a", "12", "response"), _loops("", "12", "states")),
+        (_response("12"), _loops("12", "states")),
     ),
     Figure(
         "13",
-        _RESPONSE,
         "Half the mean load of figure 12 on the clutch: periods double about the second resonance and beside the jump.",
         (
-            _response("a", "13", "response"),
-            _loops("b", "13", "about the second resonance", (1.14, 1.36)),
-            _loops("", "13", "beside the jump", (0.58, 0.84)),
+            _response("13"),
+            _loops("13", "about the second resonance", "b", (1.14, 1.36)),
+            _loops("13", "beside the jump", within=(0.58, 0.84)),
         ),
     ),
     Figure(
         "14",
-        _RESPONSE,
         "As figure 13, with twice the mean load on the shaft: fewer doublings.",
         (
-            _response("a", "9a", "response"),
-            _loops("b", "9a", "about the second resonance", (1.2, 1.36)),
-            _loops("", "9a", "beside the jump", (0.58, 0.84)),
+            _response("9a"),
+            _loops("9a", "about the second resonance", "b", (1.2, 1.36)),
+            _loops("9a", "beside the jump", within=(0.58, 0.84)),
         ),
     ),
     Figure(
         "15",
-        _RESPONSE,
         "As figure 13, with twice the excitation: the richest of the responses to one harmonic.",
-        (_response("a", "15", "response"), _response("b", "15", "low frequencies", (0.15, 0.5))),
+        (_response("15"), _response("15", "low frequencies", "b", (0.15, 0.5))),
     ),
     Figure(
         "16",
-        _RESPONSE,
         "The loops of figure 15: doubled periods, and doubled once more.",
-        (
-            _loops("a", "15", "high frequencies", (0.9, 1.4)),
-            _loops("b", "15", "low frequencies", (0.3, 0.5)),
-        ),
+        (_loops("15", "high frequencies", "a", (0.9, 1.4)), _loops("15", "low frequencies", "b", (0.3, 0.5))),
     ),
     _motion("17", "17-near", "Period 3 at Ω = 0.864. At 0.63, as the paper has it, only period 1 was found."),
     _motion("18", "18-near", "Quasi-periodic at Ω = 0.855. At 0.634, as the paper has it, only period 1 was found."),
@@ -170,47 +258,24 @@ FIGURES = (
     _two_cases(
         "20",
         "A second harmonic of the excitation, in phase and 120 degrees ahead.",
-        ("20a", "φ = 0"),
+        _IN_PHASE,
         ("20b", "φ = 120°"),
     ),
     Figure(
         "21",
-        _RESPONSE,
         "The responses of figure 20 laid over each other.",
         (
-            Panel(
-                "a",
-                View.OVERLAY,
-                ("20a", "20b"),
-                "about the first resonance",
-                (0.45, 0.75),
-                ("φ = 0", "φ = 120°"),
-            ),
-            Panel(
-                "b",
-                View.OVERLAY,
-                ("20a", "20b"),
-                "about the superharmonic resonance",
-                (0.24, 0.36),
-                ("φ = 0", "φ = 120°"),
-            ),
+            _overlay("a", "about the first resonance", (0.45, 0.75), first=_IN_PHASE, second=("20b", "φ = 120°")),
+            _overlay("b", *_SUPERHARMONIC, first=_IN_PHASE, second=("20b", "φ = 120°")),
         ),
     ),
     Figure(
         "22",
-        _RESPONSE,
         "A second harmonic in antiphase: one more range of doubled periods.",
         (
-            _response("a", "22", "φ = 180°"),
-            Panel(
-                "b",
-                View.OVERLAY,
-                ("20a", "22"),
-                "about the superharmonic resonance",
-                (0.24, 0.36),
-                ("φ = 0", "φ = 180°"),
-            ),
-            _loops("", "22", "all periods, φ = 180°"),
+            _response("22", "φ = 180°"),
+            _overlay("b", *_SUPERHARMONIC, first=_IN_PHASE, second=("22", "φ = 180°")),
+            _loops("22", "all periods, φ = 180°"),
         ),
     ),
     _two_cases(
@@ -219,55 +284,26 @@ FIGURES = (
         ("9b", "one harmonic"),
         ("23b", "two harmonics, Ω and 2 Ω"),
     ),
-    Figure(
-        "24",
-        _RESPONSE,
-        "The clutch of figure 23 under twice the excitation.",
-        (
-            _response("a", "24", "response"),
-            _response("b", "24", "low frequencies", (0.15, 0.45)),
-            _loops("", "24", "all periods"),
-        ),
-    ),
-    Figure(
-        "25",
-        _RESPONSE,
-        "As figure 24, with a second harmonic at twice the frequency.",
-        (
-            _response("a", "25", "response"),
-            _response("b", "25", "low frequencies", (0.15, 0.45)),
-            _loops("", "25", "all periods"),
-        ),
-    ),
+    Figure("24", "The clutch of figure 23 under twice the excitation.", _soft_clutch("24")),
+    Figure("25", "As figure 24, with a second harmonic at twice the frequency.", _soft_clutch("25")),
     _two_cases(
         "26",
         "The clutch of figure 23 under one harmonic, and with a second one at three times the frequency.",
         ("9b", "one harmonic"),
         ("26b", "two harmonics, Ω and 3 Ω"),
     ),
-    Figure(
-        "27",
-        _DIAGRAM,
-        "Motions over the amplitude at Ω = 0.25, with the branches that hang together with no other.",
-        (_response("a", "27", "motions of period 1"), _loops("b", "27", "states")),
+    _over_amplitude(
+        "27", "Motions over the amplitude at Ω = 0.25, with the branches that hang together with no other.", "27"
     ),
-    Figure(
-        "28",
-        _DIAGRAM,
-        "As figure 27, at Ω = 0.255.",
-        (_response("a", "28", "motions of period 1"), _loops("b", "28", "states")),
-    ),
-    Figure(
-        "29",
-        _DIAGRAM,
-        "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.",
-        (_response("a", "29", "motions of period 1"), _loops("b", "29", "all periods")),
+    _over_amplitude("28", "As figure 27, at Ω = 0.255.", "28"),
+    _over_amplitude(
+        "29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29", "all periods"
     ),
 )
 
 
 def find_figure(name: str) -> Figure:
-    """A figure by its number, or a part of it: ``13``, ``Fig. 20``, ``20a``, ``20(b)``.
+    """Return a figure by its number, or a part of it: ``13``, ``Fig. 20``, ``20a``, ``20(b)``.
 
     Raises
     ------
@@ -275,10 +311,12 @@ def find_figure(name: str) -> Figure:
         If the paper has no such figure.
     """
     plain = re.sub(r"^fig(ure|\.)?|[\s().]", "", name.strip().lower())
-    known = {figure.name: figure for figure in FIGURES}
-    if plain in known:
-        return known[plain]
+    whole = {figure.name: figure for figure in FIGURES}
     parts = {f"{figure.name}{panel.letter}": figure for figure in FIGURES for panel in figure.panels if panel.letter}
+    if plain in whole:
+        return whole[plain]
     if plain in parts:
         return parts[plain].part(plain[-1])
-    raise ModelError(f"the paper has no figure {name!r} that can be drawn; {did_you_mean(plain, [*known, *parts])}")
+    near = get_close_matches(plain, [*whole, *parts], cutoff=0.6)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"the figures are {', '.join(whole)}"
+    raise gw.errors.ModelError(f"the paper has no figure {name!r} that can be drawn; {hint}")

@@ -1,17 +1,21 @@
-"""The page of the report folder: pictures, captions, readings, special points and claims, without scripts."""
+"""What a run has found, written down: a page in HTML, the claims in Markdown, and documents in JSON."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
+from typing import Any
 
-from gapwalk.continuation.branch import Branch, Kind
-from gapwalk.study.result import Result
-from reproductions.padmanabhan_singh_1995.claims import Verdict
-from reproductions.padmanabhan_singh_1995.document import Checked, notes
-from reproductions.padmanabhan_singh_1995.figure import Figure
-from reproductions.padmanabhan_singh_1995.reading import Reading
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome, Verdict
+from reproductions.padmanabhan_singh_1995.figures import Figure
+from reproductions.padmanabhan_singh_1995.panels import Hysteresis
+from reproductions.padmanabhan_singh_1995.quantities import LOOPS
+from reproductions.padmanabhan_singh_1995.report import Report
+
+Checked = Sequence[tuple[Claim, Outcome]]
+"""Claims, and what their checks have come to."""
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c1c1c; --paper: #fdfdfb; --soft: #6a6a66; --line: #deddd6; --card: #ffffff;
@@ -37,46 +41,6 @@ summary { cursor: pointer; color: var(--soft); margin: .5rem 0; }
 """
 _CLASS = {Verdict.REPRODUCED: "good", Verdict.OTHER_READING: "other", Verdict.NOT_REPRODUCED: "bad"}
 
-
-def report_page(
-    figures: Sequence[Figure],
-    results: Mapping[str, Result],
-    failures: Mapping[str, str],
-    pictures: Mapping[str, Sequence[str]],
-    checked: Checked,
-    reading: Reading,
-) -> str:
-    """The page, which needs no network: pictures stand beside it.
-
-    Parameters
-    ----------
-    figures
-        The figures in their order.
-    results, failures
-        Results of jobs, and why a job has none, by their keys.
-    pictures
-        Names of the picture files of each figure, the first for the page itself.
-    checked
-        The claims; may be empty.
-    reading
-        How the paper was read.
-    """
-    links = " ".join(f'<a href="#figure-{figure.name}">{figure.name}</a>' for figure in figures)
-    links += ' <a href="#claims">claims</a>' if checked else ""
-    body = [
-        "<h1>Padmanabhan and Singh (1995), figure by figure</h1>",
-        f'<p class="soft">Journal of Sound and Vibration 184(5), 767–799. Computed with {_versions(results)}. '
-        f"Reading: {escape(str(reading))}. Ω is the excitation frequency; everything is non-dimensional.</p>",
-        f"<nav>{links}</nav>",
-    ]
-    for figure in figures:
-        about = [each for each in checked if each[0].figure == str(figure.number)]
-        body.append(_figure(figure, results, failures, pictures.get(figure.name, ()), about))
-    if checked:
-        body.append(_claims(checked))
-    return _HTML.format(style=_STYLE, body="\n".join(body))
-
-
 _HTML = """<!doctype html>
 <html lang="en">
 <head>
@@ -92,58 +56,60 @@ _HTML = """<!doctype html>
 """
 
 
-def _figure(
-    figure: Figure,
-    results: Mapping[str, Result],
-    failures: Mapping[str, str],
-    pictures: Sequence[str],
-    about: Checked,
-) -> str:
-    lines = [f'<section id="figure-{figure.name}">', f"<h2>Figure {figure.name}</h2>"]
-    lines.append(f"<p>{escape(figure.caption)}</p>")
-    lines += [f'<p class="bad">{escape(key)}: {escape(failures[key])}</p>' for key in figure.jobs if key in failures]
-    lines += [f'<p class="soft">Set {escape(name)}: {escape(note)}</p>' for name, note in notes(figure).items()]
+def html_page(report: Report) -> str:
+    """Return the page: pictures, captions, special points and claims. It needs no network and has no scripts."""
+    links = " ".join(f'<a href="#figure-{figure.name}">{figure.name}</a>' for figure in report.figures)
+    links += ' <a href="#claims">claims</a>' if report.checked else ""
+    versions = {result.versions["gapwalk"] for result in report.results.values()}
+    body = [
+        "<h1>Padmanabhan and Singh (1995), figure by figure</h1>",
+        '<p class="soft">Journal of Sound and Vibration 184(5), 767–799. Computed with '
+        f"{' '.join(['gapwalk', ', '.join(sorted(versions))]).strip()}. Reading: {escape(str(report.reading))}. "
+        "Ω is the excitation frequency; everything is non-dimensional.</p>",
+        f"<nav>{links}</nav>",
+        *(_section(report, figure) for figure in report.figures),
+    ]
+    if report.checked:
+        counts = f"<p>{_counts(report.checked)}.</p>"
+        body.append(f'<section id="claims"><h2>All claims</h2>{counts}{_table(report.checked)}</section>')
+    return _HTML.format(style=_STYLE, body="\n".join(body))
+
+
+def _section(report: Report, figure: Figure) -> str:
+    results = {job.key: report.results[job.key] for job in figure.jobs if job.key in report.results}
+    failures = {job.key: report.failures[job.key] for job in figure.jobs if job.key in report.failures}
+    pictures = report.pictures.get(figure.name, ())
+    body = [
+        f'<section id="figure-{figure.name}">',
+        f"<h2>Figure {figure.name}</h2>",
+        f"<p>{escape(figure.caption)}</p>",
+    ]
+    body += [f'<p class="bad">{escape(key)}: {escape(text)}</p>' for key, text in failures.items()]
+    body += [f'<p class="soft">Set {escape(name)}: {escape(note)}</p>' for name, note in figure.notes.items()]
     if pictures:
-        lines.append(f'<a href="{pictures[0]}"><img src="{pictures[0]}" alt="{escape(figure.caption)}"></a>')
-        others = ", ".join(f'<a href="{name}">{name.rpartition(".")[2].upper()}</a>' for name in pictures)
-        data = ", ".join(f'<a href="results/{key}.gapwalk">{key}</a>' for key in figure.jobs if key in results)
-        lines.append(f'<p class="soft">Picture: {others}.{f" Results: {data}." if data else ""}</p>')
-    lines += [_specials(key, results[key]) for key in figure.jobs if key in results and results[key].branches]
-    if about:
-        lines.append(_table(about))
-    return "\n".join([*lines, "</section>"])
+        body.append(f'<a href="{pictures[0]}"><img src="{pictures[0]}" alt="{escape(figure.caption)}"></a>')
+        files = ", ".join(f'<a href="{name}">{name.rpartition(".")[2].upper()}</a>' for name in pictures)
+        data = ", ".join(f'<a href="results/{key}.gapwalk">{key}</a>' for key in results)
+        body.append(f'<p class="soft">Picture: {files}.{f" Results: {data}." if data else ""}</p>')
+    body += [_special_points(key, result) for key, result in results.items() if result.branches]
+    if about := report.about(figure):
+        body.append(_table(about))
+    return "\n".join([*body, "</section>"])
 
 
-def _specials(key: str, result: Result) -> str:
-    """The special points of the motions of the shortest periods, folded away."""
-    rows = []
+def _special_points(key: str, result: gw.Result) -> str:
+    """The special points of all branches but for grazing points, folded away."""
+    rows, count = [], 0
     for name, branch in zip(result.names, result.branches, strict=True):
-        for kind in Kind:
+        for kind in gw.Kind:
             found = branch.special(kind)
-            if found and kind is not Kind.GRAZING:
-                values = ", ".join(f"{special.value:.6f}" for special in found)
-                rows.append(f'<tr><td>{name}</td><td>{kind.value}</td><td class="number">{_breaks(values)}</td></tr>')
-    count = sum(_count(branch) for branch in result.branches)
-    head = f"{escape(key)}: {len(result.branches)} branches, {count} special points"
-    return (
-        f'<details><summary>{head}</summary><div class="wide"><table><tr><th>branch</th><th>kind</th>'
-        f"<th>at</th></tr>{''.join(rows)}</table></div></details>"
-    )
-
-
-def _count(branch: Branch) -> int:
-    return sum(special.kind is not Kind.GRAZING for special in branch.special_points)
-
-
-def _breaks(text: str) -> str:
-    """A long list of numbers that may be broken between them."""
-    return text.replace(", ", ",<wbr> ")
-
-
-def _claims(checked: Checked) -> str:
-    counts = Counter(outcome.verdict for _, outcome in checked)
-    text = "; ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])
-    return f'<section id="claims"><h2>All claims</h2><p>{text}.</p>{_table(checked)}</section>'
+            if found and kind is not gw.Kind.GRAZING:
+                values = ",<wbr> ".join(f"{special.value:.6f}" for special in found)
+                rows.append(f'<tr><td>{name}</td><td>{kind.value}</td><td class="number">{values}</td></tr>')
+                count += len(found)
+    summary = f"{escape(key)}: {len(result.branches)} branches, {count} special points"
+    table = f'<div class="wide"><table><tr><th>branch</th><th>kind</th><th>at</th></tr>{"".join(rows)}</table></div>'
+    return f"<details><summary>{summary}</summary>{table}</details>"
 
 
 def _table(checked: Checked) -> str:
@@ -156,6 +122,84 @@ def _table(checked: Checked) -> str:
     return f'<div class="wide"><table>{head}{rows}</table></div>'
 
 
-def _versions(results: Mapping[str, Result]) -> str:
-    written_by = {result.versions["gapwalk"] for result in results.values()}
-    return f"gapwalk {', '.join(sorted(written_by))}" if written_by else "gapwalk"
+def _counts(checked: Checked) -> str:
+    counts = Counter(outcome.verdict for _, outcome in checked)
+    return "; ".join(f"{counts[verdict]} {verdict.value}" for verdict in Verdict if counts[verdict])
+
+
+_HEAD = """\
+# The paper, claim by claim
+
+What C. Padmanabhan and R. Singh say in "Dynamics of a piecewise non-linear system subject to dual harmonic excitation
+using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), each statement as a check on what
+gapwalk computes. This page is written by
+
+    python -m reproductions.padmanabhan_singh_1995 --claims docs/paper.md
+
+and the tests compare its verdicts with those of the checks. Parameters are those of the tables that the paper prints;
+where two readings are possible (slope of the second stage: reduced or literal; impact damping: dissipative or as
+printed), the verdict names the reading if it is not the default, reduced and dissipative. Nothing is tuned: where the
+printed numbers do not give what is described, the evidence says what they give, and where the nearest motion is that
+does it.
+"""
+
+
+def claims_page(checked: Checked) -> str:
+    """Return the claims in Markdown, for the documentation: a count of verdicts, then a table for each figure."""
+    text = [_HEAD, f"{_counts(checked)}."]
+    for figure in dict.fromkeys(claim.figure for claim, _ in checked):
+        text += ["", f"## {figure.capitalize() if figure.isalpha() else f'Figure {figure}'}", ""]
+        text += ["| claim | the paper | verdict | evidence |", "|---|---|---|---|"]
+        for claim, outcome in checked:
+            if claim.figure == figure:
+                says, evidence = (cell.replace("|", "\\|") for cell in (claim.says, outcome.evidence))
+                text.append(f"| {claim.name} | {says} | **{outcome}** | {evidence} |")
+    return "\n".join(text) + "\n"
+
+
+def document(report: Report, *, whole: bool) -> Any:
+    """Return plain JSON values: all figures and claims of a whole report, otherwise one figure, or a list of them."""
+    figures = [_figure_document(report, figure) for figure in report.figures]
+    if whole:
+        return {"figures": figures, "claims": [_claim_document(*each) for each in report.checked]}
+    return figures[0] if len(figures) == 1 else figures
+
+
+def _figure_document(report: Report, figure: Figure) -> dict[str, Any]:
+    keys = [job.key for job in figure.jobs]
+    laws = [panel.law for panel in figure.panels if isinstance(panel, Hysteresis)]
+    return {
+        "figure": figure.name,
+        "kind": figure.kind,
+        "caption": figure.caption,
+        "reading": {"slope": figure.reading.slope.value, "damping": figure.reading.damping.value},
+        "panels": [
+            {
+                "letter": panel.letter or None,
+                "view": panel.view,
+                "title": panel.title,
+                "jobs": [job.key for job in figure.jobs_of(panel)],
+                "within": None if panel.within is None else list(panel.within),
+            }
+            for panel in figure.panels
+        ],
+        "notes": figure.notes,
+        "loops": {law: _loop_document(LOOPS[law]) for law in laws},
+        "results": {key: report.results[key].to_dict() for key in keys if key in report.results},
+        "failures": {key: report.failures[key] for key in keys if key in report.failures},
+        "claims": [_claim_document(*each) for each in report.about(figure)],
+    }
+
+
+def _loop_document(loop: gw.Hysteresis) -> dict[str, Any]:
+    return {"loss": loop.loss, "deflection": loop.deflection.tolist(), "force": loop.force.tolist()}
+
+
+def _claim_document(claim: Claim, outcome: Outcome) -> dict[str, Any]:
+    return {
+        "claim": claim.name,
+        "says": claim.says,
+        "verdict": outcome.verdict.value,
+        "reading": outcome.reading or None,
+        "evidence": outcome.evidence,
+    }

@@ -1,248 +1,228 @@
-"""``gapwalk paper``: the figures of the paper in a folder that opens as a page, and what the paper says of them."""
+"""A run: studies are computed in several processes, claims checked, figures drawn; what is there already stays."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from gapwalk.cli.console import console
-from gapwalk.cli.outcome import DONE, FAILED, print_json, printable
-from gapwalk.cli.progress import CountProgress
-from gapwalk.study.export import export_csv, table_names, write_whole
-from gapwalk.study.result import Result
-from gapwalk.study.store.stored import load
-from gapwalk.study.work.workers import sharing, workers
-from reproductions.padmanabhan_singh_1995.claims import CLAIMS, Claim, claims_about
-from reproductions.padmanabhan_singh_1995.compute import compute
-from reproductions.padmanabhan_singh_1995.document import Checked, claim_document, figure_document, notes
-from reproductions.padmanabhan_singh_1995.figure import Figure
-from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
-from reproductions.padmanabhan_singh_1995.jobs import find_job
-from reproductions.padmanabhan_singh_1995.markdown import claims_page
-from reproductions.padmanabhan_singh_1995.page import report_page
-from reproductions.padmanabhan_singh_1995.reading import USUAL, Reading
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.claims import Claim, Outcome
+from reproductions.padmanabhan_singh_1995.figures import Figure
+from reproductions.padmanabhan_singh_1995.jobs import Job, Reading
 
-_FOLDER = Path("paper")
-_FEW = 2
+Progress = Callable[[str, str, int, int], object]
+"""Called with what is being done, the name of what is done last, and how many are done of how many."""
+
 _FORMS = ("png", "svg")
+_LONG = 10.0  # seconds of work from which on another process is worth its start
 
 
-class _Work(NamedTuple):
-    """What is asked for: figures in one reading, and the claims about them."""
+@dataclass(frozen=True)
+class Report:
+    """What a run has found.
+
+    Attributes
+    ----------
+    figures
+        The figures, in one reading.
+    reading
+        That reading.
+    results, failures
+        The results of jobs, and why a job has none or what is missing in it, by the keys of the jobs.
+    checked
+        The claims, and what their checks have come to.
+    pictures
+        Names of the picture files of each figure that is drawn, by its name.
+    """
 
     figures: tuple[Figure, ...]
-    claims: tuple[Claim, ...]
     reading: Reading
-    whole: bool
+    results: Mapping[str, gw.Result] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)
+    checked: Sequence[tuple[Claim, Outcome]] = ()
+    pictures: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def about(self, figure: Figure) -> list[tuple[Claim, Outcome]]:
+        """Return the claims about one figure."""
+        return [(claim, outcome) for claim, outcome in self.checked if claim.figure == str(figure.number)]
 
     @property
-    def jobs(self) -> tuple[str, ...]:
-        keys = [key for figure in self.figures for key in figure.jobs]
-        return tuple(dict.fromkeys([*keys, *(key for claim in self.claims for key in claim.jobs)]))
+    def faults(self) -> dict[str, str]:
+        """The failures of what was asked for; that a study fails in another reading of a claim is a finding."""
+        jobs = [job for figure in self.figures for job in figure.jobs]
+        jobs += [job for claim, _ in self.checked for job in claim.jobs if job.reading == self.reading]
+        wanted = {job.key for job in jobs}
+        return {key: text for key, text in self.failures.items() if key in wanted}
 
 
-class _Piece(NamedTuple):
-    """A figure to draw, and of which of its jobs the tables are to be written."""
+def reproduce(
+    figures: Sequence[Figure],
+    claims: Sequence[Claim],
+    reading: Reading,
+    folder: Path,
+    *,
+    draw: bool = True,
+    force: bool = False,
+    cores: int | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Compute what figures and claims rest on, check the claims, and draw the figures.
+
+    Parameters
+    ----------
+    figures, claims
+        What is reproduced.
+    reading
+        The reading in which the figures are drawn. Claims name their own readings.
+    folder
+        The folder of the pictures; result files are in its folder ``results``. It is made if need be.
+    draw
+        Whether to write pictures, and the tables of the results.
+    force
+        Compute and draw everything again. Otherwise a complete result is left alone, an interrupted one is resumed, and
+        one of another request is computed again; pictures newer than their results and than gapwalk stay.
+    cores
+        Number of processes; by default one for each local core, and this process alone for a few seconds of work.
+    progress
+        Called whenever a study or a picture is done.
+
+    Raises
+    ------
+    StoreError
+        If a file cannot be written, or is no result file of gapwalk.
+    KeyboardInterrupt
+        After Ctrl-C; what has been computed is kept.
+    """
+    figures = tuple(figure.at(reading) for figure in figures)
+    jobs = {job.key: job for owner in (*figures, *claims) for job in owner.jobs}
+    effort = sum(job.effort for job in jobs.values())
+    with gw.workers(1 if effort < _LONG or len(jobs) < 2 else cores) as workers:
+        results, failures = compute(list(jobs.values()), folder / "results", workers, force=force, progress=progress)
+        checked = [(claim, claim.outcome(results, failures)) for claim in claims]
+        report = Report(figures, reading, results, failures, checked)
+        return replace(report, pictures=_draw(report, folder, workers, force, progress)) if draw else report
+
+
+def compute(
+    jobs: Sequence[Job], folder: Path, workers: Any, *, force: bool = False, progress: Progress | None = None
+) -> tuple[dict[str, gw.Result], dict[str, str]]:
+    """Run the studies of jobs, the longest first, each into a result file of its own.
+
+    Parameters
+    ----------
+    jobs, folder, force, progress
+        As in `reproduce`; `folder` is that of the result files.
+    workers
+        The processes that do it, as from `gapwalk.workers`.
+
+    Returns
+    -------
+    results, failures : dict
+        The results, and why a job has none or what is missing in it, by the keys of the jobs.
+    """
+    _make(folder)
+    tasks = [_Task(job, folder / f"{job.key}.gapwalk", force) for job in sorted(jobs, key=lambda job: -job.effort)]
+    failures: dict[str, str] = {}
+    done: list[str] = []
+
+    def accept(index: int, failure: str) -> None:
+        done.append(tasks[index].job.key)
+        if failure:
+            failures[done[-1]] = failure
+        if progress is not None:
+            progress("studies", done[-1], len(done), len(tasks))
+
+    workers.run(_compute, tasks, accept, in_order=False)
+    return {task.job.key: gw.load(task.path) for task in tasks if task.path.exists()}, failures
+
+
+class _Task(NamedTuple):
+    job: Job
+    path: Path
+    force: bool
+
+
+def _compute(task: _Task) -> str:
+    """Run the study of one job; an empty text, or a sentence on what failed."""
+    study = task.job.study
+    try:
+        try:
+            result = gw.run(study, task.path, resume=not task.force, force=task.force)
+        except gw.errors.StoreError:
+            if task.force:
+                raise
+            # The result of another request, or damaged. What is no result at all is refused again, and stays.
+            result = gw.run(study, task.path, force=True)
+    except gw.errors.NumericalError as error:
+        return str(error)
+    return "; ".join(result.failures)
+
+
+class _Sketch(NamedTuple):
+    """A figure to draw, and the keys of the jobs whose tables are written with it."""
 
     figure: Figure
     tables: tuple[str, ...]
     folder: Path
 
 
-class _Found(NamedTuple):
-    """What has come of it."""
-
-    results: dict[str, Result]
-    failures: dict[str, str]
-    checked: Checked
-
-    def about(self, figure: Figure) -> Checked:
-        return [each for each in self.checked if each[0].figure == str(figure.number)]
-
-
-def list_figures(*, json: bool) -> int:
-    """List the figures."""
-    if json:
-        print_json([_line(figure) for figure in FIGURES])
-        return DONE
-    screen = console()
-    for figure in FIGURES:
-        screen.print(f"{figure.name:3} {figure.kind.value:27} {figure.caption}", soft_wrap=True)
-    return DONE
-
-
-def _line(figure: Figure) -> dict[str, Any]:
-    words: dict[str, Any] = {"figure": figure.name, "kind": figure.kind.value, "caption": figure.caption}
-    return words | {"notes": notes(figure)}
-
-
-def run_figures(
-    names: Sequence[str], reading: Reading, output: Path | None, *, force: bool = False, json: bool = False
-) -> int:
-    """Draw figures, or all of them, with what the paper says of them; the exit code is that of the worst."""
-    work = _asked(names, reading)
-    folder = output or (None if json else _FOLDER)
-    pictures: dict[str, list[str]] = {}
-    # A figure or two are done before other processes would have started.
-    with TemporaryDirectory() as scratch, sharing() if len(work.figures) > _FEW else nullcontext():
-        found = _compute(work, (folder or Path(scratch)) / "results", force=force, show=not json)
-        if folder is not None:
-            pictures = _draw_all(work, found, folder, force=force, show=not json)
-    if folder is not None and work.whole:
-        _write_page(work, found, pictures, folder)
-    if json:
-        _print_documents(work, found)
-    else:
-        _print(work, found, pictures, folder)
-    return _code(work, found)
-
-
-def write_claims(path: Path, output: Path | None, *, force: bool = False) -> int:
-    """Check all claims, and write them as a page in Markdown."""
-    work = _Work((), CLAIMS, USUAL, whole=False)
-    found = _compute(work, (output or _FOLDER) / "results", force=force, show=True)
-    write_whole(path, claims_page(found.checked).encode())
-    console().print(f"written: {printable(str(path))}", soft_wrap=True)
-    _say_what_failed(work, found)
-    return _code(work, found)
-
-
-def _asked(names: Sequence[str], reading: Reading) -> _Work:
-    """The figures of these names; an unknown one is refused before anything is computed."""
-    figures = tuple(find_figure(name).at(reading) for name in names) or tuple(each.at(reading) for each in FIGURES)
-    numbers = dict.fromkeys(figure.number for figure in figures)
-    claims = tuple(claim for number in numbers for claim in claims_about(number)) if names else CLAIMS
-    # Claims name their own readings: they belong to the report of the default one.
-    return _Work(figures, claims if reading == USUAL else (), reading, whole=not names)
-
-
-def _compute(work: _Work, folder: Path, *, force: bool, show: bool) -> _Found:
-    """Do all jobs, read their results back, and check the claims."""
-    with CountProgress("paper", len(work.jobs), show=show) as progress:
-        computed = compute(work.jobs, folder, force=force, report=progress)
-    results = {key: result for key in work.jobs if (result := computed.result(key)) is not None}
-    checked = [(claim, claim.check(results, computed.failures)) for claim in work.claims]
-    return _Found(results, dict(computed.failures), checked)
-
-
-def _draw_all(work: _Work, found: _Found, folder: Path, *, force: bool, show: bool) -> dict[str, list[str]]:
-    """Draw the figures, several side by side, and write the tables of their jobs; the names of the pictures.
-
-    What is newer than its results, and than gapwalk itself, is left as it is.
-    """
-    whole = [each for each in work.figures if set(each.jobs) <= set(found.results)]
+def _draw(
+    report: Report, folder: Path, workers: Any, force: bool, progress: Progress | None
+) -> dict[str, tuple[str, ...]]:
+    """Draw the figures that have all results, and return the names of the picture files."""
+    whole = [figure for figure in report.figures if {job.key for job in figure.jobs} <= set(report.results)]
     changed = _last_change()
-    figures = [each for each in whole if force or not _is_drawn(each, folder, changed)]
-    drawn = {each.name: _names(each) for each in whole if each not in figures}
-    if not figures:
-        return drawn
-    with CountProgress("pictures", len(whole), show=show) as progress, workers(1) as hands:
+    pictures = {figure.name: _names(figure) for figure in whole if not force and _is_drawn(figure, folder, changed)}
+    sketches: list[_Sketch] = []
+    seen = set[str]()
+    for figure in (figure for figure in whole if figure.name not in pictures):
+        keys = tuple(job.key for job in figure.jobs if job.key not in seen)
+        sketches.append(_Sketch(figure, keys, folder))
+        seen.update(keys)
 
-        def accept(index: int, names: list[str]) -> None:
-            drawn[figures[index].name] = names
-            progress(figures[index].name, len(drawn), len(whole))
+    def accept(index: int, names: tuple[str, ...]) -> None:
+        pictures[sketches[index].figure.name] = names
+        if progress is not None:
+            progress("pictures", sketches[index].figure.name, len(pictures), len(whole))
 
-        hands.run(_draw, _pieces(figures, folder), accept, in_order=False)
-    return drawn
-
-
-def _pieces(figures: Sequence[Figure], folder: Path) -> list[_Piece]:
-    """The figures to draw, each with the jobs that no other one has before it: their tables are written with it."""
-    pieces, seen = [], set[str]()
-    for figure in figures:
-        pieces.append(_Piece(figure, tuple(key for key in figure.jobs if key not in seen), folder))
-        seen.update(figure.jobs)
-    return pieces
+    workers.run(_draw_one, sketches, accept, in_order=False)
+    return pictures
 
 
-def _names(figure: Figure) -> list[str]:
-    return [f"{figure.file_name}.{form}" for form in _FORMS]
-
-
-def _last_change() -> float:
-    """When the code that draws was changed last, which is when it was installed."""
-    return max(path.stat().st_mtime for path in Path(__file__).parents[1].rglob("*.py"))
-
-
-def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
-    """Whether the pictures of a figure, which are written last, show its results as they are."""
-    pictures = [folder / name for name in _names(figure)]
-    if not all(path.exists() for path in pictures):
-        return False
-    results = [folder / "results" / f"{key}.gapwalk" for key in figure.jobs]
-    newest = max((path.stat().st_mtime for path in results), default=0.0)
-    return min(path.stat().st_mtime for path in pictures) > max(changed, newest)
-
-
-def _draw(piece: _Piece) -> list[str]:
-    """Write the pictures of a figure and tables of jobs, and return the names of the pictures."""
-    from gapwalk.plot.sheet import sheet_bytes
-    from reproductions.padmanabhan_singh_1995.drawing import (
-        draw_paper_figure,  # only now: nothing else needs matplotlib
-    )
-
-    figure, tables, folder = piece
-    results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
-    picture = draw_paper_figure(figure, results)
-    for key, result in ((key, results[key]) for key in tables):
-        export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})
-    for name, form in zip(_names(figure), _FORMS, strict=True):
-        write_whole(folder / name, sheet_bytes(picture, form))
+def _draw_one(sketch: _Sketch) -> tuple[str, ...]:
+    figure, tables, folder = sketch
+    results = {job.key: gw.load(folder / "results" / f"{job.key}.gapwalk") for job in figure.jobs}
+    for key in tables:
+        gw.save_tables(results[key], folder / "results" / key)
+    picture = figure.draw(results)
+    for name in _names(figure):
+        gw.plot.save_picture(picture, **{name.rpartition(".")[2]: folder / name})
     return _names(figure)
 
 
-def _write_page(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path) -> None:
-    page = report_page(work.figures, found.results, found.failures, pictures, found.checked, work.reading)
-    write_whole(folder / f"index{work.reading.suffix}.html", page.encode())
+def _names(figure: Figure) -> tuple[str, ...]:
+    return tuple(f"{figure.file_name}.{form}" for form in _FORMS)
 
 
-def _print_documents(work: _Work, found: _Found) -> None:
-    documents = [figure_document(figure, found.results, found.failures, found.about(figure)) for figure in work.figures]
-    if work.whole:
-        print_json({"figures": documents, "claims": [claim_document(*each) for each in found.checked]})
-    else:
-        print_json(documents[0] if len(documents) == 1 else documents)
+def _is_drawn(figure: Figure, folder: Path, changed: float) -> bool:
+    """Tell whether the pictures of a figure, which are written last, show its results as they are."""
+    pictures = [folder / name for name in _names(figure)]
+    if not all(path.exists() for path in pictures):
+        return False
+    results = [(folder / "results" / f"{job.key}.gapwalk").stat().st_mtime for job in figure.jobs]
+    return min(path.stat().st_mtime for path in pictures) > max([changed, *results])
 
 
-def _print(work: _Work, found: _Found, pictures: dict[str, list[str]], folder: Path | None) -> None:
-    screen = console()
-    for figure in work.figures:
-        screen.print(f"Figure {figure.name}. {figure.caption}", style="bold", soft_wrap=True)
-        for name, note in notes(figure).items():
-            screen.print(f"  note on the set of figure {name}: {printable(note)}", soft_wrap=True)
-        for key in figure.jobs:
-            if key in found.results:
-                screen.print(f"  {key}: {_sentence(found.results[key])}", soft_wrap=True)
-        for claim, outcome in found.about(figure):
-            screen.print(f"  {outcome}: {claim.says} ({outcome.evidence})", soft_wrap=True)
-        if figure.name in pictures and folder is not None:
-            files = ", ".join(str(folder / name) for name in pictures[figure.name])
-            screen.print(f"  written: {printable(files)}", soft_wrap=True)
-    _say_what_failed(work, found)
-    if work.whole and folder is not None:
-        screen.print(f"all of it as a page: {folder / f'index{work.reading.suffix}.html'}", soft_wrap=True)
+def _last_change() -> float:
+    """Return when the code that draws was changed last, which is when it was installed."""
+    folders = (Path(gw.__file__).parent, Path(__file__).parent)
+    return max(path.stat().st_mtime for folder in folders for path in folder.rglob("*.py"))
 
 
-def _sentence(result: Result) -> str:
-    if result.diagram is not None:
-        return repr(result.diagram).removeprefix("Diagram(").removesuffix(")")
-    return repr(result)
-
-
-def _failures(work: _Work, found: _Found) -> dict[str, str]:
-    """What failed of that which was asked for; a reading that a claim looks at besides may fail: that is a finding."""
-    shown = {key for figure in work.figures for key in figure.jobs}
-    return {key: text for key, text in found.failures.items() if key in shown or find_job(key).reading == work.reading}
-
-
-def _say_what_failed(work: _Work, found: _Found) -> None:
-    for key, text in _failures(work, found).items():
-        print(f"gapwalk: {key}: {printable(text)}", file=sys.stderr)
-
-
-def _code(work: _Work, found: _Found) -> int:
-    return FAILED if _failures(work, found) else DONE
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise gw.errors.StoreError(f"the folder {folder} cannot be made: {error.strerror or error}") from None

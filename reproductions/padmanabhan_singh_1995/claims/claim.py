@@ -6,17 +6,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gapwalk.study.result import Result
-from reproductions.padmanabhan_singh_1995.job import BranchJob, Job
-from reproductions.padmanabhan_singh_1995.jobs import find_job
-from reproductions.padmanabhan_singh_1995.reading import AS_PRINTED, LITERAL, Reading
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading
 
 BOTH = (LITERAL, AS_PRINTED)
-"""The readings beside the default one."""
+"""The readings that are not the default one."""
+
+Check = Callable[..., tuple[bool, str]]
+"""Takes results, and returns whether the statement holds, and the numbers that were found.
+
+For what does not hold the evidence says what was found instead, and where the nearest motion is that does it.
+"""
 
 
 class Verdict(StrEnum):
-    """What a check comes to."""
+    """What the check of a claim comes to."""
 
     REPRODUCED = "reproduced"
     OTHER_READING = "reproduced under another reading"
@@ -25,17 +29,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What the check of a claim has come to.
+    """The verdict on a claim.
 
     Attributes
     ----------
     verdict
-        Whether it holds.
+        Whether the claim holds.
     evidence
-        The numbers that were found; for what is not reproduced, what was found instead and where the nearest motion
-        is that does it.
+        The numbers that were found, in every reading that was checked.
     reading
-        Under which other reading it holds; empty for the default one.
+        The other reading under which it holds; empty for the default one.
     """
 
     verdict: Verdict
@@ -53,15 +56,15 @@ class Claim:
     Parameters
     ----------
     name
-        Begins with the number of its figure, such as ``13-loops``.
+        A name that begins with the number of its figure, such as ``13-loops``.
     says
         The statement, in our words.
     rests_on
-        Keys of the jobs whose results the check needs.
-    decide
-        The check: takes their results, in this order.
+        Keys of the jobs whose results the check takes, in this order.
+    check
+        The check.
     others
-        Other readings of the paper that are checked beside the default one, which has the first word.
+        Readings that are checked besides the default one, which has the first word.
     short
         Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
     """
@@ -69,53 +72,68 @@ class Claim:
     name: str
     says: str
     rests_on: tuple[str, ...]
-    decide: Callable[..., Outcome]
+    check: Check
     others: tuple[Reading, ...] = ()
     short: bool = False
 
     @property
     def figure(self) -> str:
-        """The figure that it is about; ``summary`` for one that is about several."""
+        """The number of its figure; ``summary`` if it is about several."""
         return self.name.partition("-")[0]
 
     @property
-    def jobs(self) -> tuple[str, ...]:
-        """Keys of all jobs that are needed, in every reading."""
-        return tuple(dict.fromkeys(key for reading in (None, *self.others) for key in self._keys(reading)))
+    def jobs(self) -> tuple[Job, ...]:
+        """The jobs whose results are needed, in every reading, each once."""
+        wanted = [job for reading in (None, *self.others) for job in self._jobs_in(reading)]
+        return tuple({job.key: job for job in wanted}.values())
 
-    def check(self, results: Mapping[str, Result], failures: Mapping[str, str]) -> Outcome:
-        """Whether it holds, from the results of its jobs; `failures` says why one has none."""
-        usual = self._check(None, results, failures)
-        told, holding = [usual.evidence], ""
+    def outcome(self, results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> Outcome:
+        """Check it in every reading.
+
+        Parameters
+        ----------
+        results, failures
+            The results of jobs, and why others have none, by the keys of the jobs.
+        """
+        holds, evidence = self._check_in(None, results, failures)
+        holding, parts = "", [evidence]
         for reading in self.others:
-            outcome = self._check(reading, results, failures)
-            told.append(f"[{reading.differs}] {outcome.evidence}")
-            if outcome.verdict is Verdict.REPRODUCED and not holding:
-                holding = reading.differs
-        evidence = "; ".join(told)
-        if usual.verdict is Verdict.REPRODUCED or not holding:
-            return Outcome(usual.verdict, evidence)
-        return Outcome(Verdict.OTHER_READING, evidence, holding)
+            also, evidence = self._check_in(reading, results, failures)
+            parts.append(f"[{reading.differs}] {evidence}")
+            holding = holding or (reading.differs if also else "")
+        if holds:
+            return Outcome(Verdict.REPRODUCED, "; ".join(parts))
+        verdict = Verdict.OTHER_READING if holding else Verdict.NOT_REPRODUCED
+        return Outcome(verdict, "; ".join(parts), holding)
 
-    def _keys(self, reading: Reading | None) -> list[str]:
+    def _jobs_in(self, reading: Reading | None) -> list[Job]:
+        jobs = [JOBS[key] for key in self.rests_on]
         if reading is None:
-            return list(self.rests_on)
-        return [self._key_in(reading, find_job(key)) for key in self.rests_on]
+            return jobs
+        # A job that the reading does not change is shared with the default reading, longer periods and all.
+        return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
 
-    def _key_in(self, reading: Reading, job: Job) -> str:
-        other = job.at(reading)
-        if other != job and self.short and isinstance(job, BranchJob) and job.max_period > 1:
-            other = job.shortest.at(reading)
-        return other.key
-
-    def _check(self, reading: Reading | None, results: Mapping[str, Result], failures: Mapping[str, str]) -> Outcome:
-        keys = self._keys(reading)
+    def _check_in(
+        self, reading: Reading | None, results: Mapping[str, gw.Result], failures: Mapping[str, str]
+    ) -> tuple[bool, str]:
+        keys = [job.key for job in self._jobs_in(reading)]
         missing = [f"{key}: {failures.get(key, 'no result')}" for key in keys if key not in results]
         if missing:
-            return Outcome(Verdict.NOT_REPRODUCED, f"could not be computed ({'; '.join(missing)})")
-        return self.decide(*(results[key] for key in keys))
+            return False, f"could not be computed ({'; '.join(missing)})"
+        return self.check(*(results[key] for key in keys))
 
 
-def holds(condition: bool, evidence: str) -> Outcome:
-    """Reproduced if a condition is true."""
-    return Outcome(Verdict.REPRODUCED if condition else Verdict.NOT_REPRODUCED, evidence)
+ALL: list[Claim] = []
+"""All claims, in the order in which their modules define them."""
+
+
+def claim(
+    name: str, says: str, *rests_on: str, others: tuple[Reading, ...] = (), short: bool = False
+) -> Callable[[Check], Check]:
+    """Make a check the check of a claim; parameters as those of `Claim`."""
+
+    def register(check: Check) -> Check:
+        ALL.append(Claim(name, says, rests_on, check, others, short))
+        return check
+
+    return register

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gapwalk.plot.alignment import plot_alignment
     from gapwalk.plot.basins import draw_basins, plot_basins
-    from gapwalk.plot.branch import plot_branch, plot_branches
+    from gapwalk.plot.branch import plot_branch, plot_branches, plot_overlay
     from gapwalk.plot.comparison import plot_comparison
     from gapwalk.plot.contrast import plot_contrast
     from gapwalk.plot.diagram import plot_diagram
@@ -20,14 +20,17 @@ if TYPE_CHECKING:
     from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
     from gapwalk.plot.section import plot_section
     from gapwalk.plot.settled import plot_settled
+    from gapwalk.plot.sheet import figure
     from gapwalk.plot.size import sized
     from gapwalk.plot.spectrum import plot_spectrum
+    from gapwalk.plot.strobes import plot_strobes
     from gapwalk.plot.sweep import plot_sweep
     from gapwalk.plot.waterfall import plot_waterfall
 
 __all__ = [
     "draw_basins",
     "draw_regimes",
+    "figure",
     "plot_alignment",
     "plot_basins",
     "plot_branch",
@@ -41,10 +44,12 @@ __all__ = [
     "plot_hysteresis",
     "plot_loop",
     "plot_map",
+    "plot_overlay",
     "plot_regimes",
     "plot_section",
     "plot_settled",
     "plot_spectrum",
+    "plot_strobes",
     "plot_sweep",
     "plot_waterfall",
     "save_picture",
@@ -55,6 +60,7 @@ __all__ = [
 _HOMES = {
     "draw_basins": "basins",
     "draw_regimes": "regimes",
+    "figure": "sheet",
     "plot_alignment": "alignment",
     "plot_basins": "basins",
     "plot_branch": "branch",
@@ -68,10 +74,12 @@ _HOMES = {
     "plot_hysteresis": "hysteresis",
     "plot_loop": "history",
     "plot_map": "map",
+    "plot_overlay": "branch",
     "plot_regimes": "regimes",
     "plot_section": "section",
     "plot_settled": "settled",
     "plot_spectrum": "spectrum",
+    "plot_strobes": "strobes",
     "plot_sweep": "sweep",
     "plot_waterfall": "waterfall",
     "save_picture": "picture",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
@@ -47,17 +45,6 @@ def draw_alignment(found: Alignment, title: str | None = None) -> Figure:
     with in_style():
         figure = new_sheet(SIZE)
         _draw(figure, found, title)
-    return figure
-
-
-def draw_alignments(found: Sequence[Alignment], names: Sequence[str], title: str) -> Figure:
-    """Several records over several motions, one below the other, as a figure without pyplot."""
-    with in_style():
-        figure = new_sheet((SIZE[0], SIZE[1] * len(found)))
-        figure.suptitle(title, x=0.01, ha="left", fontsize=points(10.5), wrap=True)
-        parts = figure.subfigures(len(found), 1, squeeze=False)[:, 0]
-        for part, each, name in zip(parts, found, names, strict=True):
-            _draw(part, each, name)
     return figure
 
 

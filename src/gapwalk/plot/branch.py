@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
@@ -17,15 +17,35 @@ from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend
-from gapwalk.plot.pieces import Piece, pieces_of
-from gapwalk.plot.sheet import make_layout, open_axes
-from gapwalk.plot.size import broken, takes_size
-from gapwalk.plot.style import LINES, SIZE, SYMBOLS, in_style, line_options, symbol_options, unexplained_options
+from gapwalk.plot.pieces import Piece, padded, pieces_of
+from gapwalk.plot.sheet import open_axes, when_laid_out
+from gapwalk.plot.size import broken, points, takes_size
+from gapwalk.plot.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINES,
+    PURPLE,
+    SIZE,
+    SYMBOLS,
+    VERMILLION,
+    in_style,
+    line_options,
+    symbol_options,
+    unexplained_options,
+)
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
-_PAD = 0.06  # margin above and below, as a share of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
+_OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
+    (BLACK, "-"),
+    (VERMILLION, (0, (4.5, 1.6))),
+    (BLUE, (0, (1.3, 1.3))),
+    (GREEN, (0, (6, 1.5, 1.3, 1.5))),
+    (PURPLE, (0, (9, 2))),
+)
+_STABLE, _UNSTABLE = 1.7, 0.7  # widths of their lines, in points
 
 
 @takes_size
@@ -79,41 +99,74 @@ def plot_branches(
         Range of the parameter that is shown; by default all of it.
     """
     ax = open_axes(SIZE) if ax is None else ax
+    measure = full_measure(measure, branches[0].system.coordinates)
+    drawing = _Drawing(branches, measure)
     with in_style():
-        finish = begin_branches(branches, measure, ax, labels=labels, legend=legend, closeup=closeup, within=within)
-        make_layout(ax)
-        finish()
+        drawing.draw_lines(ax)
+        _name_axes(ax, branches[0], measure)
+        ax.margins(x=0.02, y=0.06)
+        ax.autoscale_view()
+        if within:
+            ax.set(xlim=within, ylim=drawing.extent(*within))
+        ax.set_autoscale_on(False)  # what follows is placed for these limits
+        if legend:
+            draw_legend(ax, branches, above=legend == "above")
+        when_laid_out(lambda: drawing.finish(ax, labels, closeup), ax)
     return ax
 
 
-def begin_branches(
-    branches: Sequence[Branch],
-    measure: str,
-    ax: Axes,
+@takes_size
+def plot_overlay(
+    branches: Mapping[str, Sequence[Branch]],
+    measure: str = "half",
     *,
-    labels: bool = True,
-    legend: bool | Literal["above"] = True,
-    closeup: bool = False,
+    ax: Axes | None = None,
     within: tuple[float, float] | None = None,
-) -> Callable[[], None]:
-    """Draw all that has a share in the layout; what it returns draws the rest, when the layout is final.
+) -> Axes:
+    """Draw branches of several systems over one another, each system by a line of its own; unstable parts are thin.
 
-    So a picture of several panels is laid out once. Parameters as in `plot_branches`.
+    Parameters
+    ----------
+    branches
+        The branches of each system, by the name that the legend gives it. They run over the same parameter.
+    measure, ax
+        As in `plot_branch`.
+    within
+        Range of the parameter that is shown; by default all of it.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
+
+    Examples
+    --------
+    >>> gw.plot.plot_overlay({"light": [light], "heavy": [heavy]}, "half.q1", within=(0.5, 0.8))
     """
-    first = branches[0]
+    ax = open_axes(SIZE) if ax is None else ax
+    first = next(iter(branches.values()))[0]
     measure = full_measure(measure, first.system.coordinates)
-    drawing = _Drawing(branches, measure)
-    drawing.draw_lines(ax)
-    ax.set_xlabel(parameter_words(first.parameter, first.system.units))
-    ax.set_ylabel(broken(measure_words(measure, first.system.units)))
-    ax.margins(x=0.02, y=0.06)
-    ax.autoscale_view()
-    if within:
-        ax.set(xlim=within, ylim=drawing.extent(*within))
-    ax.set_autoscale_on(False)  # what follows is placed for these limits
-    if legend:
-        draw_legend(ax, branches, above=legend == "above")
-    return partial(drawing.finish, ax, labels, closeup)
+    handles, heights = [], []
+    with in_style():
+        for place, (name, each) in enumerate(branches.items()):
+            color, dashes = _OVERLAID[place % len(_OVERLAID)]
+            for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
+                width = points(_STABLE if piece.label == "stable" else _UNSTABLE)
+                ax.plot(piece.x, piece.y, color=color, linestyle=dashes, linewidth=width)
+                heights.append(piece.y if within is None else piece.y[(piece.x >= within[0]) & (piece.x <= within[1])])
+            handles.append(Line2D([], [], label=name, color=color, linestyle=dashes, linewidth=points(_STABLE)))
+        handles.append(Line2D([], [], label="thin: unstable", color=BLACK, linewidth=points(_UNSTABLE)))
+        if within:
+            ax.set(xlim=within, ylim=padded(np.concatenate(heights)))
+        _name_axes(ax, first, measure)
+        ax.legend(handles=handles, loc="best")
+    return ax
+
+
+def _name_axes(ax: Axes, branch: Branch, measure: str) -> None:
+    units = branch.system.units
+    ax.set_xlabel(parameter_words(branch.parameter, units))
+    ax.set_ylabel(broken(measure_words(measure, units)))
 
 
 class _Drawing:
@@ -136,10 +189,7 @@ class _Drawing:
 
     def extent(self, left: float, right: float) -> tuple[float, float]:
         """The least and the greatest measure within a range of the parameter, with a margin."""
-        inside = self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1]
-        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
-        pad = _PAD * ((high - low) or 1.0)
-        return low - pad, high + pad
+        return padded(self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1])
 
     def draw_lines(self, ax: Axes) -> None:
         for piece in self.pieces:

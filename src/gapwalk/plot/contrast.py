@@ -7,7 +7,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from gapwalk.attractor.contrast import Contrast, SignalPair
 from gapwalk.plot.pair import FIRST, SECOND, draw_histories, draw_lines
-from gapwalk.plot.sheet import new_sheet, open_window
+from gapwalk.plot.sheet import open_window
 from gapwalk.plot.size import points, takes_size
 from gapwalk.plot.style import in_style
 from gapwalk.plot.words import order_words, pace_words
@@ -31,14 +31,6 @@ def plot_contrast(found: Contrast, title: str | None = None, *, figure: Figure |
     if figure is None:
         figure = open_window(_size(found))
     with in_style():
-        _draw(figure, found, title)
-    return figure
-
-
-def draw_contrast(found: Contrast, title: str | None = None) -> Figure:
-    """The same as a figure without pyplot."""
-    with in_style():
-        figure = new_sheet(_size(found))
         _draw(figure, found, title)
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal
 
 from matplotlib.axes import Axes
@@ -12,7 +13,7 @@ from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.plot.branch import plot_branches
 from gapwalk.plot.legend import draw_period_legend
-from gapwalk.plot.sheet import open_window
+from gapwalk.plot.sheet import open_window, when_laid_out
 from gapwalk.plot.size import broken, takes_size
 from gapwalk.plot.strobes import Strobes
 from gapwalk.plot.style import SHADE, diagram_size, in_style
@@ -101,9 +102,9 @@ def draw_diagram(
             draw_period_legend(panels[1], strobes.periods, bool(strobes.births))
         plot_branches(first, measure, ax=panels[0], labels=labels, legend="above" if legend else False, closeup=True)
         if labels:
-            strobes.draw_names(panels[1], without=crowd)
+            when_laid_out(lambda: strobes.draw_names(panels[1], without=crowd))
             for panel in panels[2:]:
-                strobes.draw_names(panel)
+                when_laid_out(partial(strobes.draw_names, panel))
     return figure
 
 

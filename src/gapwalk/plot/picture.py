@@ -24,7 +24,7 @@ from gapwalk.study.result import Result
 
 
 def save_picture(
-    found: Result | Branch | Diagram | Map | Alignment,
+    found: Result | Branch | Diagram | Map | Alignment | Figure,
     png: str | os.PathLike[str] | None = None,
     svg: str | os.PathLike[str] | None = None,
     *,
@@ -38,7 +38,8 @@ def save_picture(
     Parameters
     ----------
     found
-        The result of a study, one branch, a diagram, a map, or a record beside a motion.
+        The result of a study, one branch, a diagram, a map, a record beside a motion, or a figure as from
+        `gapwalk.plot.figure`, which has its own size and title.
     png, svg, pdf
         The files to write; None for none. In the latter two all lines are lines, and text is text.
     measure
@@ -55,8 +56,10 @@ def save_picture(
     StoreError
         If a file cannot be written.
     """
+    if isinstance(found, Figure) and (measure, title, size) != (None, None, None):
+        raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")
     with sized(size):
-        figure = draw_picture(found, measure=measure, title=title)
+        figure = found if isinstance(found, Figure) else draw_picture(found, measure=measure, title=title)
         for path, form in ((png, "png"), (svg, "svg"), (pdf, "pdf")):
             if path is not None:
                 write_whole(path, sheet_bytes(figure, form))

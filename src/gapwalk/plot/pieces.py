@@ -15,6 +15,7 @@ from gapwalk.continuation.point import BranchPoint
 
 _BETWEEN = 5  # parts into which the way from one point to the next is divided, so that it looks as smooth as it is
 _SAME = 1e-9  # arclength below which two points are one
+_PAD = 0.06  # margin above and below, as a share of the height
 
 
 class Piece(NamedTuple):
@@ -70,6 +71,13 @@ def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.f
     line = Akima1DInterpolator(s, values, method="makima")(fine)
     line[::_BETWEEN] = values  # not just to rounding: pieces meet in one point
     return line
+
+
+def padded(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return limits of an axis for some values, with a margin; 0 and 1 with a margin if there are none."""
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    pad = _PAD * ((high - low) or 1.0)
+    return low - pad, high + pad
 
 
 def joined(

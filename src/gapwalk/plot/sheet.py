@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from gapwalk.plot.size import sheet_size
-from gapwalk.plot.style import DPI, in_style
+from gapwalk.plot.style import DPI, in_style, rc
 
 _PACKED = 3  # of 9: as small as at 6, for a picture without opacity, in two thirds of the time
 
@@ -19,7 +21,65 @@ Size = tuple[float, float]
 """Width and height in inches, as on a screen; see `gapwalk.plot.size` for others."""
 
 NewFigure = Callable[[Size], Figure]
-"""Either of the two below."""
+"""Either of `new_sheet` and `open_window`."""
+
+_postponed: ContextVar[list[Callable[[], None]] | None] = ContextVar("gapwalk_postponed", default=None)
+
+
+@contextmanager
+def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """Make a figure of several panels in the style of all pictures, to be written by `save_picture`.
+
+    The functions of `gapwalk.plot` draw into its axes and subfigures, and so may matplotlib. The layout is made once,
+    at the end of the block. Only then are the labels of special points and branches placed: until then the panels
+    change their sizes, and a label that was clear of the curves would come to lie on them.
+
+    Parameters
+    ----------
+    width, height
+        Size in inches on a screen; `sized` makes it that of a column, a page or a slide.
+    title
+        Title above all panels; it is wrapped.
+
+    Yields
+    ------
+    Figure
+        A figure of matplotlib without pyplot: no window shows it, and nothing is left of it when it has been written.
+
+    Examples
+    --------
+    >>> with gw.plot.figure(8.0, 8.6, "Two mean loads") as figure:
+    ...     upper, lower = figure.subplots(2)
+    ...     gw.plot.plot_branch(light, "half.q1", ax=upper)
+    ...     gw.plot.plot_branch(heavy, "half.q1", ax=lower)
+    >>> gw.plot.save_picture(figure, "loads.png")
+    """
+    sheet = new_sheet((width, height))
+    token = _postponed.set([])
+    try:
+        with in_style():
+            if title:
+                sheet.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
+            yield sheet
+            lay_out(sheet)
+            for draw in _postponed.get() or ():
+                draw()
+    finally:
+        _postponed.reset(token)
+
+
+def when_laid_out(draw: Callable[[], None], ax: Axes | None = None) -> None:
+    """Call `draw` when the layout is final: now, or at the end of the block of `figure`.
+
+    If it is called now, the layout around `ax` is made before; without `ax` the caller has made it.
+    """
+    postponed = _postponed.get()
+    if postponed is not None:
+        postponed.append(draw)
+        return
+    if ax is not None:
+        make_layout(ax)
+    draw()
 
 
 def new_sheet(size: Size) -> Figure:

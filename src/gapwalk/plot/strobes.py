@@ -14,15 +14,82 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.model.problem import did_you_mean
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.plot.labels import Label, place_labels
-from gapwalk.plot.pieces import Piece, cut, joined
-from gapwalk.plot.style import birth_options, period_options
+from gapwalk.plot.legend import draw_period_legend
+from gapwalk.plot.pieces import Piece, cut, joined, padded
+from gapwalk.plot.sheet import open_axes, when_laid_out
+from gapwalk.plot.size import broken, takes_size
+from gapwalk.plot.style import SIZE, birth_options, in_style, period_options
+from gapwalk.plot.words import parameter_words, state_words
 
 _NAMED = 16  # names that a picture may hold
 _MANY, _MOST = 8, 0.8  # births from which there may be a crowd, and the share of all that is in it
 _PART = 0.45  # of the whole range that a crowd covers at most
 _PAD = 0.06  # margin of a close-up, as a share of its width
+_MARGIN = 0.02  # beside the range of a diagram, as a share of it
+
+
+@takes_size
+def plot_strobes(
+    diagram: Diagram,
+    coordinate: str | None = None,
+    *,
+    ax: Axes | None = None,
+    labels: bool = True,
+    legend: bool = True,
+    within: tuple[float, float] | None = None,
+) -> Axes:
+    """Draw the states of all motions of a diagram once every forcing period: a motion of period m is m curves.
+
+    Parameters
+    ----------
+    diagram
+        The diagram.
+    coordinate
+        The coordinate that is shown; by default the first.
+    ax
+        Where to draw; by default in a new figure of pyplot.
+    labels
+        Whether branches of the two shortest periods have their names beside them.
+    legend
+        Whether the colours of the periods are explained above the axes.
+    within
+        Range of the parameter that is shown; by default that of the diagram.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
+
+    Raises
+    ------
+    ModelError
+        If the diagram has no branches, or its system has no such coordinate.
+    """
+    if not diagram.limbs:
+        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    system = diagram.branches[0].system
+    coordinate = system.coordinates[0] if coordinate is None else coordinate
+    if coordinate not in system.coordinates:
+        raise ModelError(f"there is no coordinate {coordinate!r}; {did_you_mean(coordinate, system.coordinates)}")
+    ax = open_axes(SIZE) if ax is None else ax
+    strobes = Strobes(diagram, coordinate)
+    left, right = within or diagram.within
+    pad = 0.0 if within else _MARGIN * (right - left)
+    with in_style():
+        strobes.draw(ax)
+        ax.set_xlabel(parameter_words(diagram.parameter, system.units))
+        ax.set_ylabel(broken(state_words(coordinate, system.units)))
+        ax.set(xlim=(left - pad, right + pad), ylim=strobes.extent(left, right))
+        ax.set_autoscale_on(False)
+        if legend:
+            draw_period_legend(ax, strobes.periods_within(left, right), bool(strobes.births))
+        if labels:
+            when_laid_out(lambda: strobes.draw_names(ax), ax)
+    return ax
 
 
 class Birth(NamedTuple):
@@ -98,9 +165,16 @@ class Strobes:
 
     def extent(self, left: float, right: float) -> tuple[float, float]:
         """The least and the greatest state within a range of the parameter, with a margin."""
-        inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
-        pad = _PAD * float(np.ptp(inside))
-        return float(inside.min()) - pad, float(inside.max()) + pad
+        return padded(self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1])
+
+    def periods_within(self, left: float, right: float) -> list[int]:
+        """List the periods up to the longest one that has points within a range of the parameter."""
+        longest = self.periods[0]
+        for limb in self.diagram.limbs:
+            values = limb.branch.values
+            if ((values >= left) & (values <= right)).any():
+                longest = max(longest, limb.period)
+        return [period for period in self.periods if period <= longest]
 
     @cached_property
     def _curve(self) -> NDArray[np.float64]:

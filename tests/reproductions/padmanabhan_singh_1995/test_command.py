@@ -1,15 +1,18 @@
-"""``gapwalk paper``: figures as pictures and as JSON, and the page of all of them."""
+"""The command: figures as pictures and as JSON, and the page of all of them."""
 
 import json
 import os
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
-from gapwalk.cli import main
-from reproductions.padmanabhan_singh_1995 import report as command
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995 import __main__ as command
+from reproductions.padmanabhan_singh_1995.__main__ import main
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS
 from reproductions.padmanabhan_singh_1995.figures import FIGURES
 
@@ -28,7 +31,7 @@ def few(monkeypatch) -> None:
 
 
 def test_one_figure_is_one_document(capsys) -> None:
-    assert main(["paper", "13", "--json", "--slope", "reduced"]) == 0
+    assert main(["13", "--json", "--slope", "reduced"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["figure"] == "13"
     assert document["kind"] == "frequency response"
@@ -49,7 +52,7 @@ def test_one_figure_is_one_document(capsys) -> None:
 
 
 def test_several_figures_are_a_list_in_one_reading(capsys) -> None:
-    assert main(["paper", "12", "fig. 20(A)", "--json", "--slope", "literal", "--damping", "as-printed"]) == 0
+    assert main(["12", "fig. 20(A)", "--json", "--slope", "literal", "--damping", "as-printed"]) == 0
     documents = json.loads(capsys.readouterr().out)
     assert [document["figure"] for document in documents] == ["12", "20a"]
     assert documents[0]["reading"] == {"slope": "literal", "damping": "as-printed"}
@@ -58,24 +61,24 @@ def test_several_figures_are_a_list_in_one_reading(capsys) -> None:
 
 
 def test_pictures_go_into_a_folder_and_nothing_is_computed_twice(capsys, monkeypatch) -> None:
-    assert main(["paper", "12", "--slope", "literal"]) == 0
+    assert main(["12", "--slope", "literal"]) == 0
     text = capsys.readouterr().out
     assert "Figure 12. A heavily loaded clutch" in text
     assert "1 of period 1" in text
     assert "note on the set of figure 12: The scan prints K11 = 0.0" in text
-    names = {path.name for path in Path("paper").iterdir()}
+    names = {path.name for path in Path("out/paper").iterdir()}
     assert names == {"figure-12-literal.png", "figure-12-literal.svg", "results"}
-    results = {path.name for path in Path("paper/results").iterdir() if not path.name.endswith("-lock")}
+    results = {path.name for path in Path("out/paper/results").iterdir() if not path.name.endswith("-lock")}
     assert results == {"12-literal.gapwalk", "12-literal-points.csv", "12-literal-special-points.csv"}
     monkeypatch.setattr("gapwalk.study.diagram.study._grow", None)  # a second computation would fail
-    drawn = Path("paper/figure-12-literal.png").stat().st_mtime_ns
-    assert main(["paper", "12", "--slope", "literal"]) == 0
-    assert Path("paper/figure-12-literal.png").stat().st_mtime_ns == drawn
-    assert "written: paper/figure-12-literal.png" in capsys.readouterr().out
-    result = Path("paper/results/12-literal.gapwalk")
+    drawn = Path("out/paper/figure-12-literal.png").stat().st_mtime_ns
+    assert main(["12", "--slope", "literal"]) == 0
+    assert Path("out/paper/figure-12-literal.png").stat().st_mtime_ns == drawn
+    assert "written: out/paper/figure-12-literal.png" in capsys.readouterr().out
+    result = Path("out/paper/results/12-literal.gapwalk")
     os.utime(result, ns=(drawn + 1, drawn + 1))  # as if it had been computed again
-    assert main(["paper", "12", "--slope", "literal"]) == 0
-    assert Path("paper/figure-12-literal.png").stat().st_mtime_ns > drawn
+    assert main(["12", "--slope", "literal"]) == 0
+    assert Path("out/paper/figure-12-literal.png").stat().st_mtime_ns > drawn
 
 
 class Links(HTMLParser):
@@ -97,7 +100,7 @@ class Links(HTMLParser):
 
 @pytest.mark.usefixtures("few")
 def test_all_figures_make_a_page_that_opens_offline(capsys) -> None:
-    assert main(["paper", "--output", "report"]) == 0
+    assert main(["--output", "report"]) == 0
     assert "all of it as a page: report/index.html" in capsys.readouterr().out
     text = Path("report/index.html").read_text(encoding="utf-8")
     links = Links(text)
@@ -115,7 +118,7 @@ def test_all_figures_make_a_page_that_opens_offline(capsys) -> None:
 
 @pytest.mark.usefixtures("few")
 def test_all_as_json(capsys) -> None:
-    assert main(["paper", "--json"]) == 0
+    assert main(["--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [figure["figure"] for figure in document["figures"]] == ["1", "12", "17"]
     assert document["figures"][0]["loops"]["viscous damping"]["loss"] == pytest.approx(0.5037, abs=1e-4)
@@ -127,42 +130,63 @@ def test_all_as_json(capsys) -> None:
 
 @pytest.mark.usefixtures("few")
 def test_claims_as_a_page_for_the_docs(capsys) -> None:
-    assert main(["paper", "--claims", "claims.md"]) == 0
+    assert main(["--claims", "claims.md"]) == 0
     assert "written: claims.md" in capsys.readouterr().out
     text = Path("claims.md").read_text(encoding="utf-8")
     assert "| 12-folds |" in text
     assert "**reproduced**" in text
 
 
-def test_what_cannot_be_computed_is_told_and_keeps_nothing_back(capsys, monkeypatch) -> None:
-    from gapwalk.errors import ConvergenceError
-    from gapwalk.study.run import run
-    from reproductions.padmanabhan_singh_1995 import compute
+def test_what_cannot_be_computed_is_said_and_keeps_nothing_back(capsys, monkeypatch) -> None:
+    run = gw.run
 
     def refuse(study, *args, **options):
         if "figure 12 " in study.title:
-            raise ConvergenceError("no orbit was found")
+            raise gw.errors.ConvergenceError("no orbit was found")
         return run(study, *args, **options)
 
-    monkeypatch.setattr(compute, "run", refuse)
+    monkeypatch.setattr(gw, "run", refuse)
     monkeypatch.setattr(command, "claims_about", lambda number: ())
-    assert main(["paper", "12", "17"]) == 3
-    captured = capsys.readouterr()
-    assert captured.err == "gapwalk: 12: no orbit was found\n"
-    assert Path("paper/figure-17.png").is_file()
-    assert not Path("paper/figure-12.png").exists()
+    assert main(["12", "17"]) == 3
+    assert "error: 12: no orbit was found\n" in capsys.readouterr().err
+    assert Path("out/paper/figure-17.png").is_file()
+    assert not Path("out/paper/figure-12.png").exists()
+
+
+def test_ctrl_c_ends_it_with_a_sentence(capsys, monkeypatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "reproduce", interrupt)
+    assert main(["1"]) == 130
+    assert "resumes" in capsys.readouterr().err
 
 
 def test_an_unknown_figure_is_refused_before_anything_is_computed(capsys) -> None:
-    assert main(["paper", "12", "2"]) == 2
+    assert main(["12", "2"]) == 2
     assert "the paper has no figure '2'" in capsys.readouterr().err
     assert not list(Path().iterdir())
 
 
+def test_a_folder_that_cannot_be_made(capsys) -> None:
+    Path("file").write_text("")
+    assert main(["1", "--output", "file", "--json"]) == 2
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["error"]["type"] == "StoreError"
+    assert "the folder file/results cannot be made" in captured.err
+
+
+def test_it_runs_as_a_module() -> None:
+    root = Path(command.__file__).parents[2]
+    command_line = [sys.executable, "-m", "reproductions.padmanabhan_singh_1995", "--list"]
+    done = subprocess.run(command_line, cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[0].startswith("1   force law")
+
+
 def test_the_list(capsys) -> None:
-    assert main(["paper", "--list", "--json"]) == 0
+    assert main(["--list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert [each["figure"] for each in listed] == [figure.name for figure in FIGURES]
     assert listed[0]["kind"] == "force law"
-    assert main(["paper", "--list"]) == 0
+    assert main(["--list"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == len(listed)

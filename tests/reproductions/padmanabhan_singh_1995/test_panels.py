@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.compute import compute
-from reproductions.padmanabhan_singh_1995.drawing import draw_paper_figure
-from reproductions.padmanabhan_singh_1995.figure import Figure, FigureKind, Panel, View
-from reproductions.padmanabhan_singh_1995.figures import find_figure
+from reproductions.padmanabhan_singh_1995.figures import Figure, find_figure
+from reproductions.padmanabhan_singh_1995.jobs import JOBS
+from reproductions.padmanabhan_singh_1995.panels import Balance, Motion, Overlay, Response
+from reproductions.padmanabhan_singh_1995.report import compute
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    computed = compute(["12", "13", "17"], tmp_path_factory.mktemp("results"))
-    return {key: computed.result(key) for key in computed.paths}
+    return computed(("12", "13", "17"), tmp_path_factory.mktemp("results"))
+
+
+def computed(keys, folder):
+    with gw.workers(1) as workers:
+        return compute([JOBS[key] for key in keys], folder, workers)[0]
 
 
 def texts(ax) -> list[str]:
@@ -26,7 +30,7 @@ def texts(ax) -> list[str]:
 
 def test_figure_13_has_the_paper_s_panels(results) -> None:
     figure = find_figure("13")
-    picture = draw_paper_figure(figure, results)
+    picture = figure.draw(results)
     panels = picture.axes
     assert [ax.get_title("left") for ax in panels] == [
         "a  response",
@@ -45,7 +49,7 @@ def test_figure_13_has_the_paper_s_panels(results) -> None:
 def test_a_loop_lies_on_the_orbits_of_the_result(results) -> None:
     """Both states of each orbit of period 2 lie on the curves of panel b."""
     (loop,) = [limb.branch for limb in results["13"].diagram.limbs if limb.name == "P2-1"]
-    ax = draw_paper_figure(find_figure("13"), results).axes[1]
+    ax = find_figure("13").draw(results).axes[1]
     drawn = np.vstack([line.get_xydata() for line in ax.lines if len(line.get_xdata()) > 2])
     for point in loop.points[::7]:
         for state in point.orbit.strobes(2):
@@ -53,9 +57,8 @@ def test_a_loop_lies_on_the_orbits_of_the_result(results) -> None:
 
 
 def test_an_expanded_view_shows_its_range_only(results) -> None:
-    panel = Panel("b", View.RESPONSE, ("13",), "low frequencies", (0.3, 0.45))
-    figure = Figure("13", FigureKind.RESPONSE, "", (panel,))
-    (ax,) = draw_paper_figure(figure, results).axes
+    panel = Response(letter="b", jobs=("13",), title="low frequencies", within=(0.3, 0.45))
+    (ax,) = Figure("13", "", (panel,)).draw(results).axes
     assert ax.get_xlim() == (0.3, 0.45)
     branch = results["13"].branches[0]
     inside = branch.measure("half.q1")[(branch.values > 0.3) & (branch.values < 0.45)]
@@ -64,8 +67,8 @@ def test_an_expanded_view_shows_its_range_only(results) -> None:
 
 
 def test_an_overlay_names_its_results(results) -> None:
-    panel = Panel("a", View.OVERLAY, ("12", "13"), "", (0.5, 0.7), ("heavy", "moderate"))
-    (ax,) = draw_paper_figure(Figure("21", FigureKind.RESPONSE, "", (panel,)), results).axes
+    panel = Overlay(jobs=("12", "13"), title="", within=(0.5, 0.7), names=("heavy", "moderate"))
+    (ax,) = Figure("21", "", (panel,)).draw(results).axes
     assert texts(ax) == ["heavy", "moderate", "thin: unstable"]
     assert ax.get_xlim() == (0.5, 0.7)
 
@@ -75,8 +78,8 @@ def test_harmonic_balance_lies_on_the_response(results) -> None:
     balanced = gw.follow(orbit, "frequency", to=0.15, method=gw.Balance(20, error=0.01))
     # a result of which only the branches are looked at
     shown = {"12": results["12"], "13": SimpleNamespace(branches=(balanced,))}
-    panel = Panel("a", View.BALANCE, ("12", "13"), "")
-    (ax,) = draw_paper_figure(Figure("9", FigureKind.RESPONSE, "", (panel,)), shown).axes  # type: ignore[arg-type]
+    panel = Balance(jobs=("12", "13"), title="")
+    (ax,) = Figure("9", "", (panel,)).draw(shown).axes  # type: ignore[arg-type]
     (circles,) = [line for line in ax.lines if line.get_markevery() == 0.03]
     branch = results["12"].branches[0]
     curve = np.column_stack((branch.values, branch.measure("half.q1")))
@@ -89,15 +92,15 @@ def test_harmonic_balance_lies_on_the_response(results) -> None:
 def test_two_cases_stand_side_by_side(results) -> None:
     figure = find_figure("10")
     panels = tuple(replace(panel, jobs=("12",) if panel.jobs == ("4a",) else ("13",)) for panel in figure.panels)
-    first, second, third, fourth = draw_paper_figure(replace(figure, panels=panels), results).axes
+    first, second, third, fourth = replace(figure, panels=panels).draw(results).axes
     assert first.get_position().x0 < second.get_position().x0
     assert first.get_position().y0 > third.get_position().y0
     assert fourth.get_xlabel() == "excitation frequency Ω"
 
 
 def test_a_motion_is_drawn_with_its_section(results) -> None:
-    panel = Panel("", View.MOTION, ("17",), "")
-    picture = draw_paper_figure(Figure("17", FigureKind.MOTION, "What it is", (panel,)), results)
+    panel = Motion(jobs=("17",), title="")
+    picture = Figure("17", "What it is", (panel,)).draw(results)
     assert len(picture.axes) == 4
     assert "What it is" in picture.get_suptitle()
 
@@ -107,12 +110,11 @@ MOTIONS = ("3-viscous", "3-impact", "8-impact", "8-viscous", "8-record")
 
 @pytest.fixture(scope="module")
 def motions(tmp_path_factory):
-    computed = compute(MOTIONS, tmp_path_factory.mktemp("motions"), cores=1)
-    return {key: computed.result(key) for key in computed.paths}
+    return computed(MOTIONS, tmp_path_factory.mktemp("motions"))
 
 
 def test_figure_1_rests_on_no_result() -> None:
-    first, second = draw_paper_figure(find_figure("1"), {}).axes
+    first, second = find_figure("1").draw({}).axes
     assert [len(texts(ax)) for ax in (first, second)] == [1, 1]
     assert texts(first)[0].startswith("viscous damping: loss 0.5037")
     assert first.lines[0].get_ydata().min() < -0.3  # it pulls
@@ -120,7 +122,7 @@ def test_figure_1_rests_on_no_result() -> None:
 
 
 def test_figure_3_has_a_row_for_each_signal(motions) -> None:
-    picture = draw_paper_figure(find_figure("3"), motions)
+    picture = find_figure("3").draw(motions)
     assert [ax.get_ylabel() for ax in picture.axes[::2]] == ["q1''", "stage2"]
     assert [text.get_text() for text in picture.legends[0].get_texts()] == ["viscous damping", "impact damping"]
     viscous, impact = picture.axes[0].lines
@@ -128,12 +130,12 @@ def test_figure_3_has_a_row_for_each_signal(motions) -> None:
 
 
 def test_a_part_of_figure_3_has_its_row_only(motions) -> None:
-    picture = draw_paper_figure(find_figure("3b"), motions)
+    picture = find_figure("3b").draw(motions)
     assert [ax.get_ylabel() for ax in picture.axes] == ["stage2", "amplitude of stage2"]
 
 
 def test_figure_8_says_that_its_record_is_synthetic(motions) -> None:
-    picture = draw_paper_figure(find_figure("8"), motions)
+    picture = find_figure("8").draw(motions)
     assert "SYNTHETIC" in picture.get_suptitle()
     assert [len(part.axes) for part in picture.subfigs] == [3, 3]
     for part in picture.subfigs:
@@ -145,4 +147,4 @@ def test_figure_8_says_that_its_record_is_synthetic(motions) -> None:
 def test_a_picture_has_its_layout_when_it_is_drawn(motions) -> None:
     """Saving it does not make the layout again, which takes longer than all the rest."""
     for name in ("1", "3"):
-        assert draw_paper_figure(find_figure(name), motions).get_layout_engine() is None
+        assert find_figure(name).draw(motions).get_layout_engine() is None

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from reproductions.padmanabhan_singh_1995.claims.motions import force_peaks, lines
-from reproductions.padmanabhan_singh_1995.claims.rattle import distance
-from reproductions.padmanabhan_singh_1995.loops import IMPACT, LOOPS, VISCOUS
-from reproductions.padmanabhan_singh_1995.record import NOISE, synthetic_record
-from reproductions.padmanabhan_singh_1995.third_inertia import third_inertia
+from reproductions.padmanabhan_singh_1995.claims.damping import distance
+from reproductions.padmanabhan_singh_1995.quantities import (
+    IMPACT,
+    LOOPS,
+    NOISE,
+    VISCOUS,
+    force_peaks,
+    lines,
+    synthetic_record,
+    third_inertia,
+)
 
 CASES = ("8a", "4a", "10b")  # no damper in the clutch, whose numbers in the tables are not those of a damper
 
