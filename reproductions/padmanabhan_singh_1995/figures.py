@@ -201,10 +201,10 @@ FIGURES = (
     ),
     Figure(
         "8",
-        "Acceleration u3'' of the third inertia under a very low mean load, beside a SYNTHETIC record: the measured "
+        "Acceleration u3'' of the third inertia under a very low mean load, and of a SYNTHETIC record: the measured "
         "one of the paper is not printed as numbers.",
         _RECORDS,
-        kind="motion beside a record",
+        kind="motion and a record",
     ),
     Figure("9", "Shooting (lines) and harmonic balance (circles) give the same responses.", _BALANCES, columns=2),
     _two_cases(
@@ -292,9 +292,7 @@ FIGURES = (
         ("9b", "one harmonic"),
         ("26b", "two harmonics, Ω and 3 Ω"),
     ),
-    _over_amplitude(
-        "27", "Motions over the amplitude at Ω = 0.25, with the branches that hang together with no other.", "27"
-    ),
+    _over_amplitude("27", "Motions over the amplitude at Ω = 0.25, with the isolated branches.", "27"),
     _over_amplitude("28", "As figure 27, at Ω = 0.255.", "28"),
     _over_amplitude(
         "29", "Pure backlash at Ω = 0.35 over the amplitude: cascades of doubled periods.", "29", "all periods"

@@ -228,7 +228,7 @@ _SHOWN = (  # in figures
     # Where the motions of these three figures are: the printed frequencies have none of them.
     _motion("15", "17-near", {"frequency": 0.864}),
     _motion("15", "18-near", {"frequency": 0.855}, effort=4.0),
-    # After 4096 forcing periods the largest exponent is not yet told from zero: 0.019 +- 0.006.
+    # After 4096 forcing periods the largest exponent may still be zero: 0.019 +- 0.006.
     _motion("15", "19-near", {"frequency": 0.833}, start=(0.5, 1.0, 0.5, 0.5), max_periods=8192, effort=5.0),
     _branches("20a"),
     _branches("20b", effort=6.0),

@@ -50,7 +50,7 @@ def _never_pulls() -> tuple[bool, str]:
 
 
 def _size(loop: gw.Hysteresis) -> str:
-    return f"the greatest force is {loop.force.max():.3g}, the loss {loop.loss:.3g} a cycle with both laws"
+    return f"the greatest force is {loop.force.max():.3g}, the loss {loop.loss:.3g} per cycle with both laws"
 
 
 @claim("3-acceleration", "At Ω = 1.5 the accelerations of both damping models agree.", "3-impact", "3-viscous")
@@ -102,7 +102,7 @@ def _smaller_flips(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     return 0.0 < widths[1] < widths[0], evidence
 
 
-@claim("4-beats", "Motions of period 1 that beat exist with both.", "4a", "4b", others=(AS_PRINTED,), short=True)
+@claim("4-beats", "Motions of period 1 become quasi-periodic with both.", "4a", "4b", others=(AS_PRINTED,), short=True)
 def _both_with_pair(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     one, two = (with_pair(main_branch(each)) for each in (impact, viscous))
     loops = [each for limb in limbs(viscous, 2) for each in with_pair(limb.branch)]
@@ -304,8 +304,8 @@ def _hits_both_sides(orbit: gw.Orbit) -> bool:
 def _like_the_record(impact: gw.Result, viscous: gw.Result, recorded: gw.Result) -> tuple[bool, str]:
     found = [aligned_with_record(each, recorded).agreement.relative for each in (impact, viscous)]
     evidence = (
-        "the measured record is not printed as numbers, so nothing can be compared with it. Beside a SYNTHETIC one, "
-        f"computed with impact damping, a little other numbers and {NOISE:.0%} of noise, the rms error of u3'' is "
+        "the measured record is not printed as numbers, so nothing can be compared with it. Compared with a "
+        f"SYNTHETIC one (impact damping, a little other numbers, {NOISE:.0%} of noise), the rms error of u3'' is "
         f"{found[0]:.1%} with impact and {found[1]:.1%} with viscous damping"
     )
     return False, evidence

@@ -223,15 +223,15 @@ def _two_isolated(result: gw.Result) -> tuple[bool, str]:
     return len(positive) == 2, evidence
 
 
-@claim("27-beats", "The larger one has two small ranges of motions that beat.", "27", others=BOTH, short=True)
+@claim("27-beats", "The larger one has two small ranges of quasi-periodic motions.", "27", others=BOTH, short=True)
 def _large_pairs(result: gw.Result) -> tuple[bool, str]:
     if not isolated(result):
-        return False, "no island"
+        return False, "no isolated branch"
     loop, main = isolated(result)[0].branch, main_branch(result)
     found = [each for each in with_pair(main) if each.high > 0.0]
     evidence = (
-        f"on the larger island ({extent(loop)}): {words(with_pair(loop))}; on the branch that runs through the "
-        f"whole range: {words(found)}"
+        f"on the larger isolated branch ({extent(loop)}): {words(with_pair(loop))}; on the branch that runs through "
+        f"the whole range: {words(found)}"
     )
     return len(with_pair(loop)) == 2, evidence
 
@@ -272,7 +272,7 @@ def _overlap(result: gw.Result, further: gw.Result) -> tuple[bool, str]:
     if len(beyond) == 1:
         folds = values(main_branch(further), gw.Kind.FOLD, low=0.0)
         evidence += (
-            f", for the smaller one hangs together there with the branch that runs through; its folds: {words(folds)}"
+            f", for the smaller one is connected there to the branch that runs through; its folds: {words(folds)}"
         )
     return len(found) == 2 and found[0].meets(found[1].low, found[1].high), evidence
 
@@ -305,7 +305,7 @@ def _cascade(result: gw.Result) -> tuple[bool, str]:
     return bool(twice and four) and on_four > 0, evidence
 
 
-@claim("29-beats", "Motions that beat appear.", "29")
+@claim("29-beats", "Quasi-periodic motions appear.", "29")
 def _pairs(result: gw.Result) -> tuple[bool, str]:
     found = {
         f"period {period}": [each for limb in limbs(result, period) for each in with_pair(limb.branch)]

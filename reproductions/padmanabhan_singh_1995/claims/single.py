@@ -98,7 +98,7 @@ def _second_resonance(first: gw.Result, second: gw.Result, mended: gw.Result) ->
 
 @claim(
     "11-beats",
-    "Motions that beat take a wider range in set b (0.5 ≤ Ω ≤ 0.7) than in set a.",
+    "Quasi-periodic motions take a wider range in set b (0.5 ≤ Ω ≤ 0.7) than in set a.",
     "11a",
     "11b",
     "11a-mended",
@@ -157,7 +157,7 @@ def _loop_about_second(result: gw.Result) -> list[Range]:
     return [each for loop in loops for each in with_pair(loop)]
 
 
-@claim("13-loop", "The loop of period 2 about the second resonance has motions that beat.", "13")
+@claim("13-loop", "The loop of period 2 about the second resonance has quasi-periodic motions.", "13")
 def _loop_with_pair(result: gw.Result) -> tuple[bool, str]:
     found = _loop_about_second(result)
     return bool(found), f"on the loop of period 2 about the second resonance, at {words(found)}"
@@ -196,7 +196,7 @@ def _second_shrinks(before: gw.Result, after: gw.Result) -> tuple[bool, str]:
     return smaller, f"{words(first)} in figure 13, {words(then)} in figure 14"
 
 
-@claim("14-loop", "The loop of period 2 about the second resonance has no motions that beat.", "9a")
+@claim("14-loop", "The loop of period 2 about the second resonance has no quasi-periodic motions.", "9a")
 def _loop_without_pair(result: gw.Result) -> tuple[bool, str]:
     found = _loop_about_second(result)
     return not found, f"unstable by a complex pair on the loop of period 2: {words(found)}"
@@ -204,7 +204,7 @@ def _loop_without_pair(result: gw.Result) -> tuple[bool, str]:
 
 @claim(
     "15-rich",
-    "Twice the excitation: many superharmonics at low frequencies, with doubled periods and beats.",
+    "Twice the excitation: many superharmonics at low frequencies, with doubled periods and quasi-periodic motions.",
     "15",
     "13",
 )

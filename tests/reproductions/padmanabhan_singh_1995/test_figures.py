@@ -98,7 +98,7 @@ def test_panels_fit_their_jobs() -> None:
             assert len(getattr(panel, "names", panel.jobs)) == len(panel.jobs)
     kinds = {figure.kind for figure in FIGURES}
     assert kinds == {
-        "frequency response", "diagram over the amplitude", "settled motion", "two motions", "motion beside a record",
+        "frequency response", "diagram over the amplitude", "settled motion", "two motions", "motion and a record",
         "force law",
     }  # fmt: skip
 
