@@ -93,7 +93,7 @@ def test_what_special_points_do_not_explain_is_marked_in_both_panels(result) -> 
     points = tuple(each for each in limb.branch.special_points if each is not fold)
     changed = replace(limb, branch=replace(limb.branch, special_points=points))
     limbs = tuple(changed if each is limb else each for each in diagram.limbs)
-    figure = plot_diagram(replace(diagram, limbs=limbs), figure=Figure(), closeup=False)
+    figure = draw(replace(diagram, limbs=limbs), figure=Figure(), closeup=False)
     upper, lower = figure.axes
     for ax, count in ((upper, 1), (lower, limb.period)):
         (marks,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "$?$"]

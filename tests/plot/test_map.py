@@ -112,7 +112,7 @@ def test_what_special_points_of_a_section_do_not_explain_is_marked(result, figur
     without = replace(branch, special_points=tuple(each for each in branch.special_points if each is not fold))
     others = tuple(each for each in chart.sections if each is not section)
     changed = replace(section, branches=(without, *section.branches[1:]))
-    ax = plot_map(replace(chart, sections=(changed, *others)), ax=Figure().add_subplot())
+    ax = draw(replace(chart, sections=(changed, *others)), ax=Figure().add_subplot())
     (marks,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "$?$"]
     assert all(value == section.value for _, value in marks)
     assert min(abs(value - fold.value) for value, _ in marks) < 2e-3

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import End
+from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.shown import Shown
@@ -169,6 +169,11 @@ class Branch(Shown):
     def measure(self, name: str) -> NDArray[np.float64]:
         """One measure (see `Orbit.measure`) at each point, shape (points,)."""
         return np.array([point.measure(name) for point in self.points])
+
+    @property
+    def closed(self) -> bool:
+        """Whether the branch closed on itself: an isolated branch (isola), connected to no other."""
+        return self.ends[-1].reason is EndReason.CLOSED
 
     @cached_property
     def unexplained(self) -> tuple[Unexplained, ...]:

@@ -6,14 +6,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gapwalk.plot.picture import begin, draw, draws, save
+    from gapwalk.plot.branches import overlay
+    from gapwalk.plot.picture import begin, draw, draws, figure, save
     from gapwalk.plot.sheet import new_sheet
     from gapwalk.plot.style import in_style, sized
 
-__all__ = ["begin", "draw", "draws", "in_style", "new_sheet", "save", "sized"]
+__all__ = ["begin", "draw", "draws", "figure", "in_style", "new_sheet", "overlay", "save", "sized"]
 
 # Imported when first asked for: what draws nothing must not wait for matplotlib.
-_HOMES = {"in_style": "style", "new_sheet": "sheet", "sized": "style"}
+_HOMES = {"in_style": "style", "new_sheet": "sheet", "overlay": "branches", "sized": "style"}
 
 
 def __getattr__(name: str) -> Any:

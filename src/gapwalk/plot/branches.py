@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
@@ -19,8 +19,19 @@ from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws
-from gapwalk.plot.sheet import write_legend
-from gapwalk.plot.style import LINES, SYMBOLS, UNEXPLAINED, broken
+from gapwalk.plot.sheet import WIDE, open_window, write_legend
+from gapwalk.plot.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINES,
+    SYMBOLS,
+    UNEXPLAINED,
+    VERMILLION,
+    LineStyle,
+    broken,
+    in_style,
+)
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
@@ -31,6 +42,13 @@ _SAME = 1e-9  # arclength below which two points are one
 _MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
 _PAD = 0.06  # margin above and below, as a share of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
+_OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
+    (BLACK, "-"),
+    (VERMILLION, (0, (4.5, 1.6))),
+    (BLUE, (0, (1.3, 1.3))),
+    (GREEN, (0, (6, 1.5, 1.3, 1.5))),
+)
+_STABLE, _UNSTABLE = 1.7, 0.7  # widths of their lines, in points
 
 
 class Piece(NamedTuple):
@@ -118,6 +136,61 @@ def draw_unexplained(ax: Axes, places: Sequence[tuple[float, float]], clip_on: b
 def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
     """The entry of a legend for question marks, if there are any."""
     return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
+
+
+def overlay(
+    branches: Mapping[str, Sequence[Branch]],
+    measure: str = "half",
+    *,
+    ax: Axes | None = None,
+    within: tuple[float, float] | None = None,
+) -> Axes:
+    """Draw branches of several systems over one another, each system by a line of its own; unstable parts are thin.
+
+    Parameters
+    ----------
+    branches
+        The branches of each system, by the name that the legend gives it. They run over the same parameter.
+    measure
+        As in `draw_branches`.
+    ax
+        Axes to draw in; by default those of a new figure of pyplot.
+    within
+        Range of the parameter that is shown; by default all of it.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.plot.overlay({"light": [light], "heavy": [heavy]}, "half.q1", within=(0.5, 0.8))  # doctest: +SKIP
+    """
+    first = next(iter(branches.values()))[0]
+    measure = full_measure(measure, first.system.coordinates)
+    window = open_window(WIDE) if ax is None else None
+    with in_style():
+        place = window.add_subplot() if window is not None else ax
+        assert place is not None
+        entries, heights = [], []
+        for number, (name, each) in enumerate(branches.items()):
+            color, dashes = _OVERLAID[number % len(_OVERLAID)]
+            styles = [LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
+            for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
+                place.plot(piece.x, piece.y, **styles[piece.label != "stable"])
+                heights.append(piece.y if within is None else piece.y[(piece.x >= within[0]) & (piece.x <= within[1])])
+            entries.append((name, styles[0]))
+        entries.append(("thin: unstable", LineStyle("", BLACK, "-", _UNSTABLE).options()))
+        shown = np.concatenate(heights)
+        if within and len(shown):
+            pad = _PAD * (float(np.ptp(shown)) or 1.0)
+            place.set(xlim=within, ylim=(shown.min() - pad, shown.max() + pad))
+        place.set_xlabel(parameter_words(first.parameter, first.system.units))
+        place.set_ylabel(broken(measure_words(measure, first.system.units)))
+        write_legend(place, entries, "inside")
+    return place
 
 
 @draws(Branch, alone={"closeup": True}, several=True)

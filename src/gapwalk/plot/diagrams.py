@@ -257,8 +257,9 @@ class Strobes:
     def extent(self, left: float, right: float) -> Range:
         """The least and the greatest state within a range of the parameter, with a margin."""
         inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
-        pad = _PAD * float(np.ptp(inside))
-        return float(inside.min()) - pad, float(inside.max()) + pad
+        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
+        pad = _PAD * ((high - low) or 1.0)
+        return low - pad, high + pad
 
     @cached_property
     def _curve(self) -> NDArray[np.float64]:

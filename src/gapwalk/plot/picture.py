@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -15,7 +17,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gapwalk.errors import ModelError
-from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, close_window, make_layout, new_sheet, open_window, sheet_bytes
+from gapwalk.plot.sheet import (
+    WIDE,
+    AnyFigure,
+    Inches,
+    close_window,
+    lay_out,
+    make_layout,
+    new_sheet,
+    open_window,
+    sheet_bytes,
+    write_heading,
+)
 from gapwalk.plot.style import SizeName, in_style, sized
 from gapwalk.study.export import write_whole
 from gapwalk.study.result import Result
@@ -40,6 +53,7 @@ _MODULES = {
         *("Section", "Settled", "Spectrum", "Waterfall"),
     ),
 }
+_postponed: ContextVar[list[Callable[[], None]] | None] = ContextVar("gapwalk_postponed", default=None)
 _HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
 
 
@@ -201,6 +215,48 @@ def draw(
         return _draw(record, arguments, options, title, open_window, ax, figure)
 
 
+@contextmanager
+def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """Make a figure of several panels in the style of all pictures, to be written by `save`.
+
+    `draw` draws into its axes and subfigures, and so may matplotlib. The layout is made once, at the end of the block.
+    Only then are the labels of special points and branches placed: until then the panels change their sizes, and a
+    label that was clear of the curves would come to lie on them.
+
+    Parameters
+    ----------
+    width, height
+        Size in inches on a screen; `sized` makes it that of a column, a page or a slide.
+    title
+        Title above all panels; it is wrapped.
+
+    Yields
+    ------
+    Figure
+        A figure of matplotlib without pyplot: no window shows it, and nothing is left of it when it has been written.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> with gw.plot.figure(8.0, 8.6, "Two mean loads") as sheet:  # doctest: +SKIP
+    ...     upper, lower = sheet.subplots(2)
+    ...     gw.plot.draw(light, "half.q1", ax=upper)
+    ...     gw.plot.draw(heavy, "half.q1", ax=lower)
+    >>> gw.plot.save(sheet, "loads.png")  # doctest: +SKIP
+    """
+    sheet = new_sheet((width, height))
+    token = _postponed.set([])
+    try:
+        with in_style():
+            write_heading(sheet, title)
+            yield sheet
+            lay_out(sheet)
+            for finish in _postponed.get() or ():
+                finish()
+    finally:
+        _postponed.reset(token)
+
+
 def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[], None]:
     """Draw a record in one panel of a figure of your own, but for what is placed by hand.
 
@@ -260,6 +316,8 @@ def save(
     >>> import gapwalk as gw
     >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")  # doctest: +SKIP
     """
+    if isinstance(record, Figure) and (title is not None or size is not None or options):
+        raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")
     forms = [form or Path(path).suffix.lower().removeprefix(".") for path in paths]
     for path, each in zip(paths, forms, strict=True):
         if each not in FORMS:
@@ -295,7 +353,10 @@ def _draw(
             if in_axes and title:
                 place.set_title(title.replace("$", r"\$"), wrap=True)
             finish = drawing.draw(record, place, **options)
-            if finish:
+            postponed = _postponed.get()
+            if finish and postponed is not None:
+                postponed.append(_in_style(finish))
+            elif finish:
                 make_layout(place if in_axes else place.axes[0])
                 finish()
     except BaseException:
