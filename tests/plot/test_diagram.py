@@ -1,7 +1,5 @@
 """Pictures of diagrams: panels, colours of periods, where branches are born, and restraint."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -84,25 +82,6 @@ def test_branches_are_marked_where_they_are_born(result, figure) -> None:
     flips = {result.diagram[o.parent].branch.special_points[o.special].value for limb in limbs for o in limb.origins}
     assert {value for mark in marks for value in mark[:, 0].tolist()} == flips
     assert sorted(len(mark) for mark in marks) == [2, 4]  # a line for each period: two births, of one and of two states
-
-
-def test_what_special_points_do_not_explain_is_marked_in_both_panels(result) -> None:
-    diagram = result.diagram
-    limb = next(each for each in diagram.limbs if each.branch.special("fold"))
-    fold = limb.branch.special("fold")[0]
-    points = tuple(each for each in limb.branch.special_points if each is not fold)
-    changed = replace(limb, branch=replace(limb.branch, special_points=points))
-    limbs = tuple(changed if each is limb else each for each in diagram.limbs)
-    figure = draw(replace(diagram, limbs=limbs), figure=Figure(), closeup=False)
-    upper, lower = figure.axes
-    for ax, count in ((upper, 1), (lower, limb.period)):
-        (marks,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "$?$"]
-        values = {value for value, _ in marks}
-        assert len(marks) == count * len(values)
-        assert min(abs(value - fold.value) for value in values) < 2e-3
-        assert "not explained" in legend_of(ax)
-    near = stroboscopic(fold.orbit)[:, 0]
-    assert np.abs(marks[:, 1] - near[0]).min() < 0.02
 
 
 def test_only_the_loops_of_the_second_period_have_names(figure) -> None:

@@ -104,22 +104,6 @@ def test_an_end_at_which_the_numerics_gave_up_is_marked(result, figure) -> None:
     assert "not followed further" not in legend_of(figure)
 
 
-def test_what_special_points_of_a_section_do_not_explain_is_marked(result, figure, tmp_path) -> None:
-    chart = result.map
-    section = next(each for each in chart.sections if each.branches[0].special("fold"))
-    branch = section.branches[0]
-    fold = branch.special("fold")[0]
-    without = replace(branch, special_points=tuple(each for each in branch.special_points if each is not fold))
-    others = tuple(each for each in chart.sections if each is not section)
-    changed = replace(section, branches=(without, *section.branches[1:]))
-    ax = draw(replace(chart, sections=(changed, *others)), ax=Figure().add_subplot())
-    (marks,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "$?$"]
-    assert all(value == section.value for _, value in marks)
-    assert min(abs(value - fold.value) for value, _ in marks) < 2e-3
-    assert "not explained" in [text.get_text() for text in ax.get_legend().get_texts()]
-    assert "not explained" not in legend_of(figure)
-
-
 def test_a_closed_locus_is_closed(result) -> None:
     locus = result.map.loci[0]
     closed = replace(locus, ends=tuple(replace(end, reason=LocusEndReason.CLOSED) for end in locus.ends))

@@ -183,10 +183,11 @@ def overlay(
                 heights.append(piece.y if within is None else piece.y[(piece.x >= within[0]) & (piece.x <= within[1])])
             entries.append((name, styles[0]))
         entries.append(("thin: unstable", LineStyle("", BLACK, "-", _UNSTABLE).options()))
-        shown = np.concatenate(heights)
-        if within and len(shown):
-            pad = _PAD * (float(np.ptp(shown)) or 1.0)
-            place.set(xlim=within, ylim=(shown.min() - pad, shown.max() + pad))
+        if within:
+            shown = np.concatenate(heights)
+            low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 1.0)
+            pad = _PAD * ((high - low) or 1.0)
+            place.set(xlim=within, ylim=(low - pad, high + pad))
         place.set_xlabel(parameter_words(first.parameter, first.system.units))
         place.set_ylabel(broken(measure_words(measure, first.system.units)))
         write_legend(place, entries, "inside")

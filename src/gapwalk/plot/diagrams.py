@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ModelError
+from gapwalk.model.problem import did_you_mean
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, joined, unexplained_entries
 from gapwalk.plot.branches import unexplained_places as places_of
@@ -170,8 +171,11 @@ def draw_strobes(
     """
     if not diagram.limbs:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
-    measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    strobes = Strobes(diagram, measure.partition(".")[2])
+    coordinates = diagram.branches[0].system.coordinates
+    coordinate = full_measure(measure, coordinates).partition(".")[2] or measure
+    if coordinate not in coordinates:
+        raise ModelError(f"there is no coordinate {coordinate!r}; {did_you_mean(coordinate, coordinates)}")
+    strobes = Strobes(diagram, coordinate)
     strobes.draw(ax)
     left, right = within or diagram.within
     pad = 0.0 if within else 0.02 * (right - left)
