@@ -34,7 +34,8 @@ _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 _CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
 _BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
-_WINDOWS = (1.0, 0.2)  # shares of it: where a contact grazes near, the branch is smooth in the smaller one only
+_WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: where a contact grazes near, the branch is smooth in small ones only
+_SHARP = 1e-10  # error in scales of the parameter that no smaller window is asked to lessen
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EPS = float(np.finfo(float).eps)
 _EXACT = 1e-14  # arclength to which zeros are located
@@ -148,7 +149,11 @@ class Detector:
         point, scale = item.point, float(self.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (stretch.points[0], stretch.points[-1])]
         reach = min(_AROUND, *ends)
-        off = min(abs(self._crossed(point, share * reach) - point.value) for share in _WINDOWS)
+        off = math.inf
+        for share in _WINDOWS:
+            off = min(off, abs(self._crossed(point, share * reach) - point.value))
+            if off < _SHARP * scale:
+                break
         if off == math.inf:
             return math.inf
         bracket = abs(float(point.tangent[-1])) * scale * item.spread
