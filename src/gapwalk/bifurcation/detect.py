@@ -34,6 +34,8 @@ _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 _CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
 _BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
+_WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: where a contact grazes near, the branch is smooth in small ones only
+_SHARP = 1e-10  # error in scales of the parameter that no smaller window is asked to lessen
 _NOISE = 1e-10  # size of a test function that is nothing but rounding
 _EPS = float(np.finfo(float).eps)
 _EXACT = 1e-14  # arclength to which zeros are located
@@ -146,9 +148,23 @@ class Detector:
         """The same for a branch point, where no other equation could hold an orbit either."""
         point, scale = item.point, float(self.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (stretch.points[0], stretch.points[-1])]
-        off = abs(self._second.crossing(point, min(_AROUND, *ends)) - point.value)
+        reach = min(_AROUND, *ends)
+        off = math.inf
+        for share in _WINDOWS:
+            off = min(off, abs(self._crossed(point, share * reach) - point.value))
+            if off < _SHARP * scale:
+                break
+        if off == math.inf:
+            return math.inf
         bracket = abs(float(point.tangent[-1])) * scale * item.spread
         return float(bracket + SAFETY * off + ROUNDING * (abs(point.value) + scale))
+
+    def _crossed(self, point: BranchPoint, reach: float) -> float:
+        """Where branches cross by a second opinion; infinite where the branch is not smooth within that reach."""
+        try:
+            return self._second.crossing(point, reach)
+        except NumericalError:
+            return math.inf
 
     @cached_property
     def _second(self) -> SecondOpinion:

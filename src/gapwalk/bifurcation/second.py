@@ -40,6 +40,7 @@ class SecondOpinion:
     def __init__(self, corrector: Corrector) -> None:
         self._equation = cast("OrbitEquation", corrector.equation)
         self._other = self._equation.otherwise()
+        self._known = corrector.scales
         known = corrector.scales[:-1]
         velocity = known[min(self._equation.system.size, len(known) - 1)]  # by harmonic balance there is none
         scales = self._other.scales(1.0, velocity / known[0])
@@ -57,10 +58,10 @@ class SecondOpinion:
         scales = self._corrector.scales
         along = self._embedded(point.tangent)
         try:
-            start = np.append(self._other.unknowns(point.orbit) / scales[:-1], point.x[-1])
+            start = self._ahead(point, shift)
         except NumericalError:
-            start = self._embedded(point.x)
-        correction = self._corrector.correct(start + shift * along, along / np.linalg.norm(along))
+            start = self._embedded(point.x) + shift * along
+        correction = self._corrector.correct(start, along / np.linalg.norm(along))
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} when it is posed otherwise")
         # exactly there: the correction may have been evaluated a step aside
@@ -68,6 +69,18 @@ class SecondOpinion:
         evaluation = self._other.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
         exact = Correction(x, evaluation, 0, 0.0, 0.0)
         return self._corrector.point(exact, along, point.arclength + shift)
+
+    def _ahead(self, point: BranchPoint, shift: float) -> NDArray[np.float64]:
+        """The scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.
+
+        By way of the motion itself: what is posed otherwise has unknowns besides, which change along the branch too.
+        """
+        orbit, value = point.orbit, float(point.x[-1])
+        if shift:
+            x = (point.x + shift * point.tangent) * self._known
+            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate(x[:-1], float(x[-1])))
+            value += shift * float(point.tangent[-1])
+        return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
     def crossing(self, point: BranchPoint, reach: float) -> float:
         """The parameter at which the other branch crosses another, near a branch point.

@@ -124,11 +124,17 @@ def _zero(
 
 
 def _crossing(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:
-    """The parameter where the branch posed otherwise crosses another."""
-    try:
-        return second.crossing(special.point, reach)
-    except NumericalError:
-        return None
+    """The parameter where the branch posed otherwise crosses another.
+
+    Just beyond the reach a contact may graze, so that polynomials through points up to there would tell less: those up
+    to a share of it are taken.
+    """
+    for share in (_SHARE, 1.0):
+        try:
+            return second.crossing(special.point, share * reach)
+        except NumericalError:
+            continue
+    return None
 
 
 def _graze(
