@@ -15,7 +15,7 @@ from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws

@@ -13,9 +13,9 @@ import numpy as np
 from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.compare import Comparison
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.errors import GapwalkError
 from gapwalk.measurement.fit import Fit
 from gapwalk.model.system import System

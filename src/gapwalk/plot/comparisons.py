@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gapwalk.attractor.agreement import LinePair
 from gapwalk.attractor.contrast import Contrast, SignalPair
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
 from gapwalk.motion.flow import PERIOD

@@ -14,8 +14,8 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus
-from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places

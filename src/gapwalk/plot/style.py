@@ -19,8 +19,8 @@ import matplotlib as mpl
 from matplotlib.colors import to_hex
 
 from gapwalk.attractor.regime import Regime
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2
-from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"

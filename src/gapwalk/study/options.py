@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.search import SearchOptions
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting

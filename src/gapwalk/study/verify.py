@@ -8,8 +8,8 @@ from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.study.family.record import Family
 from gapwalk.study.map.chart import Map

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.family.joint import Fate, Joint, Passage

@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.departure import directions
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System

@@ -8,8 +8,8 @@ from bisect import bisect_right
 from itertools import accumulate
 from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason
-from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.codec import LocusCodec

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.diagram import Origin
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import NamedTuple
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.trail import TrailState
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.orbit import Orbit
