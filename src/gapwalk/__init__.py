@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from gapwalk.homes import HOMES
 
 if TYPE_CHECKING:
-    from gapwalk import errors, paper
+    from gapwalk import errors, paper, plot
     from gapwalk.attractor.attractor import Attractor
     from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
     from gapwalk.attractor.contrast import Contrast, contrast
     from gapwalk.attractor.judge import RegimeOptions
-    from gapwalk.attractor.lyapunov import lyapunov
+    from gapwalk.attractor.lyapunov import LyapunovOptions, lyapunov
     from gapwalk.attractor.match import match
     from gapwalk.attractor.plane import Plane, impact_plane
     from gapwalk.attractor.rattle import rattle
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.motion.signal import Signal
     from gapwalk.notebook.progress import show_progress
     from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.diagram.others import find_others
+    from gapwalk.study.export import save_tables
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
@@ -86,6 +88,8 @@ if TYPE_CHECKING:
     from gapwalk.study.regimes.store import load_regimes
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
+    from gapwalk.study.settle.finding import SettleFinding
+    from gapwalk.study.settle.study_options import SettleStudyOptions
     from gapwalk.study.store.stored import load
     from gapwalk.study.sweep.options import SweepOptions
     from gapwalk.study.sweep.record import Sweep
@@ -132,6 +136,7 @@ __all__ = [
     "Limb",
     "Locus",
     "LocusStudyOptions",
+    "LyapunovOptions",
     "Map",
     "MapOptions",
     "MapStudyOptions",
@@ -157,11 +162,14 @@ __all__ = [
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
+    "SettleFinding",
     "SettleOptions",
+    "SettleStudyOptions",
     "Settled",
     "Shaft",
     "Shooting",
     "Side",
+    "Signal",
     "SpecialPoint",
     "Stage",
     "Study",
@@ -208,6 +216,7 @@ __all__ = [
     "on_cluster",
     "paper",
     "paper_numbers",
+    "plot",
     "rattle",
     "read_measurement",
     "read_studies",
@@ -217,6 +226,7 @@ __all__ = [
     "rest_of",
     "run",
     "save_html",
+    "save_tables",
     "search",
     "section",
     "settle",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kind import Kind
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import End
+from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.shown import Shown
@@ -102,6 +102,26 @@ class SpecialPoint(Shown):
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
 
 
+@dataclass(frozen=True)
+class Unexplained:
+    """A step of a branch in which more changes than its special points account for: something was missed there.
+
+    Attributes
+    ----------
+    first, last
+        Values of the parameter at the points before and after it.
+    text
+        What changes, in a sentence.
+    """
+
+    first: float
+    last: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
+
+
 @dataclass(frozen=True, eq=False)
 class Branch(Shown):
     """A family of orbits along one parameter.
@@ -140,12 +160,17 @@ class Branch(Shown):
         """One measure (see `Orbit.measure`) at each point, shape (points,)."""
         return np.array([point.measure(name) for point in self.points])
 
+    @property
+    def closed(self) -> bool:
+        """Whether the branch closed on itself: an isolated branch (isola), connected to no other."""
+        return self.ends[-1].reason is EndReason.CLOSED
+
     @cached_property
-    def unexplained(self) -> tuple[Any, ...]:
+    def unexplained(self) -> tuple[Unexplained, ...]:
         """Steps in which more changes than the special points between account for: something was missed there.
 
         Of the numbers of unstable multipliers, the direction, the sign of the determinant, and how often contacts
-        close. Each is a `gapwalk.bifurcation.counts.Unexplained`; a branch of which nothing is missing has none.
+        close. A branch of which nothing is missing has none.
         """
         from gapwalk.bifurcation.counts import unexplained_of
 
@@ -161,10 +186,13 @@ class Branch(Shown):
         return tuple(special for special in self.special_points if special.kind == kind)
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes."""
-        from gapwalk.plot import plot_branch
+        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes.
 
-        return plot_branch(self, measure, **options)
+        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, measure, **options)
 
     def to_dataframe(self, *measures: str) -> pandas.DataFrame:
         """The points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint, Unexplained
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason
@@ -77,26 +76,6 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         change = abs(then - now)
         if change > grazes or (grazes - change) % 2:
             yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """A step of a branch in which more changes than its special points account for: something was missed there.
-
-    Attributes
-    ----------
-    first, last
-        Values of the parameter at the points before and after it.
-    text
-        What changes, in a sentence.
-    """
-
-    first: float
-    last: float
-    text: str
-
-    def __str__(self) -> str:
-        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
 
 
 def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:

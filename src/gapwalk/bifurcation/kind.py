@@ -174,7 +174,7 @@ class Kind(str):
         NumericalError
             The same: if there are no orbits to compare it with.
         """
-        return location_error(search, zero, second)
+        return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
         """What the motions on both sides say of the point, in words; None if it is none after all."""

@@ -84,9 +84,8 @@ class _Corner:
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
-        self._touches = [first]
-        if at_once:
-            self._touches += [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
+        self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
+        self._touches = [first, *self._twins] if at_once else [first]
         self._posed = TouchEquation(equation, point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
@@ -156,8 +155,7 @@ class _Corner:
         """The special points between two labels, in order."""
         found: list[tuple[float, Kind, str]] = []
         if begin < 0.0:
-            names = [describe_switch(self._first.orbit, touch.switch) for touch in self._touches]
-            found = [(0.0, Kind.GRAZING, name) for name in names]
+            found = [(0.0, Kind.GRAZING, describe_switch(self._first.orbit, switch)) for switch in self._grazing(end)]
         nodes = self._resolved(sorted(label for label in self._points if label != 0.0))
         for kind in (each for each in Kind.known() if each.has_function):
             found += [(label, kind, "") for label in self._zeros(kind, nodes)]
@@ -178,6 +176,12 @@ class _Corner:
             counts = (before.instability, after.instability)
             nature = kind.nature(before, after) or ""
             yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
+
+    def _grazing(self, end: float) -> list[int]:
+        """The switches that graze: that of the touch, and those that pass their breakpoints at once with it."""
+        before, after = self._first.orbit.closings, self._at(end).orbit.closings
+        twins = (touch.switch for touch in self._twins)
+        return [self._touches[0].switch, *(switch for switch in twins if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:
         """A point between special points; where these are nearer to the graze than can be told, one just before it."""
@@ -240,7 +244,7 @@ class _Corner:
             beside = self._at(label + _NEAR)
         except NumericalError:
             return math.inf
-        off = abs(other.value - here.value)
+        off = abs(other.value - here.value) + self._held[label].error
         if kind is not Kind.GRAZING:
             rise = kind.at(beside) - kind.at(here)
             off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0

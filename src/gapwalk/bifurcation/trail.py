@@ -25,6 +25,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.motion.unit import magnitude
+from gapwalk.orbit.floating import floats, unheld
 from gapwalk.orbit.floquet import largest_move
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
@@ -126,8 +127,11 @@ class Trail(Iterator[Step]):
         self.walk = _walk(departure, options, resume and resume.walk)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
         self.detector = Detector(departure.corrector, self._kinds)
+        self._ways = unheld(self.first.orbit.system)
         if resume is not None:
             self.detector.restore(resume.detector)
+        if why := floats(self.walk.point.orbit, self._ways):
+            self.walk.finish(self.walk.point, End(EndReason.FLOATING, self.walk.point.value, why))
 
     @property
     def state(self) -> TrailState:
@@ -167,6 +171,9 @@ class Trail(Iterator[Step]):
                 self._end_at_parent(before, first)
                 self._explain_small_step(first)
                 raise
+            if why := floats(point.orbit, self._ways):
+                self.walk.finish(first, End(EndReason.FLOATING, first.value, why))
+                continue
             if self._grazes_sharply(first, point):
                 step = self._pass_graze(state.walk)
                 if step is not None:

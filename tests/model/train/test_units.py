@@ -9,7 +9,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
-from gapwalk.paper.cases import parameter_set
+from gapwalk.paper import parameter_set
 from tests.model.train.trains import DEGREE, by_hand, physical
 
 SCALES = gw.Scales(angle=3.0 * DEGREE, frequency=500.0, inertia=0.004)

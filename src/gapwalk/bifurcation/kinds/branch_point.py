@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.kind import Kind, Symbol
@@ -10,9 +12,12 @@ from gapwalk.bifurcation.second import ROUNDING, SAFETY, SecondOpinion
 from gapwalk.bifurcation.switch import from_crossing
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
+from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import Method
 
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
+_WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: where a contact grazes near, the branch is smooth in small ones only
+_SHARP = 1e-10  # error in scales of the parameter that no smaller window is asked to lessen
 
 
 class BranchPointKind(Kind):
@@ -44,7 +49,13 @@ class BranchPointKind(Kind):
         """Its bracket, and how far the crossing is off where the branch is posed otherwise."""
         point, scale = zero.point, float(search.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (search.first, search.last)]
-        off = abs(second.crossing(point, min(_AROUND, *ends)) - point.value)
+        off = math.inf
+        for share in _WINDOWS:
+            off = min(off, abs(_crossed(second, point, share * min(_AROUND, *ends)) - point.value))
+            if off < _SHARP * scale:
+                break
+        if off == math.inf:
+            return math.inf
         bracket = abs(float(point.tangent[-1])) * scale * zero.spread
         return float(bracket + SAFETY * off + ROUNDING * (abs(point.value) + scale))
 
@@ -59,3 +70,11 @@ class BranchPointKind(Kind):
             "a branch point has no locus in two parameters: it exists by a symmetry, and vanishes or persists with it; "
             "follow a fold, a flip, a neimark-sacker or a grazing point"
         )
+
+
+def _crossed(second: SecondOpinion, point: BranchPoint, reach: float) -> float:
+    """Where branches cross by a second opinion; infinite where the branch is not smooth within that reach."""
+    try:
+        return second.crossing(point, reach)
+    except NumericalError:
+        return math.inf

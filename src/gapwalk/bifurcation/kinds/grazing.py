@@ -8,6 +8,7 @@ import numpy as np
 
 from gapwalk.bifurcation.kind import Kind, Symbol
 from gapwalk.bifurcation.kinds.search import Search, Zero
+from gapwalk.bifurcation.second import SecondOpinion, location_error
 from gapwalk.bifurcation.stretch import Stretch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
@@ -15,6 +16,7 @@ from gapwalk.motion.motion import switch_names
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns, apart
 
+_EPS = float(np.finfo(float).eps)
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
 _BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down in any case
 _NEAR = 0.02  # of all extremes, how near is near
@@ -34,6 +36,10 @@ class Grazing(Kind):
     turn = 0
     symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
 
+    def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
+        """As told by both sides: the depth may rise on one of them and stay all but zero on the other."""
+        return location_error(zero, second, [search.near(zero.point), *search.known_sides(zero.point)])
+
     @property
     def no_locus(self) -> str:
         """It has one: the depth of the extremum that grazes is zero along it."""
@@ -48,6 +54,7 @@ class Grazing(Kind):
                 graze.spread,
                 lambda point, graze=graze: depth_near(point.orbit, graze.switch, graze.theta),
                 describe_switch(graze.point.orbit, graze.switch),
+                _EPS * float(np.abs(graze.point.orbit.extremes[:, :2]).max()),
             )
             for graze in find_grazing(search.stretch, search.before, search.first, search.last)
         ]
@@ -99,11 +106,10 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True
-        if change:
-            continue
+        # a pair that is born may graze once more than the change of the pattern tells: in, up to rest inside, and out
         if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
             return True
-        if before is not None and _may_touch(before, first, last, switch):
+        if not change and before is not None and _may_touch(before, first, last, switch):
             return True
     return False
 

@@ -46,6 +46,8 @@ class Zero:
         What is zero there, with a change of sign.
     contact
         For a grazing point: contact, stage and side that grazes; otherwise empty.
+    noise
+        Size of the function that is nothing but rounding.
     """
 
     kind: Kind
@@ -53,6 +55,7 @@ class Zero:
     spread: float
     function: Callable[[BranchPoint], float]
     contact: str = ""
+    noise: float = 0.0
 
 
 class Search:
@@ -129,6 +132,12 @@ class Search:
             return away[nearest]
         low, high = (each.arclength - point.arclength for each in (points[0], points[-1]))
         return self.stretch.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
+
+    def known_sides(self, point: BranchPoint) -> list[BranchPoint]:
+        """The nearest known points on both sides of another, but not those that crowd about it."""
+        offsets = [(each.arclength - point.arclength, each) for each in self.stretch.points]
+        sides = [[(abs(s), each) for s, each in offsets if s * way > _CROWDED] for way in (-1.0, 1.0)]
+        return [min(side, key=lambda known: known[0])[1] for side in sides if side]
 
     def sides(self, marks: list[float], index: int) -> tuple[BranchPoint, BranchPoint]:
         """Points on both sides of a special point: halfway to its neighbours, or these if they are the ends.

@@ -153,10 +153,10 @@ class Family(Shown):
         return tuple(strand for strand in self.strands if strand.kind == kind)
 
     def plot(self, **options: Any):
-        """Draw all members and their special points; `options` are those of `gapwalk.plot.plot_family`."""
-        from gapwalk.plot import plot_family
+        """Draw all members and their special points; options as in `gapwalk.plot.loci.draw_family`."""
+        from gapwalk.plot import draw
 
-        return plot_family(self, **options)
+        return draw(self, **options)
 
     def __getitem__(self, name: str) -> Strand:
         """The strand of a name."""

@@ -69,6 +69,7 @@ def begin_file(
         "title": study.title,
         "name": study.name,
         "text": study.text,
+        "matrices": study.matrices,
         "changes": [[name, value] for name, value in study.changes],
         "system": plain_system(study.system),
         "study": plain_options(study.options),

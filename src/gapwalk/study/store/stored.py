@@ -156,6 +156,7 @@ def _read(connection: sqlite3.Connection, about: dict[str, Any]) -> Stored:
         tuple((str(name), value) for name, value in about["changes"]),
         str(about["name"]),
         reduced_of(about.get("reduction")),
+        matrices=str(about.get("matrices", "")),
     )
     found = _found(connection, study, about)
     versions = {str(name): str(version) for name, version in about["versions"].items()}
