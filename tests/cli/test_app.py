@@ -57,8 +57,8 @@ def test_the_public_names_are_there() -> None:
         assert getattr(gw, name) is not None
         assert name in dir(gw)
     assert gw.paper.case("13").size == 2
-    with pytest.raises(AttributeError, match="no attribute 'walk'"):
-        gw.walk  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'stroll'"):
+        gw.stroll  # noqa: B018
 
 
 def test_help_names_every_command(capsys) -> None:

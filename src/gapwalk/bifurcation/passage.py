@@ -248,4 +248,4 @@ class _Corner:
         if kind is not Kind.GRAZING:
             rise = kind.at(beside) - kind.at(here)
             off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
-        return _SAFETY * off + ROUNDING * (abs(here.value) + scale)
+        return float(_SAFETY * off + ROUNDING * (abs(here.value) + scale))
