@@ -33,6 +33,7 @@ class ResultFile:
     def __init__(self, path: str | os.PathLike[str], study: Study, versions: dict[str, str], *, exists: bool) -> None:
         self.path, self.study, self.versions = path, study, versions
         self._connection: sqlite3.Connection | None = None
+        self._placed = False  # from then on, what has the file's name is this result
         if exists:
             self._connection = open_to_write(path)
             self.write(lambda connection: write_about(connection, "versions", versions))
@@ -50,12 +51,17 @@ class ResultFile:
         StoreError
             If the file cannot be written.
         """
-        if self._connection is None:
-            begin_file(self.path, self.study, self.versions, fill)
+        if self._connection is None and not (self._placed and os.path.exists(self.path)):
+            begin_file(self.path, self.study, self.versions, fill, self._place)
             self._connection = open_to_write(self.path)
-        else:
-            with transaction(self.path, self._connection):
-                fill(self._connection)
+            return
+        if self._connection is None:  # Ctrl-C came between the making of the file and its opening
+            self._connection = open_to_write(self.path)
+        with transaction(self.path, self._connection):
+            fill(self._connection)
+
+    def _place(self) -> None:
+        self._placed = True
 
     def close(self) -> None:
         """Close the file; it is then one file again."""

@@ -55,8 +55,12 @@ def begin_file(
     study: Study,
     versions: dict[str, str],
     fill: Callable[[sqlite3.Connection], object],
+    placed: Callable[[], object] = lambda: None,
 ) -> None:
     """Make a result file with what `fill` writes into it; what was there before is lost.
+
+    `placed` is called when the earlier file is removed, just before the new one gets its name: Ctrl-C may come right
+    after that, and the new file must not be taken for an earlier one then.
 
     A file of that name is at any moment either whole or not there.
 
@@ -89,6 +93,7 @@ def begin_file(
         finally:
             connection.close()
         remove(path)  # its log too, which must not be taken for that of the new file
+        placed()
         os.replace(new, path)
 
 
