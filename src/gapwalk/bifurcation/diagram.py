@@ -13,7 +13,7 @@ from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.notebook.shown import Shown
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 

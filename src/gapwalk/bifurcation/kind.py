@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.kinds.search import Search, Zero
     from gapwalk.bifurcation.second import SecondOpinion
     from gapwalk.continuation.range import Range
-    from gapwalk.orbit.equation import Method
+    from gapwalk.orbit.method import Method
 
 
 @dataclass(frozen=True, slots=True)

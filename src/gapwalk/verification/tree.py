@@ -8,12 +8,11 @@ from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin
 from gapwalk.bifurcation.doubling import halves_apart
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _CLOSE = 1e-2  # distance of the halves of an orbit within which a doubled branch may end before its parent
-_TRUNCATED = 30.0  # times what is neglected by which balanced orbits may differ, for that is not the same on both
+_TRUNCATED = 30.0  # times what is neglected by which orbits may differ, for that is not the same on both
 
 
 def verify_tree(ledger: Ledger, diagram: Diagram) -> None:
@@ -54,4 +53,4 @@ def _apart(special: SpecialPoint, orbit: Orbit) -> float:
 
 
 def _neglected(*orbits: Orbit) -> float:
-    return _TRUNCATED * max((orbit.truncation for orbit in orbits if isinstance(orbit, BalancedOrbit)), default=0.0)
+    return _TRUNCATED * max(orbit.truncation for orbit in orbits)

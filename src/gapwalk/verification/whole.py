@@ -15,10 +15,7 @@ from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Trail
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.orbit.balance import Balance, BalancedOrbit
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _POINTS = 6  # of a branch that is looked for: far enough from its beginning to tell it from others
@@ -51,7 +48,7 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
             if period is None or period > diagram.max_period or _is_told(diagram, limb, index):
                 continue
             fellows = [curves[each.name] for each in diagram.limbs if each.period == period]
-            missing = _is_missing(diagram, limb, special, fellows)
+            missing = _is_missing(diagram, special, fellows)
             spot = Spot(limb.name, f"special point {index} ({special.kind.value})", special.value)
             detail = f"a branch of period {period} leaves it, and is not there"
             ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
@@ -70,10 +67,11 @@ def _is_told(diagram: Diagram, limb: Limb, index: int) -> bool:
     return failed or len(diagram.attached(limb.name, index)) >= leaving
 
 
-def _is_missing(diagram: Diagram, limb: Limb, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
+def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
     """Whether a branch that leaves a special point lies on none of those that are there."""
     try:
-        departures = switch(special, diagram.parameter, diagram.within, _method(limb, special))
+        method = special.orbit.posed_in(len(special.point.x) - 1)
+        departures = switch(special, diagram.parameter, diagram.within, method)
         beginnings = [_beginning(departure) for departure in departures]
     except (NumericalError, ModelError):
         return False
@@ -85,12 +83,6 @@ def _beginning(departure: Departure) -> Orbit | None:
     """A motion of a branch a few points from its beginning; None if it has none."""
     points = [point for point, _ in Trail(departure, WalkOptions(max_points=_POINTS))]
     return points[len(points) // 2].orbit if points else None
-
-
-def _method(limb: Limb, special: SpecialPoint) -> Method:
-    if isinstance(special.orbit, BalancedOrbit):
-        return Balance(special.orbit.harmonics)
-    return Shooting(max(1, (len(special.point.x) - 1) // (2 * limb.branch.system.size)))
 
 
 def _overlap(one: Branch, other: Branch) -> bool:

@@ -13,7 +13,7 @@ from gapwalk.bifurcation.switch import from_crossing
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
 _WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: where a contact grazes near, the branch is smooth in small ones only

@@ -14,7 +14,7 @@ from gapwalk.bifurcation.nature import with_nature
 from gapwalk.bifurcation.switch import from_flip
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 
 class Flip(Kind):

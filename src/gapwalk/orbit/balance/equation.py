@@ -104,6 +104,11 @@ class BalanceEquation:
             )
 
     @property
+    def by_touches(self) -> None:
+        """None: no time of a contact is among its unknowns."""
+        return None
+
+    @property
     def tolerance(self) -> float:
         """Largest residual of an orbit, relative to the size of its lines."""
         return self.options.tolerance

@@ -19,8 +19,8 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.interruption import found_by
 from gapwalk.study.work.workers import Workers, workers
