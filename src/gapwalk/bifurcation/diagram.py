@@ -216,12 +216,11 @@ def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
 
 def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
     """The flip of a parent, or the branch point of a branch of equal period, that has an orbit; not the limb's own."""
-    kinds = {limb.period: Kind.BRANCH_POINT, limb.period / 2: Kind.FLIP}
     candidates = (
         (Origin(other.name, index), special)
         for other in diagram.limbs
         for index, special in enumerate(other.branch.special_points)
-        if special.kind is kinds.get(other.period)
+        if special.kind.ways and other.period * special.kind.times == limb.period
     )
     shared = [
         (abs(special.value - orbit.system[diagram.parameter]), origin)

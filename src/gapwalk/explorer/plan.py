@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.continuation.range import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
@@ -152,7 +152,7 @@ def _walk(action: Walk, shown: Shown) -> tuple[str, Task]:
 def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
-    if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT):
+    if not special.kind.ways:
         raise ModelError(
             f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point "
             "(BP)"
@@ -165,7 +165,7 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
         action.low,
         action.high,
         _measure(origin, orbit.system),
-        orbit.period * (2 if special.kind is Kind.FLIP else 1),
+        orbit.period * special.kind.times,
         tuple(orbit.state.tolist()),
         method=method_of(orbit, origin),
     )

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.membership import Curve, lies_on
@@ -44,8 +44,8 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
     curves = {limb.name: Curve(limb.branch) for limb in diagram.limbs}
     for limb in diagram.limbs:
         for index, special in enumerate(limb.branch.special_points):
-            period = _period_beyond(limb, special)
-            if period is None or period > diagram.max_period or _is_told(diagram, limb, index):
+            period = limb.period * special.kind.times
+            if not special.kind.ways or period > diagram.max_period or _is_told(diagram, limb, index):
                 continue
             fellows = [curves[each.name] for each in diagram.limbs if each.period == period]
             missing = _is_missing(diagram, special, fellows)
@@ -54,17 +54,11 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
             ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
 
 
-def _period_beyond(limb: Limb, special: SpecialPoint) -> int | None:
-    """The period of the branch that leaves a special point; None if none does."""
-    return {Kind.FLIP: 2 * limb.period, Kind.BRANCH_POINT: limb.period}.get(special.kind)
-
-
 def _is_told(diagram: Diagram, limb: Limb, index: int) -> bool:
     """Whether all that leaves a special point is there, or the diagram says that it could not be walked."""
     special = limb.branch.special_points[index]
-    leaving = 1 if special.kind is Kind.FLIP else 2
     failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
-    return failed or len(diagram.attached(limb.name, index)) >= leaving
+    return failed or len(diagram.attached(limb.name, index)) >= special.kind.ways
 
 
 def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:

@@ -26,6 +26,7 @@ class BranchPointKind(Kind):
     turn = 1
     symbol = Symbol("branch point (BP)", "BP", "P", 6.5, "purple")
     target = 1.0
+    ways = 2
     moves_through_one = True
     sign_change = "another branch crosses"
 

@@ -22,6 +22,7 @@ class Flip(Kind):
 
     symbol = Symbol("flip (PD)", "PD", "D", 4.3, "vermillion", (0.0, (4.5, 1.4)))
     target = -1.0
+    ways, times = 1, 2
     sign_change = "a flip is passed"
 
     def function(self, point: BranchPoint) -> float:
