@@ -9,7 +9,7 @@ special points between are sought and located on that scale.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -78,7 +78,7 @@ class _Corner:
     """The orbits about a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
 
     def __init__(
-        self, corrector: Corrector, by_touches: type[TouchEquation], point: BranchPoint, at_once: bool
+        self, corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint, at_once: bool
     ) -> None:
         self._corrector, self._by_touches, self._first = corrector, by_touches, point
         found = touches(point.orbit)
@@ -89,7 +89,7 @@ class _Corner:
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
         self._touches = [first, *self._twins] if at_once else [first]
-        self._posed = by_touches(corrector.equation, point.orbit, self._touches, corrector.scales)
+        self._posed = by_touches(point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
@@ -235,8 +235,7 @@ class _Corner:
             self._points, key=lambda label: label * self._way * self._posed.free
         )  # the easiest to begin from
         orbit = self._points[outermost].orbit
-        equation, scales = self._corrector.equation, self._corrector.scales
-        posed = self._by_touches(equation, self._first.orbit, self._touches, scales, 0.5 * LEAD)
+        posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
         return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
 
     def _error(self, kind: Kind, label: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -105,8 +106,8 @@ class OrbitEquation(Equation, Protocol):
         ...
 
     @property
-    def by_touches(self) -> type[TouchEquation] | None:
-        """The equation of the same orbits by the depth of their touches; None where the method has none."""
+    def by_touches(self) -> Callable[..., TouchEquation] | None:
+        """Makes the `TouchEquation` of the same orbits, from what that asks for beside them; None if there is none."""
         ...
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
 
@@ -96,11 +97,11 @@ class ShootingEquation:
             self.system.structure.place(self.parameter)
 
     @property
-    def by_touches(self) -> type[TouchEquation]:
+    def by_touches(self) -> Callable[..., TouchEquation]:
         """With a segment that begins just before each touch."""
         from gapwalk.orbit.touch import TouchEquation
 
-        return TouchEquation
+        return partial(TouchEquation, self)
 
     @property
     def tolerance(self) -> float:

@@ -207,7 +207,7 @@ class BalanceEquation:
 
     def doubt(self, orbit: Orbit) -> str:
         """Why a solution is no motion that can be trusted, and what to change; empty if it is one."""
-        if not isinstance(orbit, BalancedOrbit) or orbit.truncation <= self.options.error:
+        if orbit.truncation <= self.options.error:
             return ""
         text = (
             f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.4g} of the motion, and error = "
