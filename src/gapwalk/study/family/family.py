@@ -12,7 +12,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.study.family.job import FamilyJob, Report, Walk
 from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.over import Over
