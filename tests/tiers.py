@@ -4,8 +4,12 @@ Quick is what stands in these files and is not slow: rules, records and formulas
 file joins them that takes less than about three seconds of processor time.
 """
 
+from collections.abc import Iterable
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 TESTS = Path(__file__).parent
 
@@ -47,3 +51,10 @@ def is_quick(file: Path) -> bool:
     """Whether the tests of a file are quick."""
     name = file.relative_to(TESTS).as_posix() if file.is_relative_to(TESTS) else ""
     return any(fnmatch(name, pattern) for pattern in QUICK)
+
+
+def some_of(cases: Iterable[str | int], *kept: str | int) -> list[Any]:
+    """The cases of a broad test, of which `make test` keeps some and `make campaign` runs the others."""
+    cases = list(cases)
+    assert set(kept) <= set(cases)
+    return [pytest.param(case, marks=() if case in kept else pytest.mark.slow) for case in cases]

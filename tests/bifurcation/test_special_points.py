@@ -17,6 +17,7 @@ from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
 from tests.computed import paper_response
 from tests.independent import integrate
+from tests.tiers import some_of
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
@@ -40,7 +41,7 @@ def test_special_points_that_two_other_codes_agree_on(figure):
         assert special.uncertainty < 1e-10
 
 
-@pytest.mark.parametrize("figure", frequency_responses())
+@pytest.mark.parametrize("figure", some_of(frequency_responses(), "9b", "12", "13", "15", "23b", "25"))
 def test_every_frequency_response_of_the_paper_runs_through(figure):
     branch = paper_response(figure)
     assert branch.ends[-1].reason is EndReason.RANGE
@@ -69,7 +70,7 @@ def changes_are_explained(branch):
             assert abs(special.multiplier) == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("figure", ["13", "15", "23b", "26b"])
+@pytest.mark.parametrize("figure", some_of(["13", "15", "23b", "26b"], "13"))
 def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_steps(figure):
     coarse = paper_response(figure)
     fine = response(figure, walk=WalkOptions(initial_step=2e-4, largest_step=2e-3))
