@@ -10,8 +10,12 @@ PYTHON ?=
 WORKERS ?= 2
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
+# Bytecode is kept: each process of the tests would compile all of them anew.
+TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
+
 .DEFAULT_GOAL := help
-.PHONY: help demo paper docs screenshots explore browser test kernels check lint types bench campaign dense ranges fuzz lock clean
+.PHONY: help demo paper docs screenshots explore browser quick test tests kernels check lint types bench campaign slow \
+  dense ranges fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -28,13 +32,19 @@ explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)
 	@cp -n examples/*.toml examples/*.mtx examples/*.csv out/ || true
 	$(VENV)/bin/gapwalk explore out/clutch.toml
 
-# The kernels of harmonic balance are compiled beside the look at types: each process of the tests would do it anew.
-test: browser  ## lint, types and tests (WORKERS=4: the tests in as many processes)
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target check kernels
-	MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider --numprocesses=$(WORKERS) --dist=worksteal
+quick: lint  ## lint, and the tests that walk no branch (two minutes at most)
+	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal -m quick
 
+# The look at types fills what the tests leave of the cores while they wait for programs and pages.
+test: lint browser  ## lint, types and all tests that are not slow (WORKERS=4: the tests in as many processes)
+	@$(MAKE) --no-print-directory --jobs=2 types tests
+
+tests: kernels
+	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal
+
+# The kernels of harmonic balance are compiled before: each process of the tests would do it anew.
 kernels: $(STAMP)
-	@$(PY) -c "import gapwalk.orbit.balance.kernels"
+	@PYTHONDONTWRITEBYTECODE= $(PY) -c "import gapwalk.orbit.balance.kernels"
 
 # The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
 browser:
@@ -69,8 +79,13 @@ screenshots: $(STAMP) browser  ## make the pictures of the explorer and of a kep
 bench: $(STAMP)  ## measure the speed, beside the last time (benchmarks/history.jsonl)
 	$(PY) -m benchmarks --record
 
-campaign: $(STAMP)  ## the slow tests (minutes)
-	MPLBACKEND=Agg $(PY) -m pytest -m slow
+campaign: slow fuzz dense ranges  ## all that make test leaves out (hours; each of the four can be made alone)
+
+slow: kernels  ## the tests that are marked as slow (GAPWALK_KILLS=50: kills of each kind of job)
+	$(TESTS) -m slow
+
+fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
+	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py
 
 dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times smaller steps; goes on where it stopped
 	@mkdir -p out
@@ -79,9 +94,6 @@ dense: $(STAMP)  ## walk the paper's branches and 200 random ones with 20 times 
 ranges: $(STAMP)  ## walk 200 random systems over ranges up to 0.3 ... 1000, and compare; goes on where it stopped
 	@mkdir -p out
 	$(PY) -m tests.bifurcation.ranges out/ranges.jsonl
-
-fuzz: $(STAMP)  ## give the readers more nonsense (GAPWALK_FUZZ=2000 examples of each kind)
-	GAPWALK_FUZZ=$${GAPWALK_FUZZ:-2000} $(PY) -m pytest tests/faults/test_fuzz.py
 
 lock:  ## make requirements.lock again, with uv (LOCK_FLAGS=--upgrade for newer versions)
 	@command -v $(UV) >/dev/null || { \

@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -10,6 +11,8 @@ from hypothesis import settings
 from gapwalk.errors import Interrupted
 from gapwalk.study.work import workers
 from gapwalk.study.work.processes import Processes
+from tests import computed
+from tests.tiers import is_quick
 
 # the same examples each time: a check that fails once in a hundred runs says nothing to whoever broke it
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -18,6 +21,14 @@ settings.load_profile("repeatable")
 # what a shell runs in the background does not see Ctrl-C, which many tests are about
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def shared_values(tmp_path_factory) -> None:
+    """Let the processes of this run of the tests share what they compute (`tests/computed.py`)."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        computed.shared = tmp_path_factory.getbasetemp().parent / "computed"
+        computed.shared.mkdir(exist_ok=True)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -64,6 +75,19 @@ def hire() -> Iterator[Callable[[int], Processes]]:
 def kept_processes(hire, monkeypatch) -> None:
     """For tests of work by several processes in which it does not matter that they have worked before."""
     monkeypatch.setattr(workers, "Processes", hire)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where only quick tests are asked for, leave the other files unread: importing them takes as long."""
+    is_other = collection_path.suffix == ".py" and not is_quick(collection_path)
+    return True if config.option.markexpr == "quick" and is_other else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the quick tests."""
+    for item in items:
+        if is_quick(item.path) and not item.get_closest_marker("slow"):
+            item.add_marker(pytest.mark.quick)
 
 
 @pytest.hookimpl(wrapper=True)

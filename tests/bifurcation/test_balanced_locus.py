@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import pickle
-from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from gapwalk.orbit.method import Method
 from gapwalk.paper import case
 from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, locus, nearest, response
 from tests.bifurcation.test_many_degrees import rod
+from tests.computed import once
 from tests.systems import viscous_stop
 
 NEAR = ((0.15, 2.0), (0.24, 0.26))
@@ -31,7 +31,7 @@ def balance(harmonics: int) -> Balance:
     return Balance(harmonics, error=1.0)
 
 
-@lru_cache
+@once
 def balanced(mean: float = 0.25):
     """The frequency response of figure 13 at a mean load, with ten harmonics."""
     system = case("13").at({"mean.q1": mean})

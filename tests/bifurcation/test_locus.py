@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import pickle
-from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -19,18 +18,19 @@ from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
 from tests.bifurcation.test_special_points import lowest_deflection, preloaded, symmetric
+from tests.computed import once
 from tests.systems import viscous_stop
 
 WIDE = ((0.15, 2.0), (0.0, 1.0))
 
 
-@lru_cache
+@once
 def response(mean: float = 0.25, to: float = 0.25):
     """The frequency response of figure 13 at another mean load."""
     return follow(find_orbit(case("13").at({"mean.q1": mean}), frequency=2.0), "frequency", to=to)
 
 
-@lru_cache
+@once
 def locus(kind: Kind, index: int):
     """The locus of one special point of figure 13 in frequency and mean load."""
     return follow_locus(response().special(kind)[index], "frequency", "mean.q1", WIDE)
@@ -202,7 +202,7 @@ def test_a_flip_changes_its_nature_at_a_generalised_flip():
     assert np.log(wide / narrow) / np.log(far / near) == pytest.approx(2.0, abs=0.1)
 
 
-@lru_cache
+@once
 def islands():
     """Figures 27 and 28: for each the folds of the isolated branch, over the amplitude of the excitation."""
     found = {}

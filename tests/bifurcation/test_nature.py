@@ -14,6 +14,7 @@ from gapwalk.bifurcation.nature import with_nature
 from gapwalk.model import Harmonic, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
+from tests.computed import paper_response
 from tests.independent import integrate
 
 RANGES = {"13": (0.15, 2.0), "15": (0.15, 2.0), "29": (0.02, 1.0)}
@@ -25,7 +26,7 @@ def response(figure: str) -> Branch:
     low, high = RANGES[figure]
     if figure == "29":
         return follow(find_orbit(case("29").at({"harmonic1.amplitude": low})), "harmonic1.amplitude", to=high)
-    return follow(find_orbit(case(figure), frequency=high), "frequency", to=low)
+    return paper_response(figure)
 
 
 def flip_near(branch: Branch, value: float) -> SpecialPoint:

@@ -15,18 +15,20 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
+from tests.computed import paper_response
 from tests.independent import integrate
+from tests.tiers import some_of
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
 
-def response(figure: str, **options):
-    return follow(find_orbit(case(figure), frequency=2.0), "frequency", to=0.15, **options)
+def response(figure: str, walk: WalkOptions):
+    return follow(find_orbit(case(figure), frequency=2.0), "frequency", to=0.15, walk=walk)
 
 
 @pytest.mark.parametrize("figure", ["12", "13"])
 def test_special_points_that_two_other_codes_agree_on(figure):
-    found = [special for special in response(figure).special_points if special.kind is not Kind.GRAZING]
+    found = [special for special in paper_response(figure).special_points if special.kind is not Kind.GRAZING]
     assert len(found) == len(REFERENCE[figure])
     for expected in REFERENCE[figure]:
         special = min(found, key=lambda s: abs(s.value - expected["W"]) + 10 * (s.kind != expected["kind"]))
@@ -39,9 +41,9 @@ def test_special_points_that_two_other_codes_agree_on(figure):
         assert special.uncertainty < 1e-10
 
 
-@pytest.mark.parametrize("figure", frequency_responses())
+@pytest.mark.parametrize("figure", some_of(frequency_responses(), "9b", "12", "13", "15", "23b", "25"))
 def test_every_frequency_response_of_the_paper_runs_through(figure):
-    branch = response(figure)
+    branch = paper_response(figure)
     assert branch.ends[-1].reason is EndReason.RANGE
     assert branch.points[-1].value == 0.15
     for a, b in itertools.pairwise(branch.points):
@@ -68,9 +70,9 @@ def changes_are_explained(branch):
             assert abs(special.multiplier) == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("figure", ["13", "15", "23b", "26b"])
+@pytest.mark.parametrize("figure", some_of(["13", "15", "23b", "26b"], "13"))
 def test_nothing_is_missed_or_invented_beside_a_walk_with_ten_times_smaller_steps(figure):
-    coarse = response(figure)
+    coarse = paper_response(figure)
     fine = response(figure, walk=WalkOptions(initial_step=2e-4, largest_step=2e-3))
     assert len(fine.points) > 3 * len(coarse.points)
     assert [s.kind for s in coarse.special_points] == [s.kind for s in fine.special_points]
@@ -108,7 +110,7 @@ def test_grazing_points_are_where_a_contact_touches_whatever_the_steps(longest):
 
 
 def test_another_integrator_sees_the_touch_at_a_grazing_point():
-    special = next(each for each in response("13").special(Kind.GRAZING) if each.value < 1.0)
+    special = next(each for each in paper_response("13").special(Kind.GRAZING) if each.value < 1.0)
     system, full = special.orbit.system, 2 * np.pi / special.value
     theta = min(zip(*special.orbit.survey.turns[0], strict=True), key=lambda turn: abs(abs(turn[1]) - 1.0))[0]
     around = np.array([theta - 0.01, theta, theta + 0.01, 2 * np.pi]) / (2 * np.pi) * full
@@ -119,7 +121,7 @@ def test_another_integrator_sees_the_touch_at_a_grazing_point():
 
 def test_a_pair_of_grazing_points_within_one_step_is_found():
     # an extremum is born by the breakpoint and leaves it at once: neither end of the step shows a trace of the pair
-    branch = response("23b")
+    branch = paper_response("23b")
     pair = [s for s in branch.special(Kind.GRAZING) if 0.3126 < s.value < 0.3128]
     assert len(pair) == 2
     assert abs(pair[0].value - pair[1].value) < 2e-4
@@ -262,7 +264,7 @@ def test_symmetry_breaking_is_a_branch_point_where_asymmetric_motions_are_born()
 
 
 def test_special_points_say_how_stability_changes():
-    branch = response("13")
+    branch = paper_response("13")
     flips = branch.special("flip")
     assert [special.change for special in flips[:2]] == ["stable -> unstable(1)", "unstable(1) -> stable"]
     hopf = branch.special(Kind.NEIMARK_SACKER)

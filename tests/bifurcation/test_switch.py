@@ -15,13 +15,14 @@ from gapwalk.orbit import find_orbit
 from gapwalk.orbit.identity import is_same, true_period
 from gapwalk.paper import case
 from tests.bifurcation.test_special_points import symmetric
+from tests.computed import paper_response
 
 RANGE = (0.15, 2.0)
 
 
 @pytest.fixture(scope="module")
 def parent():
-    return follow(find_orbit(case("13"), frequency=2.0), "frequency", to=0.15)
+    return paper_response("13")
 
 
 def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):

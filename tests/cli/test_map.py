@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import signal
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,7 @@ from gapwalk.study.diagram import diagram as growing
 from gapwalk.study.map import charting
 from tests.cli.test_diagram import MODEL as SEVERAL
 from tests.study.same import assert_same_result
+from tests.waiting import until
 
 MODEL = (
     SEVERAL.partition("[[study]]")[0]
@@ -159,7 +160,7 @@ def test_a_picture_can_be_exported(result, capsys) -> None:
 
 def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturbed) -> None:
     program = command("run", str(clutch), "--output", "a.gapwalk")
-    wait_for_a_section("a.gapwalk")
+    until(lambda: has_sections("a.gapwalk"), "a section is stored")
     program.send_signal(signal.SIGINT)
     out, err = program.communicate()
     stopped = gw.load("a.gapwalk")
@@ -240,13 +241,7 @@ def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     assert shown[-1] == ("resonance", f"sections 2 of 2  loci 5  points {points}  last grazing-2")
 
 
-def wait_for_a_section(path: str) -> None:
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        try:
-            if gw.load(path).map.sections:
-                return
-        except StoreError:
-            pass
-        time.sleep(0.01)
-    pytest.fail("no section within 60 s")
+def has_sections(path: str) -> bool:
+    with suppress(StoreError):
+        return bool(gw.load(path).map.sections)
+    return False

@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from gapwalk.errors import StoreError
 from gapwalk.study.changes import parse_changes
 from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_result
+from tests.waiting import until
 
 # So many points that there is time to interrupt the walk.
 SLOWLY = ("--set", "study.walk.initial_step=0.001", "--set", "study.walk.largest_step=0.001")
@@ -89,7 +90,7 @@ def undisturbed(tmp_path_factory) -> gw.Result:
 
 def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
-    wait_for_points("a.gapwalk", 60)
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
     first.send_signal(signal.SIGINT)
     out, err = first.communicate()
     assert first.returncode == 130, (out, err)
@@ -103,7 +104,7 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbe
 
 def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
-    wait_for_points("a.gapwalk", 60)
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
     first.kill()
     first.communicate()
     resume_and_compare(model, gw.load("a.gapwalk"), undisturbed)
@@ -111,7 +112,7 @@ def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed)
 
 def test_ctrl_c_with_json_is_still_one_document(model, command) -> None:
     first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk", "--json")
-    wait_for_points("a.gapwalk", 60)
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
     first.send_signal(signal.SIGINT)
     out, _ = first.communicate()
     assert first.returncode == 130
@@ -124,16 +125,10 @@ def test_a_different_study_is_not_resumed(model, capsys) -> None:
     assert "stop.clearance is 0.9, and was 1.0" in capsys.readouterr().err
 
 
-def wait_for_points(path: str, count: int) -> None:
-    deadline = time.monotonic() + 120  # a busy machine takes half a minute to start a program
-    while time.monotonic() < deadline:
-        try:
-            if len(gw.load(path).branches[0].points) >= count:
-                return
-        except StoreError:
-            pass
-        time.sleep(0.01)
-    pytest.fail(f"no {count} points within 120 s")
+def points_in(path: str) -> int:
+    with suppress(StoreError):
+        return len(gw.load(path).branches[0].points)
+    return 0
 
 
 def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) -> None:

@@ -19,6 +19,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
 
+PATIENCE = 120.0  # seconds: nothing here takes a tenth of that on a machine that does nothing else
+
 READY = "Boolean(window.gapwalk?.page.about)"
 """A file is open on the page."""
 
@@ -57,12 +59,12 @@ def served(file: Path, port: int = 0, *, end: int = signal.SIGINT) -> Iterator[s
             yield server.stdout.readline().strip()
         finally:
             server.send_signal(end)
-        assert server.wait(20) in (0, 130, -end)
+        assert server.wait() in (0, 130, -end)
 
 
-def until(page: Page, condition: str, patience: float = 30.0) -> None:
+def until(page: Page, condition: str, patience: float = PATIENCE) -> None:
     """Wait until a condition holds on the page; its security policy lets no text be evaluated there by itself."""
-    end = time.monotonic() + patience  # seconds
+    end = time.monotonic() + patience
     while time.monotonic() < end:
         if page.evaluate(condition):
             return

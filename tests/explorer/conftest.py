@@ -1,6 +1,5 @@
 """A workspace with model files that are walked in a moment, and a server of it that tests ask without a network."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from starlette.testclient import TestClient
 from gapwalk.explorer.app import application
 from gapwalk.explorer.desk import Desk
 from tests import models
+from tests.waiting import until
 
 ORIGIN = "http://127.0.0.1"
 
@@ -68,9 +68,6 @@ def about(client: TestClient, file: str) -> dict[str, Any]:
 def wait(client: TestClient, file: str, key: str, *states: str) -> dict[str, Any]:
     """Wait until a result is in one of some states; by default, until it is over."""
     states = states or ("done", "stopped", "failed")
-    for _ in range(3000):
-        found = result_of(client, file, key)
-        if found["state"] in states:
-            return found
-        time.sleep(0.02)
-    raise AssertionError(f"{key} is still {found['state']}")
+    return until(
+        lambda: (found := result_of(client, file, key))["state"] in states and found, f"{key} is one of {states}"
+    )

@@ -106,7 +106,7 @@ def test_after_a_kill_and_a_restart_the_page_goes_on_by_itself(chrome, folder) -
         until(chrome, "[...gapwalk.curves.all.values()][0]?.count > 10")
     until(chrome, "document.getElementById('status').textContent.includes('does not answer')")
     with served(folder / "long.toml", port):
-        until(chrome, "gapwalk.page.results[0]?.state === 'stopped'", 60.0)
+        until(chrome, "gapwalk.page.results[0]?.state === 'stopped'")
         until(chrome, "[...gapwalk.curves.all.values()][0].count === gapwalk.page.results[0].branches[0].points")
         assert chrome.locator("#results button:text-is('Go on')").count() == 1
         assert "is being computed" not in chrome.inner_text("#results")

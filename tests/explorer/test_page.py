@@ -190,7 +190,7 @@ def test_each_signal_of_a_train_is_shown_and_none_in_the_place_of_another(page, 
     signals = page.evaluate("[...document.querySelectorAll('#signal option')].map((option) => option.value)")
     assert len(set(signals)) == len(signals)
     page.click("#compute")
-    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size > 0", patience=90.0)
+    until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size > 0")
     page.focus("#diagram")
     page.keyboard.press("Home")
     until(page, "Boolean(gapwalk.motion.motion)")

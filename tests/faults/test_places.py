@@ -21,6 +21,7 @@ from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
 from tests.study.sweeps import FOLDS, options
+from tests.waiting import children, ticks, until
 
 LONG = '[study]\nkind = "{kind}"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
 SMALL_STEPS = "[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
@@ -204,12 +205,12 @@ def test_sigterm_keeps_what_was_found_and_says_how_to_go_on(tmp_path, kind) -> N
     with subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
     ) as run:
-        end = time.monotonic() + (60.0 if kind == "response" else 8.0)  # a diagram stores whole branches
-        while time.monotonic() < end and not path.exists():
-            time.sleep(0.05)
-        time.sleep(1.0)
+        if kind == "response":
+            until(lambda: points_in(path) > 1, "points are stored")
+        else:  # a diagram stores whole branches; but one of its processes has begun to walk
+            until(lambda: sum(map(ticks, children(run.pid))) > 400, "its processes work")
         run.terminate()
-        _, told = run.communicate(timeout=60)
+        _, told = run.communicate()
     assert run.returncode == 143
     assert "interrupted" in told
     assert "semaphore" not in told
@@ -217,6 +218,12 @@ def test_sigterm_keeps_what_was_found_and_says_how_to_go_on(tmp_path, kind) -> N
     if kind == "response":
         assert "gapwalk run long.toml --output long.gapwalk --resume" in told
         assert len(gw.load(path).branches[0].points) > 1
+
+
+def points_in(path: Path) -> int:
+    with suppress(StoreError):
+        return len(gw.load(path).branches[0].points)
+    return 0
 
 
 def test_a_file_that_is_removed_while_a_sweep_goes_on(tmp_path) -> None:

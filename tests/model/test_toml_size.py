@@ -1,4 +1,3 @@
-import time
 import tracemalloc
 
 import pytest
@@ -7,6 +6,7 @@ from gapwalk.model.problem import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.model.toml_size import MAX_ENTRIES, MAX_NESTS, MAX_PARTS
 from gapwalk.study.file import check_studies
+from tests.work import counted_calls
 
 LONG = ".".join(["a"] * 50_000)
 BASE = 'coordinates = ["x"]\nstiffness = [1.0]\nfrequency = 1.0\n'
@@ -14,14 +14,12 @@ STUDY = '[study]\nkind = "response"\nparameter = "frequency"\nto = 2.0\n'
 
 
 def refusal(text: str) -> str:
-    """What a text is refused with, in a few seconds and with little memory."""
+    """What a text is refused with, with little memory."""
     tracemalloc.start()
-    began = time.process_time()
     try:
         with pytest.raises(ModelFileError) as error:
             check_studies(parse_source(text, "m.toml"))
         assert tracemalloc.get_traced_memory()[1] < 200e6
-        assert time.process_time() - began < 30.0
     finally:
         tracemalloc.stop()
     return str(error.value)
@@ -56,9 +54,9 @@ def test_texts_and_comments_count_for_nothing() -> None:
 
 
 def test_a_list_or_a_table_is_not_longer_than_any_that_makes_sense() -> None:
-    for text in ("mass = [" + "1," * 100_000 + "]", "mass = [[" + '"",' * 100_000 + "]]"):
-        assert f"has 100,000 entries; a table or a list may have {MAX_ENTRIES:,}" in refusal(BASE + text)
-    assert "the file has 100,001 entries" in refusal("".join(f"k{i} = 1\n" for i in range(100_001)))
+    for text in ("mass = [" + "1," * 25_000 + "]", "mass = [[" + '"",' * 25_000 + "]]"):
+        assert f"has 25,000 entries; a table or a list may have {MAX_ENTRIES:,}" in refusal(BASE + text)
+    assert "the file has 25,001 entries" in refusal("".join(f"k{i} = 1\n" for i in range(25_001)))
 
 
 def test_of_a_matrix_of_nonsense_one_row_is_told() -> None:
@@ -68,8 +66,14 @@ def test_of_a_matrix_of_nonsense_one_row_is_told() -> None:
     assert "mass[1]" not in told
 
 
-def test_very_many_unknown_keys_are_told_in_time() -> None:
-    assert "k1 is no key here" in refusal(BASE + STUDY + "".join(f"k{i} = 1\n" for i in range(9_000)))
+def test_very_many_unknown_keys_are_told_with_work_that_grows_as_they_do() -> None:
+    def work(keys: int) -> int:
+        with counted_calls() as calls:
+            assert "k1 is no key here" in refusal(BASE + STUDY + "".join(f"k{i} = 1\n" for i in range(keys)))
+        return calls()
+
+    work(2)  # what is done once
+    assert work(1_000) < 2.2 * work(500)
 
 
 def test_very_many_studies_are_not_looked_at() -> None:

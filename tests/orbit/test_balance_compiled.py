@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -42,6 +43,32 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
         compiled.kernel("f8(f8)")(abs)
 
 
+SMALL = """
+import numpy as np
+from gapwalk.orbit.balance.compiled import kernel, part
+
+@part
+def term(x, k):
+    return np.cos(k * x) / (k + 0.1) + x * np.exp(-k * x)
+
+@kernel("f8(f8[::1])")
+def total(x):
+    found = 0.0
+    for k in range(x.size):
+        found = found * x[k] + term(x[k], k)
+    return found
+
+print(total(np.random.default_rng(1).normal(size=50)).hex())
+"""
+
+
+def test_a_kernel_that_was_kept_computes_the_same_bits(tmp_path) -> None:
+    script = tmp_path / "small.py"
+    script.write_text(SMALL, encoding="utf-8")
+    twice_the_same([sys.executable, str(script)], tmp_path / "kept")
+
+
+@pytest.mark.slow
 def test_kernels_that_were_kept_compute_the_same_bits(tmp_path) -> None:
     """A part that is called may be another copy in the process that compiles it than in those that load it."""
     program = (
@@ -50,11 +77,16 @@ def test_kernels_that_were_kept_compute_the_same_bits(tmp_path) -> None:
         "branch = gw.follow(start, 'frequency', to=0.8, method=method); "
         "print([(point.x.tobytes().hex(), point.orbit.multipliers.tobytes().hex()) for point in branch.points])"
     )
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    twice_the_same([sys.executable, "-c", program], tmp_path)
+
+
+def twice_the_same(command: list[str], folder: Path) -> None:
+    """What a program prints as it compiles its kernels is what it prints as it loads them."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)}
 
     def run() -> bytes:
-        return subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, env=environment).stdout
+        return subprocess.run(command, check=True, capture_output=True, env=environment).stdout
 
     compiling = run()
-    assert list(tmp_path.rglob("*.nbc"))
+    assert list(folder.rglob("*.nbc"))
     assert run() == compiling

@@ -1,7 +1,6 @@
 """The picture of a sweep: all points, small files, strips of regimes, and time."""
 
 import io
-import time
 
 import numpy as np
 import pytest
@@ -51,13 +50,11 @@ def test_every_point_is_drawn_and_every_band_is_named() -> None:
     assert not [child for child in strips.get_children() if isinstance(child, PatchCollection)]
 
 
-def test_a_hundred_thousand_points_take_little_time_and_space() -> None:
+def test_a_hundred_thousand_points_are_few_things_to_draw() -> None:
     found = sweep_of([["not periodic"] * 1000, ["not periodic"] * 1000], points=100)
-    begun = time.process_time()
     figure = picture_of(found, "q3'")
-    png, svg = io.BytesIO(), io.BytesIO()
-    figure.savefig(png, format="png")
-    assert time.process_time() - begun < 5.0
+    assert len(figure.findobj()) < 1000
+    svg = io.BytesIO()
     figure.savefig(svg, format="svg")
     assert len(svg.getvalue()) < 2e6
     assert figure.axes[1].get_ylabel().startswith("q3'(0)")

@@ -4,8 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -13,6 +11,7 @@ import pytest
 from gapwalk.errors import WorkError
 from gapwalk.study.work.workers import sharing, workers
 from tests.study.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
+from tests.waiting import children, until
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -141,20 +140,9 @@ def start(tmp_path, work: str, pieces: str) -> subprocess.Popen:
     )
 
 
-def children(pid: int) -> list[int]:
-    """The worker processes of a process."""
-    found = []
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            parent = status.read_text().rpartition(")")[2].split()[1]
-            if parent == str(pid) and b"spawn_main" in (status.parent / "cmdline").read_bytes():
-                found.append(int(status.parent.name))
-    return found
-
-
 def test_a_script_needs_no_guard(tmp_path) -> None:
     program = start(tmp_path, "abs", "-1, -2")
-    out, err = program.communicate(timeout=60)
+    out, err = program.communicate()
     assert err == ""
     assert out.splitlines() == [f"master {program.pid}", "0", "1", "done"]
 
@@ -170,11 +158,8 @@ def test_no_process_outlives_its_master(tmp_path, how) -> None:
         os.killpg(program.pid, signal.SIGINT)  # as a terminal does
     else:
         program.kill()
-    _, err = program.communicate(timeout=20)
-    deadline = time.monotonic() + 10
-    while any(os.path.exists(f"/proc/{pid}") for pid in pids) and time.monotonic() < deadline:
-        time.sleep(0.02)
+    _, err = program.communicate()
     assert len(pids) == 2
-    assert not [pid for pid in pids if os.path.exists(f"/proc/{pid}")]
+    until(lambda: not [pid for pid in pids if os.path.exists(f"/proc/{pid}")], "they end")
     if how == "ctrl-c":
         assert err.count("Traceback") == 1  # that of the master alone

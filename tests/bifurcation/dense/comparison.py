@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,9 +51,13 @@ class Comparison:
         """Whether no special point is missing, none invented, and both walks went the same way."""
         return not self.missing and not self.invented and (not self.ends or self.ends[0] == self.ends[1])
 
-    def as_line(self) -> str:
-        """One line of JSON."""
-        return json.dumps(asdict(self))
+    def __str__(self) -> str:
+        if self.note:
+            return self.note
+        text = f"{self.shared} special points, {self.apart:.0e} apart, {self.points} points and {self.fine_points}"
+        for what, found in (("missing", self.missing), ("invented", self.invented)):
+            text += "".join(f"\n    {what}: {each}" for each in found)
+        return text if len(set(self.ends)) < 2 else f"{text}\n    ends: {self.ends}"
 
 
 def compare_walks(name: str, start: Orbit, parameter: str, to: float, max_points: int = 20_000) -> Comparison:

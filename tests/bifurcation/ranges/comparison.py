@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -73,9 +72,16 @@ class Comparison:
     walks: int = 0
     note: str = ""
 
-    def as_line(self) -> str:
-        """One line of JSON."""
-        return json.dumps(asdict(self))
+    @property
+    def agrees(self) -> bool:
+        """Whether there is no fault."""
+        return not self.faults
+
+    def __str__(self) -> str:
+        if self.note:
+            return self.note
+        faults = "".join(f"\n    {each}" for each in self.faults)
+        return f"{self.shared} special points in {self.walks} walks{faults}"
 
 
 def compare_ranges(name: str, system: System, verified: bool = True) -> Comparison:

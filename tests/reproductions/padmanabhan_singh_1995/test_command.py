@@ -30,6 +30,16 @@ def few(monkeypatch) -> None:
     monkeypatch.setattr(command, "CLAIMS", tuple(claim for claim in CLAIMS if claim.name == "12-folds"))
 
 
+def test_one_motion_is_one_document(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(command, "claims_about", lambda number: ())
+    assert main(["17", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["figure"], document["claims"]) == ("17", [])
+    assert document["results"]["17-near"]["attractor"]["label"] == "P3"
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.slow
 def test_one_figure_is_one_document(capsys) -> None:
     assert main(["13", "--json", "--slope", "reduced"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -1,0 +1,60 @@
+"""The three tiers of the tests: ``make quick``, ``make test``, and ``make campaign``, whose tests are marked as slow.
+
+Quick is what stands in these files and is not slow: rules, records and formulas that need no branch to be walked. A
+file joins them that takes less than about three seconds of processor time.
+"""
+
+from collections.abc import Iterable
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TESTS = Path(__file__).parent
+
+QUICK = (
+    "attractor/test_average.py",
+    "attractor/test_box.py",
+    "attractor/test_re*.py",
+    "attractor/test_rotation.py",
+    "attractor/test_section.py",
+    "attractor/test_spectrum.py",
+    "attractor/test_swarm.py",
+    "bifurcation/test_approach.py",
+    "bifurcation/test_campaign.py",
+    "bifurcation/test_events.py",
+    "bifurcation/test_grazing.py",
+    "cli/test_explore.py",
+    "cli/test_modes.py",
+    "continuation/test_corrector.py",
+    "continuation/test_step.py",
+    "faults/test_first_steps.py",
+    "model/test_[!lt]*.py",
+    "model/train/test_[!s]*.py",
+    "model/units/*.py",
+    "motion/test_hysteresis.py",
+    "motion/test_motion.py",
+    "motion/test_si*.py",
+    "motion/test_sy*.py",
+    "plot/test_colors.py",
+    "plot/test_alignment.py",
+    "release/test_names.py",
+    "reproductions/*/test_figures.py",
+    "reproductions/*/test_page.py",
+    "test_[!ri]*.py",
+)
+"""Patterns of files below the folder of the tests."""
+
+
+def is_quick(file: Path) -> bool:
+    """Whether the tests of a file are quick."""
+    name = file.relative_to(TESTS).as_posix() if file.is_relative_to(TESTS) else ""
+    return any(fnmatch(name, pattern) for pattern in QUICK)
+
+
+def some_of(cases: Iterable[str | int], *kept: str | int) -> list[Any]:
+    """The cases of a broad test, of which `make test` keeps some and `make campaign` runs the others."""
+    cases = list(cases)
+    assert set(kept) <= set(cases)
+    return [pytest.param(case, marks=() if case in kept else pytest.mark.slow) for case in cases]
