@@ -68,7 +68,7 @@ def test_the_error_of_a_noisy_record_is_its_noise(rattle) -> None:
 
 
 def test_a_record_that_suits_no_motion_is_refused(rattle) -> None:
-    with pytest.raises(ModelError, match=r"holds 0\.9.* forcing periods, but the motion repeats after 1 at"):
+    with pytest.raises(ModelError, match=r"covers 0\.9.* forcing periods, but the motion repeats after 1 at"):
         gw.align(rattle, record_of(rattle, periods=0.95), "q1''")
     with pytest.raises(ModelError, match="samples per forcing period; at least 8 are needed"):
         gw.align(rattle, record_of(rattle, samples=7.0), "q1''")
