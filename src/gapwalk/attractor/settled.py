@@ -23,7 +23,7 @@ class Settled(Shown):
     system
         The system that moves.
     strobes : shape (count, 2n)
-        The last states of the transient at theta = 0, a forcing period apart; positions, then velocities.
+        The last states of the transient at theta = 0, one forcing period apart; positions, then velocities.
     periods
         Length of the transient in forcing periods.
     converged

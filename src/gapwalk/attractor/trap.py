@@ -33,7 +33,7 @@ class Trap:
     Attributes
     ----------
     strobes : shape (m, 2n)
-        The states of the orbit, a forcing period apart.
+        The states of the orbit, one forcing period apart.
     shapes : shape (m, 2n, 2n)
         A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x - strobes[j])| <= 1``.
     """
