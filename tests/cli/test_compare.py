@@ -53,7 +53,7 @@ def test_a_smaller_tolerance_ends_with_another_code(results, capsys) -> None:
     assert "they differ by more than 1e-09" in out
     assert "use smaller steps" in out
     assert main(["compare", results[0], results[0], "--tolerance", "1e-4"]) == 0
-    assert "walk with smaller steps" not in capsys.readouterr().out
+    assert "use smaller steps" not in capsys.readouterr().out
 
 
 def test_json_is_one_document(results, capsys) -> None:
