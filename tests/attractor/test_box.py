@@ -46,7 +46,7 @@ def test_random_states_fill_a_box_evenly_and_repeatably():
         ({"q1": (-4, 4), "q3": 2.0}, {}, "q3 is 2.0; an axis of the plane needs a range"),
         ({"q1": (-4, 4), "q3": (0, 1, 2)}, {}, "write two finite numbers"),
         ({"q1": (-4, 4), "q3": (0, np.inf)}, {}, "write two finite numbers"),
-        ({"q1": (-4, 4), "q3": (0, 1)}, {"q1": 0.0}, "q1 is an axis of the plane and fixed too"),
+        ({"q1": (-4, 4), "q3": (0, 1)}, {"q1": 0.0}, "q1 is both an axis of the plane and fixed"),
         ({"q1": (-4, 4), "q3": (0, 1)}, {"q1'": (0, 1)}, "q1' is fixed at .*; it must be one number"),
     ],
 )

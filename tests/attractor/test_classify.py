@@ -234,7 +234,7 @@ def test_plain_values_and_pickles_lose_nothing(fig15, frequency):
     copied = pickle.loads(pickle.dumps(found))
     assert json.dumps(plain_attractor(copied)) == text
     assert repr(copied) == repr(found) == repr(again)
-    with pytest.raises(ValueError, match="none of this system"):
+    with pytest.raises(ValueError, match="do not belong to this system"):
         attractor_of(json.loads(text), ueda_system())
 
 

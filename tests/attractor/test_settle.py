@@ -76,7 +76,7 @@ def test_a_start_on_an_unstable_motion_is_left():
     assert unstable.instability.label == "below"
     found = settle(system, unstable.state)
     assert found.period == 2
-    assert "was pushed off" in found.evidence[0]
+    assert "was displaced from an unstable motion" in found.evidence[0]
 
 
 def test_a_start_next_to_a_weakly_unstable_motion_does_not_stay(fig15):
@@ -85,7 +85,7 @@ def test_a_start_next_to_a_weakly_unstable_motion_does_not_stay(fig15):
     unstable = gw.find_orbit(fig15, 3, [1.0643, 0.6204, 0.2334, -0.3085], frequency=0.8588)
     assert 1.00001 < np.abs(unstable.multipliers).max() < 1.001
     found = settle(unstable.system, unstable.state + 1e-4, SettleOptions(max_periods=4000))
-    assert "pushed off" in found.evidence[0]
+    assert "displaced from" in found.evidence[0]
     assert not found.converged
     assert "raise max_periods" in found.evidence[-1]
     found = settle(unstable.system, unstable.state + 1e-4, SettleOptions(max_periods=100_000))

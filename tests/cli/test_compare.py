@@ -39,7 +39,7 @@ def test_two_methods_agree(results, capsys) -> None:
     for words in (
         "first: a.gapwalk, A stop (by shooting)",
         "second: b.gapwalk, A stop (by harmonic-balance)",
-        "compared: curves over Ω in the space of mean.x, rms.x; lengths are shares of the ranges (Ω: 1.2)",
+        "compared: curves over Ω in the space of mean.x, rms.x; lengths are relative to the ranges (Ω: 1.2)",
         "grazing stop +",
         "they agree within 0.001",
     ):
@@ -51,9 +51,9 @@ def test_a_smaller_tolerance_ends_with_another_code(results, capsys) -> None:
     assert main(["compare", *results, "--tolerance", "1e-9"]) == 4
     out = capsys.readouterr().out
     assert "they differ by more than 1e-09" in out
-    assert "walk with smaller steps" in out
+    assert "use smaller steps" in out
     assert main(["compare", results[0], results[0], "--tolerance", "1e-4"]) == 0
-    assert "walk with smaller steps" not in capsys.readouterr().out
+    assert "use smaller steps" not in capsys.readouterr().out
 
 
 def test_json_is_one_document(results, capsys) -> None:
@@ -96,7 +96,7 @@ def test_model_files_are_run(model, results, capsys) -> None:
         (["a.gapwalk", "none.gapwalk"], "there is no file none.gapwalk"),
         (["a.gapwalk", "none.toml"], "none.toml"),
         (["a.gapwalk", "b.gapwalk", "--tolerance", "0"], "tolerance is 0; it must be > 0"),
-        (["a.gapwalk", "b.gapwalk", "--output", "a.pdf"], "a.pdf is no name for a picture; give it the ending .png"),
+        (["a.gapwalk", "b.gapwalk", "--output", "a.pdf"], "a.pdf is not a name for a picture; give it the ending .png"),
         (["a.gapwalk", "b.gapwalk", "--output", "a.png", "--measure", "half.y"], "there is no signal 'y'"),
     ],
 )

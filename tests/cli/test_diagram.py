@@ -125,7 +125,7 @@ def test_one_study_that_fails_does_not_stop_the_others(clutch, capsys) -> None:
     ("words", "message"),
     [
         (["--study", "lop"], "has no study 'lop'; did you mean loop?"),
-        (["--study", "loop", "--output", "x.png"], "x.png is no name for a result"),
+        (["--study", "loop", "--output", "x.png"], "x.png is not a name for a result"),
         (["--set", "study.loop.max_period=0"], 'study "loop".max_period is 0; it must be >= 1'),
         (["--set", "study.max_period=4"], 'study "curve".max_period is no key here'),
     ],

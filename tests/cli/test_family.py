@@ -74,7 +74,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(monkeypatch, capsys) -> Non
     assert "interrupted; 1 of 3 members are stored, joined at 0 places" in captured.err
     assert "gapwalk run x.toml --output x.gapwalk --resume" in captured.err
     assert main(["show", "x.gapwalk"]) == 0
-    assert "not complete: `gapwalk run` with --resume goes on with it" in capsys.readouterr().out
+    assert "not complete: `gapwalk run` with --resume continues it" in capsys.readouterr().out
     assert main(["export", "x.gapwalk", "--format", "png"]) == 0  # there is a picture of what there is
     assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert gw.load("x.gapwalk").complete

@@ -23,7 +23,7 @@ ENDINGS = {
     "regimes": ("cells",),
 }
 TOLD = {
-    "settle": ("P3: a motion that is periodic", "from a stable orbit of period 3", "lines of stage2", "stage2 -1"),
+    "settle": ("P3: periodic motion", "from a stable orbit of period 3", "lines of stage2", "stage2 -1"),
     "sweep": ("Ω from 0.5 to 0.6: 45 values", "up, start 1: 1 bands", "0.5 to 0.6: period 1, 45 values"),
     "basins": ("q1, q1': 100 x 90 cells", "period 1", "period 3"),
     "regimes": ("Ω, harmonic1.amplitude: 4 x 9 cells", "period 1", "2 cells classified again"),
@@ -102,7 +102,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         assert "gapwalk run x.toml --output x.gapwalk --resume" in captured.err
         assert set(os.listdir()) == {"x.toml", "x.gapwalk"}
         assert main(["show", "x.gapwalk"]) == 0
-        assert "not complete: `gapwalk run` with --resume goes on with it" in capsys.readouterr().out
+        assert "not complete: `gapwalk run` with --resume continues it" in capsys.readouterr().out
         assert main(["show", "x.gapwalk", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["complete"] is False
         if kind == "basins":  # of the others there is a picture at any time
@@ -146,7 +146,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     assert main(["run", "x.toml"]) == 3
     captured = capsys.readouterr()
     assert "gapwalk: nobody knows" in captured.err
-    assert "?: a motion that is undecided" in captured.out
+    assert "?: undecided motion" in captured.out
     assert gw.load("x.gapwalk").failures == ("nobody knows",)
 
 

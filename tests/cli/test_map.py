@@ -68,7 +68,7 @@ def test_a_map_is_run_and_told(clutch, capsys) -> None:
     text = capsys.readouterr().out
     assert "Ω from 1.1 to 1.4, mean.q1 from 0.2 to 0.3: 5 loci, 1 of fold, 2 of flip, 2 of grazing" in text
     count = sum(len(branch.special_points) for branch in gw.load("clutch.gapwalk").branches)
-    assert f"picked up at {count} special points of 2 branches, on sections at mean.q1 = 0.2, 0.3" in text
+    assert f"started from {count} special points of 2 branches, on sections at mean.q1 = 0.2, 0.3" in text
     assert "written: clutch.gapwalk, clutch.png, clutch.svg, clutch-points.csv, clutch-special-points.csv, " in text
     content = Path("clutch.gapwalk").read_bytes()
     assert main(["run", str(clutch)]) == 2

@@ -134,7 +134,7 @@ def test_what_the_record_does_not_determine_is_a_failure(files, capsys) -> None:
             ["rattle.toml", "rattle.csv", "--set", "measurement.time_scale=1"],
             "forcing periods, but the motion repeats after 1",
         ),
-        (["rattle.toml", "rattle.csv", "--output", "rattle.csv"], "rattle.csv is no name for a picture"),
+        (["rattle.toml", "rattle.csv", "--output", "rattle.csv"], "rattle.csv is not a name for a picture"),
         (["rattle.toml", "rattle.csv", "--set", "stage2.gap=1"], "there is no parameter 'stage2.gap'"),
     ],
 )

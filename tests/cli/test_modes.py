@@ -17,8 +17,8 @@ TRAIN = str(EXAMPLES / "train.toml")
 def test_it_shows_rest_and_modes_of_a_train(capsys) -> None:
     assert main(["modes", TRAIN]) == 0
     text = capsys.readouterr().out
-    assert "6 inertias, 3 shafts, 2 gears; free to turn as a whole" in text
-    assert "rests with clutch closed+ (stage2), third closed+, final closed+" in text
+    assert "6 inertias, 3 shafts, 2 gears; free to rotate as a whole" in text
+    assert "static equilibrium with clutch closed+ (stage2), third closed+, final closed+" in text
     system = gw.read_study(TRAIN, name="drive").system
     for frequency in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
         assert f" {frequency:.6g} " in text
@@ -28,7 +28,7 @@ def test_it_shows_rest_and_modes_of_a_train(capsys) -> None:
 def test_open_clearances_have_their_own_table(capsys) -> None:
     assert main(["modes", TRAIN, "--set", "mean.engine=3"]) == 0
     text = capsys.readouterr().out
-    assert "rests with clutch open, third closed+, final closed+" in text
+    assert "static equilibrium with clutch open, third closed+, final closed+" in text
     assert "with the first stage of every contact closed" in text
 
 

@@ -25,7 +25,7 @@ def test_modes_are_told_in_hertz_and_in_rpm(capsys) -> None:
     assert main(["modes", str(EXAMPLE)]) == 0
     text = capsys.readouterr().out
     assert "speed [rpm], order 2" in text
-    assert "rests with clutch closed+ (stage2): clutch 3.568 deg (force 11.08 N m)" in text
+    assert "static equilibrium with clutch closed+ (stage2): clutch 3.568 deg (force 11.08 N m)" in text
     system = gw.read_study(EXAMPLE, name="speed").system
     for rate in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
         assert f" {rate / (2 * math.pi):.6g} " in text

@@ -295,7 +295,7 @@ def test_a_screen_that_takes_nothing_is_told_and_is_no_bug(tmp_path) -> None:
                 [sys.executable, "-m", "gapwalk", *words], stdout=full, stderr=subprocess.PIPE, text=True, check=False
             )
         assert done.returncode == 2
-        assert done.stderr == "gapwalk: what the command prints cannot be written: No space left on device\n"
+        assert done.stderr == "gapwalk: the output of the command cannot be written: No space left on device\n"
 
 
 def test_no_screen_at_all(tmp_path, monkeypatch) -> None:

@@ -104,7 +104,7 @@ def test_what_cannot_be_matched_is_refused() -> None:
     with pytest.raises(ModelError, match=r"does not close under a deflection of 0 \+- 0.2"):
         gw.impact_damping_of(held(), C, 0.2)
     bare = clutch().at(frequency=1.5)
-    with pytest.raises(ModelError, match="other coordinates or contacts"):
+    with pytest.raises(ModelError, match="differ in their coordinates or contacts"):
         gw.match_impact_damping(gw.find_orbit(linear()), bare)
     none = System(("x",), [[1.0]], contacts=[Contact("stop", {"x": 1.0}, (Stage(0.5),))])
     with pytest.raises(ModelError, match="has the damping law 'none'; give it impact damping"):

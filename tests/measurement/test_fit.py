@@ -68,9 +68,9 @@ def test_the_error_of_a_noisy_record_is_its_noise(rattle) -> None:
 
 
 def test_a_record_that_suits_no_motion_is_refused(rattle) -> None:
-    with pytest.raises(ModelError, match=r"holds 0\.9.* forcing periods, but the motion repeats after 1 at"):
+    with pytest.raises(ModelError, match=r"covers 0\.9.* forcing periods, but the motion repeats after 1 at"):
         gw.align(rattle, record_of(rattle, periods=0.95), "q1''")
-    with pytest.raises(ModelError, match="samples a forcing period; at least 8 are needed"):
+    with pytest.raises(ModelError, match="samples per forcing period; at least 8 are needed"):
         gw.align(rattle, record_of(rattle, samples=7.0), "q1''")
     record = record_of(rattle)
     with pytest.raises(ModelError, match="it is constant"):
@@ -181,7 +181,7 @@ def test_a_fit_that_comes_to_the_end_of_its_branch_says_so(rattle) -> None:
     beyond = gw.find_orbit(rattle.system.at({"mean.q1": 0.6}))
     found = gw.fit(rattle, record_of(beyond, seed=7), ["mean.q1"], "q1''", phase=PHASE)
     if found["mean.q1"].value > 0.28:
-        assert "no minimum: the fit came to where the branch of this motion ends" in found.failures[0]
+        assert "no minimum: the fit reached the end of the branch of this motion" in found.failures[0]
     assert found["mean.q1"].value < 0.289
 
 
@@ -209,14 +209,14 @@ def test_an_unstable_motion_is_doubted(rattle) -> None:
     """Between the Neimark-Sacker points of its branch at mean.q1 = 0.255 and 0.287."""
     orbit = carry(rattle, rattle.system.at({"mean.q1": 0.27}))
     assert not orbit.stable
-    assert "unstable, so it is hardly what was measured" in gw.align(orbit, record_of(orbit), "q1").doubts[0]
+    assert "unstable, so it is probably not the measured one" in gw.align(orbit, record_of(orbit), "q1").doubts[0]
 
 
 def test_requests_that_make_no_sense_are_refused(rattle) -> None:
     record = record_of(rattle)
     with pytest.raises(ModelError, match=r"no parameter 'stage2\.gap'"):
         gw.fit(rattle, record, ["stage2.gap"], "q1''")
-    with pytest.raises(ModelError, match=r"mean\.q1 is to be fitted twice"):
+    with pytest.raises(ModelError, match=r"mean\.q1 is listed twice; name it once"):
         gw.fit(rattle, record, ["mean.q1", "mean.q1"], "q1''")
     with pytest.raises(ModelError, match=r"mean\.q1 begins at 0\.05, which does not lie between its bounds 0\.1 and 1"):
         gw.fit(rattle, record, ["mean.q1"], "q1''", bounds={"mean.q1": (0.1, 1.0)})
@@ -228,7 +228,7 @@ def test_requests_that_make_no_sense_are_refused(rattle) -> None:
         gw.FitOptions(0)
     with pytest.raises(ConvergenceError, match="no minimum was found with 1 orbits"):
         gw.fit(rattle, record_of(gw.find_orbit(rattle.system.at(GUESS))), NAMES, "q1''", options=gw.FitOptions(1))
-    with pytest.raises(ModelError, match=r"mean\.q3 was not fitted; fitted were mean\.q1"):
+    with pytest.raises(ModelError, match=r"mean\.q3 was not fitted; the fit has mean\.q1"):
         _ = gw.fit(rattle, record, ["mean.q1"], "q1''")["mean.q3"]
 
 

@@ -59,8 +59,8 @@ def test_a_mat_file_gives_the_same_record(tmp_path, shape) -> None:
         (rows(head="t,acceleration"), "no column 'time' for time"),
         (rows("3:0.3,x"), "line 5: acceleration is 'x'; it must be a number"),
         (rows("3:0.3"), "line 5: acceleration is missing; every line must have as many entries"),
-        (rows("3:0.3,nan"), "acceleration is no finite number in sample 4; cut the record there"),
-        (rows("3:0.3,1e999", "5:0.5,inf"), r"no finite number in sample 4 \(2 in all\)"),
+        (rows("3:0.3,nan"), "acceleration is not a finite number in sample 4; cut the record there"),
+        (rows("3:0.3,1e999", "5:0.5,inf"), r"not a finite number in sample 4 \(2 in all\)"),
         (rows("3:0.1,1"), r"time does not increase from sample 3 \(0.2\) to sample 4 \(0.1\)"),
         (rows("3:0.34,1"), r"time is uneven: its steps are 0.1, but 0.14 from sample 3 to sample 4 \(2 such steps\)"),
         (rows(count=5), "it has 5 samples; a record has 16 to 200,000"),
@@ -78,17 +78,17 @@ def test_files_that_are_no_records_are_refused(tmp_path) -> None:
     with pytest.raises(ModelError, match="cannot be read: No such file"):
         gw.read_measurement(tmp_path / "none.csv")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ModelError, match="no text in UTF-8"):
+    with pytest.raises(ModelError, match="not UTF-8 text"):
         gw.read_measurement(tmp_path / "x.csv")
     for content, told in (
-        (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "no MAT file of version 5 to 7"),
+        (b"MATLAB 5.0 MAT-file" + b"\x01" * 300, "not a MAT file of version 5 to 7"),
         (b"MATLAB 7.3 MAT-file, by" + b" " * 300, r"of version 7.3; save it with save\(..., '-v7'\)"),
         (b" " * 126 + b"IM" + b"\x0e\x00\x00\x00\x10\x00\x00\x00", "a damaged MAT file"),
     ):
         (tmp_path / "x.mat").write_bytes(content)
         with pytest.raises(ModelError, match=told):
             gw.read_measurement(tmp_path / "x.mat")
-    with pytest.raises(ModelError, match="no column 'accelaration' of a record; did you mean acceleration"):
+    with pytest.raises(ModelError, match="a record has no column 'accelaration'; did you mean acceleration"):
         gw.read_measurement(tmp_path / "x.csv", {"accelaration": "a"})
 
 
@@ -170,7 +170,7 @@ def test_angles_follow_the_measured_speed() -> None:
     exact = 2.0 * (3.0 * TIME + 0.02 * (1 - np.cos(TIME)))
     np.testing.assert_allclose(record.angles(6.0, 2.0), exact, atol=1e-4)
     assert record.frequency(2.0) == pytest.approx(float(exact[-1] / TIME[-1]), rel=1e-5)
-    with pytest.raises(ModelError, match=r"means an excitation of frequency 3\.00884, but the motion has 6"):
+    with pytest.raises(ModelError, match=r"corresponds to an excitation frequency of 3\.00884, but the motion has 6"):
         record.angles(6.0)
     plain = gw.Record(5.0 + TIME, TIME).between(6.0, 8.0)
     np.testing.assert_allclose(plain.angles(0.5), 0.5 * (plain.time - plain.time[0]))

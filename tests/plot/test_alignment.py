@@ -69,7 +69,7 @@ def test_loops_are_drawn_over_one_another() -> None:
     loops = [gw.hysteresis(clutch(**{"stage2.impact_damping": b}), 2.0) for b in (0.1, 0.2)]
     ax = draw(loops, ["light", "heavy"])
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert texts == [f"light: loss {loops[0].loss:.4g} a cycle", f"heavy: loss {loops[1].loss:.4g} a cycle"]
+    assert texts == [f"light: loss {loops[0].loss:.4g} per cycle", f"heavy: loss {loops[1].loss:.4g} per cycle"]
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), loops[1].force)
     mpl.pyplot.close(ax.figure)
     ax = loops[0].plot()

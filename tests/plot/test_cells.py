@@ -103,7 +103,7 @@ def test_regimes_have_a_legend_and_forces_a_scale(chart):
     assert np.array_equal(image_of(force).get_array(), chart.peak_force[..., 0])
     assert np.array_equal(image_of(impacts).get_array(), chart.impacts[..., 0])
     labels = [ax.get_ylabel() for ax in figure.axes[3:]]
-    assert labels == ["peak force of stage2", "impacts of stage2 a forcing period"]
+    assert labels == ["peak force of stage2", "impacts of stage2 per forcing period"]
     assert top.get_xlim() == (0.4, 1.0)
     assert (top.get_xlabel(), impacts.get_xlabel()) == ("", "excitation frequency Ω")
 

@@ -54,7 +54,7 @@ def test_the_legend_tells_what_there_is() -> None:
     figure = found.plot(figure=Figure(layout="constrained"))
     (legend,) = figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["stable", "unstable, beyond −1", "flip (PD)", "grazing", "two meet"]
+    assert texts == ["stable", "unstable, beyond −1", "flip (PD)", "grazing", "two special points meet"]
 
 
 def test_a_family_without_branches_has_no_picture(family) -> None:

@@ -65,8 +65,8 @@ def test_too_few_modes_are_told() -> None:
     for each in check.special:
         near = [other.value for other in theirs.special(each.special.kind)]
         assert min(abs(each.special.value - value) for value in near) <= each.error
-    assert "not found near by in the full system" in repr(check)
-    assert "none was found near by" in repr(lost[0])
+    assert "not found nearby in the full system" in repr(check)
+    assert "not found nearby" in repr(lost[0])
 
 
 @pytest.mark.parametrize("frequency", [0.22, 0.31, 0.36, 0.45])

@@ -190,7 +190,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
         (BASINS, "q1 = [-4.0, 4.0], ", "", "study.plane names 1 axis; write two axes, each with its range"),
         (BASINS, "q1 = [-4.0, 4.0]", "q2 = [-4.0, 4.0]", "there is no coordinate or velocity 'q2'"),
         (BASINS, "q1 = [-4.0, 4.0]", "q1 = [4.0, -4.0]", "the range of q1 is from 4 to -4: it is empty"),
-        (BASINS, "{ q3 = 0.5 }", "{ q1 = 0.5 }", "q1 is an axis of the plane and fixed too"),
+        (BASINS, "{ q3 = 0.5 }", "{ q1 = 0.5 }", "q1 is both an axis of the plane and fixed"),
         (BASINS, "[100, 90]", "[100, 90, 3]", "study.resolution is"),
         (BASINS, 'plane = { q1 = [-4.0, 4.0], "q1\'" = [-3.0, 3.0] }\n', "", "study.plane is missing; write two axes"),
         (REGIMES, '"up"', '"sideways"', 'study.carry is "sideways"; it must be one of "no", "up", "down"'),

@@ -1,4 +1,4 @@
-"""Where motions settle: transients, sections, spectra, Lyapunov exponents, the kinds of attractors, impacts."""
+"""Attractors and settled motions: transients, sections, spectra, Lyapunov exponents, classification, impacts."""
 
 from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.classify import ClassifyOptions, classify, identify

@@ -1,4 +1,4 @@
-"""How well two histories of one signal agree: rms difference, correlation, and the difference of their lines."""
+"""Agreement of two histories of one signal: rms difference, correlation, and differences of spectral lines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_BLOCK = 4096  # samples that are taken together where lines are fitted: memory stays small
+_BLOCK = 4096  # samples per block of the least-squares fit of lines: this bounds the memory
 
 
 class LinePair(NamedTuple):
@@ -21,7 +21,7 @@ class LinePair(NamedTuple):
     first, second
         Amplitudes.
     shift
-        Phase of the second line ahead of the first one, in radians between -pi and pi.
+        Phase of the second line minus that of the first one, in radians between -pi and pi.
     """
 
     order: float
@@ -31,24 +31,24 @@ class LinePair(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """By how much the second amplitude is larger."""
+        """Second amplitude minus first amplitude."""
         return self.second - self.first
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well two histories agree, their means left out: an accelerometer does not see them.
+    """Agreement of two histories after removal of their means, because an accelerometer does not measure the mean.
 
     Attributes
     ----------
     rms
         Root mean square of the difference, in the units of the signal.
     relative
-        The same, relative to the root mean square of the first history.
+        The rms difference divided by the root mean square of the first history.
     correlation
-        Pearson's coefficient of correlation: 1 where they have the same form.
+        Pearson's correlation coefficient: 1 if the histories are proportional.
     lines
-        Spectral lines of both, by order.
+        Spectral lines of both histories, by order.
     """
 
     rms: float
@@ -64,7 +64,7 @@ def agreement(
     orders: NDArray[np.float64],
     turns: int | None = None,
 ) -> Agreement:
-    """How well two histories agree at the same angles, over whole periods.
+    """Compare two histories that are sampled at the same angles over whole periods.
 
     Parameters
     ----------
@@ -73,9 +73,9 @@ def agreement(
     first, second : shape (samples,)
         The histories.
     orders : shape (lines,)
-        Multiples of the excitation frequency at which lines are wanted.
+        Multiples of the excitation frequency at which spectral lines are compared.
     turns
-        See `System.turns`: the orders of the lines are counted by it.
+        Forcing periods per turn of the shaft, as in `System.turns`; line orders are then counted per turn.
     """
     first, second = first - first.mean(), second - second.mean()
     rms, size = float(np.sqrt(np.mean((second - first) ** 2))), float(np.sqrt(np.mean(first**2)))
@@ -91,9 +91,10 @@ def agreement(
 def lines_of(
     theta: NDArray[np.float64], values: NDArray[np.float64], orders: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Complex amplitudes c of the sum of ``Re(c exp(i order theta))`` and a mean that fits best, shape (lines,).
+    """Fit ``Re(c exp(i order theta))`` plus a mean to a signal; return the complex amplitudes c, shape (lines,).
 
-    A fit by least squares needs neither a whole number of samples a period nor even ones, and nothing leaks.
+    A least-squares fit, unlike an FFT, does not need a whole number of samples per period or even spacing, and it has
+    no leakage.
     """
     count = len(orders)
     matrix, vector = np.zeros((2 * count + 1, 2 * count + 1)), np.zeros(2 * count + 1)
@@ -107,5 +108,5 @@ def lines_of(
 
 
 def orders_of(period: int, highest: float) -> NDArray[np.float64]:
-    """The orders of a motion of m forcing periods, up to the highest: multiples of 1/m."""
+    """Return the orders of a motion of m forcing periods up to the highest one: multiples of 1/m."""
     return np.arange(1, int(highest * period + 1e-9) + 1) / period

@@ -1,8 +1,8 @@
-"""Whether a motion is on its way into a stable orbit: seen by the return map about it, not by waiting.
+"""Test whether a motion converges to a nearby stable orbit, by the linearised return map instead of by waiting.
 
-Near a flip, a fold or a Neimark-Sacker point a motion may need 10^5 periods to come to rest on its attractor. It need
-not be followed that far: where several returns in a row do what the linearised return map of a stable orbit says, up to
-a fraction, and the distance shrinks in every mode, it will arrive.
+Near a flip, a fold or a Neimark-Sacker point a motion may need 10^5 periods to reach its attractor. It need not be
+followed that far. If several returns in a row agree with the linearised return map of a stable orbit, except for a
+given fraction, and the distance shrinks in every mode, the motion will reach the orbit.
 """
 
 from __future__ import annotations
@@ -22,38 +22,38 @@ from gapwalk.orbit.newton import Newton
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
-_RETURNS = 8  # returns that are watched
-_LINEAR = 0.2  # how far a return may differ from the linear one, relative to the distance from the orbit
-_SHARE = 0.5  # the least share of the linear rate at which modes must shrink, or grow
-_SLAVED = 0.05  # share of the distance below which a mode is not judged: it may follow the square of the slowest one
+_RETURNS = 8  # number of returns that are compared with the linear map
+_LINEAR = 0.2  # largest difference between a return and the linear one, relative to the distance from the orbit
+_SHARE = 0.5  # smallest fraction of the linear rate at which modes must shrink, or grow
+_SLAVED = 0.05  # fraction of the distance below which a mode is ignored: it may follow the square of the slowest one
 _ARRIVED = 1e-9  # distance from the orbit, relative to the motion, below which a motion has arrived
 _NEUTRAL = 1e-9  # distance of a multiplier from the unit circle below which it decides nothing
-_UNSTABLE = 1.0 + 1e-7  # the least multiplier that repels: without damping it is 1 but for rounding
-_LEAVING = 0.05  # distance, relative to the motion, below which it may be leaving an unstable orbit
-_GROWTH = 1.05  # of a deviation, over which that is watched
-_MOST = 3000  # forcing periods for which it is watched at most
-_PUSHED = 0.02  # distance to which it is pushed off, relative to the motion
-_NEAR = 0.2  # distance, relative to the motion, within which an orbit is worth a look
+_UNSTABLE = 1.0 + 1e-7  # smallest unstable multiplier: without damping a multiplier is 1 except for rounding
+_LEAVING = 0.05  # distance, relative to the motion, below which a motion may be leaving an unstable orbit
+_GROWTH = 1.05  # factor by which a deviation must grow before the growth is judged
+_MOST = 3000  # most forcing periods for which that growth is followed
+_PUSHED = 0.02  # distance to which a motion is displaced from an unstable orbit, relative to the motion
+_NEAR = 0.2  # distance, relative to the motion, within which an orbit is examined
 _NEWTON = Newton(iterations=8, halvings=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Approach:
-    """An orbit near a motion, and what the motion does there.
+    """An orbit near a motion, and the behaviour of the motion next to it.
 
     Attributes
     ----------
     orbit
         The orbit, of its smallest period; its state is the one next to the motion.
     converging
-        Whether the orbit is stable and the motion comes to rest on it, or is on it already.
+        True if the orbit is stable and the motion converges to it or has reached it.
     leaving
-        Whether the orbit is unstable and the motion is so near that it leaves as the linearised return map says, which
-        may take for ever.
+        True if the orbit is unstable and the motion leaves it as the linearised return map predicts. So near to the
+        orbit this may take arbitrarily long.
     distance
-        Of the motion from the orbit, relative to the size of the motion.
+        Distance of the motion from the orbit, relative to the size of the motion.
     strobes : shape (periods, 2n)
-        The motion while it was watched, a forcing period apart; perhaps none.
+        Strobes of the motion while it was compared with the orbit, one forcing period apart; may be empty.
     """
 
     orbit: Orbit
@@ -64,9 +64,9 @@ class Approach:
 
 
 def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int, least: float) -> Orbit | None:
-    """The orbit that Newton's method finds from a state, of its smallest period; None if there is none nearby.
+    """Find the orbit near a state by Newton's method, reduced to its smallest period; None if there is none nearby.
 
-    `least` is the smallest size of a motion, as by `size_of`: a state of rest has none of its own.
+    `least` is the smallest size of a motion, as in `size_of`: a static equilibrium has no size of its own.
     """
     try:
         if not _steps_nearby(strobe.system, state, period, least):
@@ -90,7 +90,7 @@ def _scale(orbit: Orbit, least: float) -> NDArray[np.float64]:
 
 
 def _steps_nearby(system: System, state: NDArray[np.float64], period: int, least: float) -> bool:
-    """Whether the first step of Newton's method stays near: on a torus or in chaos most lead nowhere, and far."""
+    """Return True if the first Newton step is short: on a torus or in chaos most steps are long and find no orbit."""
     equation = ShootingEquation(system, None, period)
     evaluation = equation.evaluate(state, 0.0)
     step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
@@ -98,11 +98,11 @@ def _steps_nearby(system: System, state: NDArray[np.float64], period: int, least
 
 
 def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float) -> Approach:
-    """Follow a motion over several returns beside an orbit, and judge whether it comes to rest there, or leaves."""
+    """Follow a motion over several returns near an orbit; report whether it converges to the orbit or leaves it."""
     scale = _scale(orbit, least)
     distance = float(np.abs((state - orbit.state) / scale).max())
     rate, none = float(np.abs(orbit.multipliers).max()), np.empty((0, len(state)))
-    if distance <= _ARRIVED:  # without damping an orbit may be neutral, and a motion that is on it stays there
+    if distance <= _ARRIVED:  # without damping the orbit may be neutral; a motion that is on it stays on it
         return Approach(orbit, rate <= 1.0 + _NEUTRAL, rate > _UNSTABLE, distance, none)
     unstable = rate > _UNSTABLE
     if abs(rate - 1.0) <= _NEUTRAL or (unstable and distance > _LEAVING):
@@ -111,7 +111,7 @@ def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float
     followed = strobe.run(state, _RETURNS * orbit.period)
     track = _returns(orbit, state, followed) / scale
     linear = modes.are_linear(track)
-    if unstable and linear:  # followed until its growth is seen beside all else that the motion does
+    if unstable and linear:  # follow it until the growth exceeds the other parts of the motion
         returns = int(np.clip(np.log(_GROWTH) / np.log(rate), _RETURNS, _MOST // orbit.period))
         followed = np.vstack((followed, strobe.run(followed[-1], (returns - _RETURNS) * orbit.period)))
         track = _returns(orbit, state, followed) / scale
@@ -121,17 +121,17 @@ def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float
 
 
 def _returns(orbit: Orbit, state: NDArray[np.float64], followed: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deviations from an orbit at each return, of a state and the strobes that follow it."""
+    """Return the deviations of a state and of the strobes that follow it from an orbit, at each return."""
     return np.vstack((state, followed[orbit.period - 1 :: orbit.period])) - orbit.state
 
 
 def pushed_off(orbit: Orbit, state: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """A state farther from an unstable orbit, in the unstable directions in which the motion leaves it already."""
+    """Displace a state farther from an unstable orbit, along the unstable directions in which it already moves away."""
     scale = _scale(orbit, least)
     modes = _Modes.of(orbit, scale)
     outside = np.abs(modes.values) > 1.0
     parts = np.where(outside, modes.sizes((state - orbit.state) / scale), 0.0)
-    if np.abs(parts).max() <= _ARRIVED:  # it sits there: any unstable direction will do
+    if np.abs(parts).max() <= _ARRIVED:  # the state is on the orbit: use all unstable directions
         parts = np.where(outside, 1.0, 0.0)
     away = np.real(modes.vectors @ parts)
     return orbit.state + scale * away * (_PUSHED / np.abs(away).max())
@@ -150,23 +150,23 @@ class _Modes(NamedTuple):
         return cls(values, vectors, np.linalg.pinv(vectors))
 
     def sizes(self, deviations: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Size of each mode in deviations, shape (..., 2n)."""
+        """Return the components of deviations, shape (..., 2n), in the modes."""
         return deviations.astype(np.complex128) @ self.inverse.T
 
     def are_linear(self, track: NDArray[np.float64]) -> bool:
-        """Whether each deviation is what the linear return map makes of the one before, but for a fraction of it."""
+        """Return True if each deviation agrees with the linear map of the one before, except for a given fraction."""
         modes = self.sizes(track)
         errors = np.linalg.norm(modes[1:] - modes[:-1] * self.values, axis=1)
         return bool(np.all(errors <= _LINEAR * np.linalg.norm(modes[:-1], axis=1) + self._floor))
 
     def shrink(self, track: NDArray[np.float64]) -> bool:
-        """Whether every mode that counts shrinks at half the slowest linear rate at least."""
+        """Return True if every significant mode shrinks at half the slowest linear rate or faster."""
         first, last = np.abs(self.sizes(track[[0, -1]]))
         wanted = float(np.abs(self.values).max()) ** (_SHARE * (len(track) - 1))
         return bool(np.all(last <= np.maximum(wanted * first, _SLAVED * np.linalg.norm(last)) + self._floor))
 
     def grow(self, track: NDArray[np.float64]) -> bool:
-        """Whether the unstable modes grow at half the linear rate at least."""
+        """Return True if the unstable modes grow at half the linear rate or faster."""
         outside = np.abs(self.values) > 1.0
         first, last = np.linalg.norm(self.sizes(track[[0, -1]])[:, outside], axis=1)
         wanted = float(np.abs(self.values).max()) ** (_SHARE * (len(track) - 1))

@@ -1,4 +1,4 @@
-"""The attractor: a motion on which others settle, of whatever kind, with what shows its kind."""
+"""The record of an attractor of any kind: a motion on which others settle, with the evidence for its kind."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class AttractorKind(StrEnum):
-    """What kind of motion an attractor is."""
+    """The kind of motion on an attractor."""
 
     PERIODIC = "periodic"
     QUASI_PERIODIC = "quasi-periodic"
@@ -31,21 +31,21 @@ class Attractor(Shown):
     Attributes
     ----------
     kind
-        Periodic, quasi-periodic, chaotic, or undecided.
+        Kind of motion: periodic, quasi-periodic, chaotic, or undecided.
     system
         The system that moves.
     period
-        m of a periodic one; the number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
+        Period m of a periodic motion; number of closed curves, visited in turn, of a quasi-periodic one; otherwise 0.
     strobes : shape (count, 2n)
-        States at theta = 0, a forcing period apart: the m of an orbit, or a sample of the motion.
+        States at theta = 0, one forcing period apart: all m of an orbit, or a sample of another motion.
     orbit
-        The orbit, if it is one.
+        The orbit of a periodic motion; otherwise None.
     lyapunov
         The Lyapunov exponents; those of an orbit follow from its multipliers.
     rotation
-        The rotation number of a quasi-periodic one.
+        The rotation number of a quasi-periodic motion.
     evidence
-        What the judgement rests on, in sentences.
+        The evidence for the kind, in sentences.
     """
 
     kind: AttractorKind

@@ -1,9 +1,9 @@
-"""Averages over a sequence that a motion leaves behind, with errors that know of its correlations.
+"""Averages over a sequence of values along a motion, with errors that allow for their correlation.
 
-Two estimators stand side by side. For regular motion (periodic or quasi-periodic) the weighted Birkhoff average
-converges faster than any power of the length (Das, Saiki, Sander and Yorke 2017, Nonlinearity 30, 4111-4140). For
-chaotic motion the plain mean does as well as any, and the error of it comes from averages over blocks of growing
-length (Flyvbjerg and Petersen 1989, J. Chem. Phys. 91, 461-466).
+There are two estimators. For regular motion (periodic or quasi-periodic) the weighted Birkhoff average converges
+faster than any power of the length (Das, Saiki, Sander and Yorke 2017, Nonlinearity 30, 4111-4140). For chaotic motion
+the plain mean is as good as any other estimator; its error is estimated from averages over blocks of growing length
+(Flyvbjerg and Petersen 1989, J. Chem. Phys. 91, 461-466).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _BLOCKS = 16  # the fewest blocks from which an error is estimated
-_PARTS = 4  # parts of the sequence whose weighted averages must agree
+_PARTS = 4  # parts of the sequence whose weighted averages are compared
 
 
 class Average(NamedTuple):
@@ -26,7 +26,7 @@ class Average(NamedTuple):
     mean, error : shape (columns,)
         The better of the two estimates, and its standard error.
     spread : shape (columns,)
-        How far the weighted averages of four parts of the sequence differ: small for regular motion only.
+        Range of the weighted averages of four parts of the sequence: small only for regular motion.
     """
 
     mean: NDArray[np.float64]
@@ -36,7 +36,7 @@ class Average(NamedTuple):
 
 @lru_cache(maxsize=32)
 def birkhoff_weights(count: int) -> NDArray[np.float64]:
-    """Weights ``exp(-1 / (t (1 - t)))`` of `count` values, with the sum 1."""
+    """Return `count` weights ``exp(-1 / (t (1 - t)))``, normalised to the sum 1."""
     t = np.arange(1, count + 1) / (count + 1)
     weights = np.exp(-1.0 / (t * (1.0 - t)))
     weights /= weights.sum()
@@ -45,19 +45,19 @@ def birkhoff_weights(count: int) -> NDArray[np.float64]:
 
 
 def birkhoff_mean(values: NDArray) -> NDArray:
-    """The weighted Birkhoff average over the first axis."""
+    """Compute the weighted Birkhoff average over the first axis."""
     return birkhoff_weights(len(values)) @ values
 
 
 def birkhoff_spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The range of the weighted averages of four equal parts of the sequence, for each column."""
+    """Compute the range of the weighted averages of four equal parts of the sequence, for each column."""
     length = len(values) // _PARTS
     parts = [birkhoff_mean(values[k * length : (k + 1) * length]) for k in range(_PARTS)]
     return np.ptp(parts, axis=0)
 
 
 def block_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard error of the plain mean for each column: the largest that any length of the blocks gives."""
+    """Estimate the standard error of the plain mean of each column: the largest value over all block lengths."""
     error = np.zeros(values.shape[1:])
     while len(values) >= _BLOCKS:
         error = np.maximum(error, values.std(axis=0, ddof=1) / np.sqrt(len(values)))
@@ -67,7 +67,7 @@ def block_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def average(values: NDArray[np.float64]) -> Average:
-    """Mean and error of each column of a sequence, shape (length, columns) with a length of at least 16."""
+    """Compute mean and error of each column of a sequence, shape (length, columns) with a length of at least 16."""
     plain, weighted = block_error(values), birkhoff_spread(values)
     rounding = np.finfo(float).eps * np.abs(values).max(axis=0)
     plain, weighted = np.maximum(plain, rounding), np.maximum(weighted, rounding)

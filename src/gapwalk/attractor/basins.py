@@ -22,20 +22,20 @@ _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 @dataclass(frozen=True)
 class Check:
-    """How far the labels hold: cells whose label was found again with the exact flow, and mended where it was wrong.
+    """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong.
 
     Attributes
     ----------
     cells, borders
-        Cells in the plane (or random starts), and those of them whose label differs from that of a neighbour, or that
-        are about one whose label was wrong.
+        Number of cells in the plane (or random starts); number of them whose label differs from that of a neighbour,
+        or that have a neighbour whose label was wrong.
     border_checked, border_wrong
-        Border cells that were checked, and those whose label had been wrong.
+        Border cells that were checked, and those of them whose label had been wrong.
     inner_checked, inner_wrong
-        The same of random ones of the other cells.
+        Random other cells that were checked, and those of them whose label had been wrong.
     shifted, shifted_wrong
-        Checked cells that were followed once more, from a state 1e-15 of its size aside, and those of them whose label
-        was another one then: rounding decides it.
+        Checked cells that were followed again from a state shifted by 1e-15 of its size, and those of them that then
+        got another label: rounding decides their label.
     """
 
     cells: int
@@ -49,17 +49,17 @@ class Check:
 
     @property
     def share(self) -> float:
-        """Estimated share of the cells whose label is still wrong, or decided by rounding."""
+        """Estimated fraction of the cells whose label is still wrong, or decided by rounding."""
         return self._still_wrong(_ratio)
 
     @property
     def limit(self) -> float:
-        """Upper limit of that share: each kind of cells at its limit (Clopper and Pearson) of 97.5 %."""
+        """Upper limit of that fraction: each group of cells at its 97.5 % limit (Clopper and Pearson)."""
         return self._still_wrong(_upper)
 
     @property
     def text(self) -> str:
-        """How far the labels hold, in one line."""
+        """The accuracy of the labels, in one line."""
         if not self.border_checked + self.inner_checked:
             return "not checked with the exact flow"
         text = f"{self.inner_wrong} of {self.inner_checked} cells differed from the exact flow"
@@ -75,7 +75,7 @@ class Check:
             (self.borders - self.border_checked, self.border_wrong, self.border_checked),
             (self.cells - self.borders - self.inner_checked, self.inner_wrong, self.inner_checked),
         ]
-        if self.shifted:  # results of older versions have none
+        if self.shifted:  # older results have no shifted cells
             groups.append((exact - self.shifted, self.shifted_wrong, self.shifted))
         wrong = sum(others * rate(wrong, checked) for others, wrong, checked in groups if others)
         return (wrong + self.shifted_wrong) / self.cells
@@ -92,19 +92,19 @@ class Basins(Shown):
     window
         The part of the plane.
     labels : shape (rows, columns)
-        For each cell, judged by the state at its centre: an index into `attractors`, or -1 (unresolved) or -2 (the
-        motion runs away). The first row is the lowest.
+        Label of each cell, from the state at its centre: an index into `attractors`, or -1 (unresolved) or -2 (the
+        motion diverges). The first row is the lowest.
     attractors
-        The attractors: periodic ones by period first, then the others; alike ones by the size of their basins.
+        The attractors: periodic ones first, by period, then the others; those of equal kind by size of their basins.
     check
-        How far the labels hold.
+        Accuracy of the labels.
     error
-        Of the fast flow over one forcing period, relative to the size of the motion, as seen beside the exact flow;
-        0 where that was used alone.
+        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+        flow; 0 if only the exact flow was used.
     complete
-        False if the work was stopped before its end; cells that were not reached are unresolved.
+        False if the computation was stopped before its end; the remaining cells are unresolved.
     notes
-        What could not be done, in sentences.
+        Sentences on what could not be computed.
     """
 
     system: System
@@ -129,27 +129,27 @@ class Basins(Shown):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the attractors are called; several of the same kind are told apart by letters."""
+        """Names of the attractors; letters distinguish several of the same kind."""
         return attractor_names(self.attractors)
 
     @property
     def cells(self) -> dict[str, int]:
-        """How many cells lead to each attractor, by its name."""
+        """Number of cells that lead to each attractor, by its name."""
         counts = Counter(self.labels.ravel().tolist())
         return {name: counts[index] for index, name in enumerate(self.names)}
 
     @property
     def unresolved(self) -> int:
-        """Number of cells that were found to lead to no known attractor."""
+        """Number of cells that lead to no known attractor."""
         return int(np.sum(self.labels == UNRESOLVED))
 
     @property
     def runaway(self) -> int:
-        """Number of cells from which the motion runs away."""
+        """Number of cells from which the motion diverges."""
         return int(np.sum(self.labels == RUNAWAY))
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the plane with its basins; options as in `gapwalk.plot.cells.draw_basins`. Returns the axes."""
+        """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes."""
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -163,18 +163,18 @@ class Basins(Shown):
 
 @dataclass(frozen=True)
 class Share:
-    """The share of random starts that lead to one attractor.
+    """The fraction of random starts that lead to one attractor.
 
     Attributes
     ----------
     name
-        What the attractor is called.
+        Name of the attractor.
     starts
         Number of starts that lead to it.
     share
-        Their share.
+        Fraction of the starts that lead to it.
     low, high
-        Confidence limits of the share of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
+        Confidence limits of the fraction of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
     """
 
     name: str
@@ -186,7 +186,7 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class BasinShares:
-    """How much of a box of initial states leads to each attractor, from random starts.
+    """Fractions of a box of initial states that lead to each attractor, estimated from random starts.
 
     Attributes
     ----------
@@ -201,11 +201,11 @@ class BasinShares:
     attractors
         As in `Basins`.
     confidence
-        Probability with which limits hold, for each share by itself.
+        Confidence level of the limits, for each fraction separately.
     complete, notes
         As in `Basins`.
     check
-        How far the labels hold.
+        Accuracy of the labels.
     error
         As in `Basins`.
     """
@@ -223,7 +223,7 @@ class BasinShares:
 
     @property
     def shares(self) -> tuple[Share, ...]:
-        """The share of each attractor, then of motions that run away and of unresolved ones, if there are any."""
+        """The share of each attractor, then of diverging motions and of unresolved ones if there are any."""
         names = dict(enumerate(attractor_names(self.attractors)))
         others = {RUNAWAY: "runs away", UNRESOLVED: "unresolved"}
         names |= {label: name for label, name in others.items() if np.any(self.labels == label)}
@@ -242,7 +242,7 @@ class BasinShares:
 
 
 def attractor_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
-    """``period 3``, ``quasi-periodic``, ``chaotic``; where several have the same name, a letter follows."""
+    """Return names such as ``period 3``, ``quasi-periodic``, ``chaotic``; a letter is added to equal names."""
     plain = [f"period {each.period}" if each.kind is AttractorKind.PERIODIC else each.kind.value for each in attractors]
     counts, seen, names = Counter(plain), Counter(), []
     for name in plain:
@@ -255,7 +255,7 @@ def attractor_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
 def in_order(
     attractors: Sequence[Attractor], labels: NDArray[np.int_]
 ) -> tuple[tuple[Attractor, ...], NDArray[np.int_]]:
-    """Attractors in the order of a record, whichever was found first, and the labels that go with it."""
+    """Sort attractors into the order of a record, independent of which was found first; renumber the labels."""
     counts = Counter(labels.ravel().tolist())
     order = sorted(
         range(len(attractors)),
@@ -263,7 +263,7 @@ def in_order(
     )
     places = np.empty(len(order) + 2, dtype=int)
     places[order] = np.arange(len(order))
-    places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # the last two places, which is where these labels point
+    places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # these negative labels index the last two entries
     return tuple(attractors[k] for k in order), places[labels]
 
 
@@ -272,7 +272,7 @@ def _ratio(wrong: int, checked: int) -> float:
 
 
 def _upper(wrong: int, checked: int) -> float:
-    """The limit of 97.5 per cent; 1 if nothing was checked."""
+    """Return the 97.5 per cent upper limit; 1 if nothing was checked."""
     if not checked:
         return 1.0
     from scipy.stats import binomtest  # imported late: it takes long

@@ -13,17 +13,17 @@ from gapwalk.model.problem import did_you_mean
 from gapwalk.model.system import System
 
 Range = Sequence[float] | float
-"""Two ends of a range, or one number for a coordinate that is fixed."""
+"""The two ends of a range, or one number for a fixed component."""
 
 
 def state_names(coordinates: Sequence[str]) -> tuple[str, ...]:
-    """Names of the components of a state: the coordinates, then their velocities (``q1'``)."""
+    """Return the names of the components of a state: the coordinates, then their velocities (``q1'``)."""
     return (*coordinates, *(f"{name}'" for name in coordinates))
 
 
 @dataclass(frozen=True)
 class Box:
-    """Initial states at theta = 0, each component within a range; where both ends are equal it is fixed.
+    """Initial states at theta = 0, each component within a range; a component with equal ends is fixed.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Box:
 
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Range]) -> Box:
-        """A box from ranges (two numbers) or values (one) by name; what is not named is 0.
+        """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0.
 
         Raises
         ------
@@ -61,14 +61,14 @@ class Box:
         return tuple(name for name, a, b in zip(self.names, self.low, self.high, strict=True) if a < b)
 
     def draw(self, count: int, seed: int) -> NDArray[np.float64]:
-        """Random states, evenly distributed over the box and repeatable, shape (count, 2n)."""
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, 2n)."""
         random = np.random.default_rng(seed)
         return random.uniform(self.low, self.high, (count, len(self.names)))
 
 
 @dataclass(frozen=True)
 class Window:
-    """A window on a plane of initial states: a box with two free components, seen as a picture.
+    """A window on a plane of initial states: a box with two free components.
 
     Attributes
     ----------
@@ -84,12 +84,12 @@ class Window:
 
     @classmethod
     def of(cls, system: System, ranges: Mapping[str, Sequence[float]], fixed: Mapping[str, float]) -> Window:
-        """The window on two components with their ranges, the horizontal one first; what is not fixed is 0.
+        """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0.
 
         Raises
         ------
         ModelError
-            Unless there are exactly two different ranges, and names that the system has.
+            Unless there are exactly two different ranges and all names belong to the system.
         """
         if len(ranges) != 2:
             raise ModelError(
@@ -98,7 +98,7 @@ class Window:
             )
         both = [name for name in ranges if name in fixed]
         if both:
-            raise ModelError(f"{both[0]} is an axis of the plane and fixed too; leave it out of the fixed ones")
+            raise ModelError(f"{both[0]} is both an axis of the plane and fixed; remove it from the fixed ones")
         for name, given in ranges.items():
             if isinstance(given, int | float):
                 raise ModelError(f"{name} is {given}; an axis of the plane needs a range such as (-4, 4)")
@@ -115,12 +115,12 @@ class Window:
         return (self.box.low[first], self.box.high[first]), (self.box.low[second], self.box.high[second])
 
     def centres(self, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres of `resolution` cells (columns, rows) along the two axes."""
+        """Return the centres of `resolution` cells (columns, rows) along the two axes."""
         across, up = (centres(ends, count) for ends, count in zip(self.within, resolution, strict=True))
         return across, up
 
     def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
-        """The states at the centres of all cells, row by row from the bottom, shape (rows * columns, 2n)."""
+        """Return the states at the centres of all cells, row by row from the bottom, shape (rows * columns, 2n)."""
         across, up = self.centres(resolution)
         states = np.tile(self.box.low, (len(across) * len(up), 1))
         states[:, self.box.names.index(self.across)] = np.tile(across, len(up))
@@ -129,7 +129,7 @@ class Window:
 
 
 def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
-    """Centres of `count` cells that divide a range evenly."""
+    """Return the centres of `count` cells that divide a range evenly."""
     low, high = within
     return low + (high - low) * (np.arange(count) + 0.5) / count
 

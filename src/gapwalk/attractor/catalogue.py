@@ -1,4 +1,4 @@
-"""The catalogue of the attractors of one system, which grows as states are found that lead to none of those known."""
+"""The catalogue of the known attractors of one system; it grows when a state leads to an attractor not yet in it."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from gapwalk.attractor.trap import trap_of
 from gapwalk.errors import FlowError
 from gapwalk.model.system import System
 
-_COMPARED = 64  # strobes of an attractor by which it is compared with those known
+_COMPARED = 64  # strobes with which a motion is compared with the known attractors
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """The known attractors of a system, and how motions are recognised as being at each of them.
+    """The known attractors of a system, each with a signature by which motions on it are recognised.
 
     Attributes
     ----------
     system
         The system.
     attractors, haunts
-        The attractors in the order in which they were found, and the place of each.
+        The attractors in the order in which they were found, and the signature of each.
     """
 
     system: System
@@ -37,22 +37,22 @@ class Catalogue:
     haunts: tuple[Haunt, ...] = ()
 
     def with_one_more(self, attractor: Attractor) -> Catalogue:
-        """The catalogue with an attractor at its end."""
+        """Return a copy of the catalogue with one more attractor at its end."""
         return Catalogue(self.system, (*self.attractors, attractor), (*self.haunts, haunt_of(attractor)))
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is done to find where states lead.
+    """Limits on the work of finding the attractors to which states lead.
 
     Parameters
     ----------
     longest
-        The most forcing periods that a motion is followed by the fast flow.
+        The most forcing periods for which a motion is followed with the fast flow.
     max_period
-        The longest period m of an orbit that is looked for.
+        The longest period m of the orbits that are searched for.
     tries
-        The most motions that are settled and classified one by one, with the exact flow.
+        The most motions that are settled and classified one by one with the exact flow.
     """
 
     longest: int
@@ -61,7 +61,7 @@ class Effort:
 
 
 def haunt_of(attractor: Attractor) -> Haunt:
-    """The place of an attractor."""
+    """Build the signature of an attractor."""
     trap = None if attractor.orbit is None else trap_of(attractor.orbit)
     return Haunt(trap, attractor.strobes, size_of(attractor.system, attractor.strobes))
 
@@ -69,23 +69,23 @@ def haunt_of(attractor: Attractor) -> Haunt:
 def explore(
     catalogue: Catalogue, advance: Advance, states: NDArray[np.float64], effort: Effort
 ) -> tuple[Catalogue, NDArray[np.int_]]:
-    """Sort states that lead to no known attractor: the first of them is settled and classified, and so on.
+    """Classify states that lead to no known attractor: settle the first, sort the others by its attractor, and repeat.
 
     Parameters
     ----------
     catalogue
-        What is known already.
+        The attractors known so far.
     advance
         The flow of many motions.
     states : shape (count, 2n)
         The states.
     effort
-        How much is done.
+        Limits on the work.
 
     Returns
     -------
-    The catalogue with the attractors that were found, and the label of each state, an index into it or UNRESOLVED or
-    RUNAWAY.
+    The catalogue with the attractors that were found, and the label of each state: an index into the catalogue, or
+    UNRESOLVED or RUNAWAY.
     """
     states = np.array(states, dtype=float)
     labels = np.full(len(states), UNRESOLVED)
@@ -96,7 +96,7 @@ def explore(
         first, rest = rest[0], rest[1:]
         known = len(catalogue.attractors)
         catalogue, labels[first] = _settle_one(catalogue, states[first], effort)
-        if labels[first] == known:  # it is a new one, to which others may lead too
+        if labels[first] == known:  # a new attractor, to which others may lead too
             found = sort_states(advance, states[rest], catalogue.haunts, effort.longest)
             states[rest], labels[rest] = found.states, found.labels
             rest = rest[found.labels == UNRESOLVED]
@@ -104,7 +104,7 @@ def explore(
 
 
 def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], effort: Effort) -> tuple[Catalogue, int]:
-    """The label of one state by the exact flow, and the catalogue with its attractor if that is new."""
+    """Label one state with the exact flow; return the catalogue, extended if its attractor is new, and the label."""
     options = ClassifyOptions(settle=SettleOptions(max_period=effort.max_period))
     try:
         attractor = classify(catalogue.system, state, options)

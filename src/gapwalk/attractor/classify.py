@@ -1,4 +1,4 @@
-"""Classify: which kind of motion a start settles on, with the evidence."""
+"""Classification of the attractor on which a motion settles, with the evidence."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit
 
 _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
-_KEPT = 2048  # strobes that an attractor keeps
+_KEPT = 2048  # strobes stored in an attractor
 _RELAXED = 12.0  # a torus counts as reached when its slowest mode has decayed by exp(-12)
-_AGAIN = 512  # forcing periods after which a chaotic motion is looked at again: its chaos may have been a transient
-_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, from which any period is tried
-_LEAD = 1e-3  # the largest error of the leading exponent, a forcing period, with which a torus is told from chaos
+_AGAIN = 512  # forcing periods after which a chaotic motion is examined again: its chaos may have been a transient
+_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, below which any period is tried
+_LEAD = 1e-3  # largest error of the leading exponent per forcing period with which a torus differs from chaos
 
 
 @dataclass(frozen=True, slots=True)
 class ClassifyOptions:
-    """How to classify.
+    """Options of the classification of a motion.
 
     Parameters
     ----------
     settle, lyapunov
-        How to settle, and how long to average the exponents.
+        Options of the transient and of the average of the exponents.
     zero
-        Size of an exponent, a forcing period, below which it may be that of a torus.
+        Size of an exponent per forcing period below which it may be that of a torus.
     errors
-        Standard errors by which an exponent must differ from zero to count as different.
+        Number of standard errors by which an exponent must differ from zero to count as different.
     """
 
     settle: SettleOptions = field(default_factory=SettleOptions)
@@ -51,7 +51,7 @@ class ClassifyOptions:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.zero <= 0.01:
-            raise ModelError(f"zero is {self.zero!r}; it must lie between 0 and 0.01, a forcing period")
+            raise ModelError(f"zero is {self.zero!r}; it must lie between 0 and 0.01 per forcing period")
         if not self.errors >= 1.0:
             raise ModelError(f"errors is {self.errors!r}; it must be at least 1 standard error")
 
@@ -73,27 +73,27 @@ def classify(
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
-        How to settle and how to judge.
+        Options of the transient and of the classification.
     at, **values
         Parameter values to change first.
 
     Raises
     ------
     ModelError
-        For a start or a parameter that makes no sense.
+        For an invalid start or parameter.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     options = options or ClassifyOptions()
     return identify(settle(system, start, options.settle, at=at, **values), options)
 
 
 def identify(settled: Settled, options: ClassifyOptions | None = None) -> Attractor:
-    """The attractor of a motion that has settled.
+    """Classify the attractor of a motion that has settled.
 
-    Periodic: the stable orbit that `settle` found. Chaotic: the largest exponent is positive by several errors, and the
-    motion, looked at again, has still not come to rest. Quasi-periodic: the largest exponent is zero within its error,
-    and the strobes go round closed curves with a rotation number that converges. Otherwise undecided.
+    Periodic: `settle` found a stable orbit. Chaotic: the largest exponent is positive by several errors, and the motion
+    has still not converged to an orbit when it is examined again. Quasi-periodic: the largest exponent is zero within
+    its error, and the strobes go round closed curves with a rotation number that converges. Otherwise: undecided.
     """
     options = options or ClassifyOptions()
     if settled.orbit is not None:
@@ -101,7 +101,7 @@ def identify(settled: Settled, options: ClassifyOptions | None = None) -> Attrac
     settled, measured = _measured(settled, options)
     orbit = _late_orbit(settled, measured, options)
     if orbit is not None:
-        return _periodic(orbit, (*settled.evidence, "it came to rest while its exponents were averaged"))
+        return _periodic(orbit, (*settled.evidence, "it converged to an orbit while its exponents were averaged"))
     verdict = _judge(settled, measured, options)
     strobes = measured.strobes[-_KEPT:]
     curves = 0 if verdict.rotation is None else verdict.rotation.curves
@@ -137,7 +137,7 @@ def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
 
 
 def _measured(settled: Settled, options: ClassifyOptions) -> tuple[Settled, _Measured]:
-    """The exponents; a torus that is approached slowly is settled further first, until its slowest mode has decayed."""
+    """Compute the exponents; first settle a slowly approached torus further, until its slowest mode has decayed."""
     measured = _Measured(*lyapunov_run(settled.system, settled.state, options.lyapunov))
     missing = _missing_periods(measured.exponents, settled.periods, options)
     if missing <= 0:
@@ -159,14 +159,14 @@ def _missing_periods(exponents: Lyapunov, periods: int, options: ClassifyOptions
 
 
 def _decay(exponents: Lyapunov, options: ClassifyOptions) -> float:
-    """Rate a forcing period of the slowest mode that decays; 0 if none does."""
+    """Return the decay rate per forcing period of the slowest decaying mode; 0 if no mode decays."""
     rates, errors = exponents.per_period, exponents.errors_per_period
     falling = rates[rates < -np.maximum(options.zero, options.errors * errors)]
     return -float(falling.max()) if len(falling) else 0.0
 
 
 def _late_orbit(settled: Settled, measured: _Measured, options: ClassifyOptions) -> Orbit | None:
-    """The orbit on which the motion has come to rest meanwhile, perhaps one of a long period; None if on none."""
+    """Return the orbit to which the motion has converged meanwhile, if any; its period may be long."""
     again = replace(options.settle, max_periods=_AGAIN)
     orbit = settle(settled.system, measured.strobes[-1], again).orbit
     if orbit is not None:
@@ -180,7 +180,7 @@ def _late_orbit(settled: Settled, measured: _Measured, options: ClassifyOptions)
 
 
 def _returns(system: System, strobes: NDArray[np.float64]) -> list[Recurrence]:
-    """Periods after which the last strobes return as closely as no torus and no chaos does, be it ever so small."""
+    """Find periods after which the last strobes return more closely than on any torus, however small, or in chaos."""
     tail = strobes[-_KEPT:]
     tail = tail - tail.mean(axis=0)
     return recurrences(tail / size_of(system, tail), len(tail) // 2, _TIGHT)
@@ -189,9 +189,9 @@ def _returns(system: System, strobes: NDArray[np.float64]) -> list[Recurrence]:
 def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _Verdict:
     lead = float(measured.exponents.per_period[0])
     error = float(measured.exponents.errors_per_period[0])
-    text = f"its largest exponent is {lead:.3g} +- {error:.1g} a forcing period"
+    text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
-        if measured.exponents.regular:  # a regular motion that stays where it is has no positive exponent
+        if measured.exponents.regular:  # a regular motion on an attractor has no positive exponent
             return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",))
         return _Verdict(AttractorKind.CHAOTIC, None, (f"{text}: positive",))
     if lead < -options.zero and lead < -options.errors * error:
@@ -210,11 +210,11 @@ def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _
     zeros = int(np.sum(np.abs(measured.exponents.per_period) <= options.zero))
     if zeros > 1 and measured.exponents.regular and settled.converged:
         return _Verdict(AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as are {zeros - 1} others",))
-    return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: not told from zero, and its strobes lie on no curve",))
+    return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: zero within its error, but its strobes lie on no curve",))
 
 
 def _enough(settled: Settled, measured: _Measured) -> NDArray[np.float64]:
-    """As many strobes as a rotation number needs."""
+    """Return enough strobes for a rotation number; follow the motion further if necessary."""
     missing = _STROBES - len(measured.strobes)
     if missing <= 0:
         return measured.strobes

@@ -1,4 +1,4 @@
-"""Two motions side by side, as under two damping laws: histories, spectra, and how well they agree."""
+"""Comparison of two motions, for example under two damping laws: histories, spectra, and their agreement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gapwalk.errors import ModelError
 from gapwalk.motion.motion import force_of, integrate
 from gapwalk.orbit.orbit import Orbit
 
-_SAMPLES = 1024  # a forcing period
+_SAMPLES = 1024  # per forcing period
 _LONG = 6  # forcing periods shown of motions that do not repeat sooner
 _LINES = 20  # highest order of the lines that are compared
 
@@ -29,15 +29,15 @@ class SignalPair:
     Attributes
     ----------
     signal
-        Its name.
+        Name of the signal.
     theta : shape (samples,)
         Angles of the excitation.
     histories : shape (2, samples)
-        Of the first and of the second motion, at the same phase of the excitation.
+        Histories of the first and of the second motion, at the same phases of the excitation.
     spectra
-        Of the first and of the second motion.
+        Spectra of the first and of the second motion.
     agreement
-        How well the histories agree; None if a motion has no period.
+        Agreement of the histories; None if a motion has no period.
     """
 
     signal: str
@@ -49,16 +49,16 @@ class SignalPair:
 
 @dataclass(frozen=True, repr=False)
 class Contrast:
-    """Two motions side by side.
+    """A comparison of two motions.
 
     Attributes
     ----------
     names
-        What the two are called.
+        Names of the two motions.
     motions
-        The two.
+        The two motions.
     pairs
-        Signal by signal.
+        Their signals, in pairs.
     """
 
     names: tuple[str, str]
@@ -89,9 +89,9 @@ def contrast(
     names: tuple[str, str] = ("first", "second"),
     options: SpectrumOptions | None = None,
 ) -> Contrast:
-    """Histories and spectra of two motions side by side, as under two damping laws (paper, section 4).
+    """Compare histories and spectra of two motions, for example under two damping laws (paper, section 4).
 
-    Both are seen at the same phases of the excitation; their systems may differ in anything but their signals.
+    Both are sampled at the same phases of the excitation. Their systems may differ in everything but their signals.
 
     Parameters
     ----------
@@ -100,16 +100,16 @@ def contrast(
     signals
         As in `Motion.signal`; by default the acceleration of the first coordinate, and the force of each contact.
     names
-        What the two are called.
+        Names of the two motions.
     options
-        Of the spectra.
+        Options of the spectra.
 
     Raises
     ------
     ModelError
         If one of the motions has no such signal.
     FlowError
-        If a motion runs away.
+        If a motion diverges.
     """
     system = first.system
     if len(names) != 2:

@@ -1,4 +1,4 @@
-"""The exact flow has the last word: on motions of a regime map that seem not to be periodic, and on those checked."""
+"""Decisions by the exact flow on motions of a regime map: those that seem not to be periodic, and random samples."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Finding = tuple[int, int]
 """A value of `Regime` and a period, 0 for a motion that is not periodic."""
 
 _SLOW = SettleOptions(max_periods=16, max_period=16)
-"""For a motion that seems quasi-periodic: it may spiral into an orbit so slowly that it does not come to rest."""
+"""For a motion that seems quasi-periodic: it may spiral into an orbit so slowly that it has not converged yet."""
 
 _LOCKED = SettleOptions(max_periods=4 * LONGEST_RETURN, max_period=LONGEST_RETURN)
 """For an undecided or contracting motion: it may be locked to a long period."""
 
 _CONTRACTING = -1e-3
-"""Exponent, a forcing period, from which a motion that seems quasi-periodic may be locked to a long period."""
+"""Exponent per forcing period below which a motion that seems quasi-periodic may be locked to a long period."""
 
 _REGIMES = {
     AttractorKind.PERIODIC: Regime.PERIODIC,
@@ -38,14 +38,14 @@ _REGIMES = {
 
 
 def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
-    """Look for a stable orbit beside each motion that seems quasi-periodic or is undecided.
+    """Search for a stable orbit near each motion that seems quasi-periodic or is undecided.
 
     Parameters
     ----------
     verdicts
-        What the fast flow says.
+        Classification by the fast flow.
     systems
-        Gives the system of each motion.
+        Functions that return the system of each motion.
     """
     found = verdicts.copy()
     is_locked = (verdicts.regimes == Regime.UNDECIDED) | (verdicts.exponents < _CONTRACTING)
@@ -63,7 +63,7 @@ def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -
 
 
 def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:
-    """What the motion from a state is by the exact flow."""
+    """Classify the motion from a state with the exact flow."""
     try:
         attractor = classify(system, state)
     except FlowError:

@@ -1,4 +1,4 @@
-"""How a motion is recognised as being at an attractor: by a trap about an orbit, or by the company of its strobes."""
+"""Attractor signatures: motions are recognised by the trapping region of an orbit or by their distance to strobes."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.trap import Trap
 
-_WIDE = 3.0  # how far from an attractor's strobes, in distances between them, a motion may be that is on it
-_SHARE = 0.9  # of a motion's strobes that must be so near
+_WIDE = 3.0  # largest distance of a motion from an attractor's strobes, in distances between these strobes
+_SHARE = 0.9  # fraction of a motion's strobes that must be so near
 _CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
 
 
 @dataclass(frozen=True, eq=False)
 class Haunt:
-    """What is known of the place of an attractor.
+    """The signature by which motions on an attractor are recognised.
 
     Attributes
     ----------
     trap
-        The trap about its orbit; None where it is not periodic, or too weakly stable.
+        The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
     strobes : shape (count, 2n)
-        States of it, a forcing period apart.
+        States of the attractor, one forcing period apart.
     scale : shape (2n,)
-        Its size.
+        Size of the attractor.
     """
 
     trap: Trap | None
@@ -34,11 +34,11 @@ class Haunt:
 
     @property
     def wide(self) -> bool:
-        """Whether a motion is recognised by its strobes alone."""
+        """True if motions are recognised by their strobes alone."""
         return self.trap is None
 
     def is_home_of(self, track: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which motions stay near the attractor, shape (count,); `track` holds their strobes, (strobes, count, 2n)."""
+        """Mark the motions that stay near the attractor, shape (count,), from their strobes (strobes, count, 2n)."""
         from scipy.spatial import cKDTree  # imported late: it takes long
 
         known = self.strobes / self.scale

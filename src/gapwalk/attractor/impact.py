@@ -1,4 +1,4 @@
-"""Impacts: each time that a contact closes, with its approach velocity, its peak force and the energy it costs."""
+"""Impacts: closings of a contact, each with its approach velocity, peak force and energy loss."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from gapwalk.motion.switching import ContactEvent
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """One closing of the innermost stage of a contact, to its next opening.
+    """One closure of the innermost stage of a contact, from closing to opening.
 
     Attributes
     ----------
     contact, side
-        Which contact, and on which side: +1 or -1.
+        Name of the contact, and its side: +1 or -1.
     theta
-        When it closes, in radians of the excitation.
+        Angle of the excitation at closing, in radians.
     duration
-        How long it stays closed, in units of time.
+        Duration of the closure, in units of time.
     velocity
-        Approach velocity: the size of the rate of the deflection when it closes.
+        Approach velocity: magnitude of the rate of the deflection at closing.
     peak
-        The largest size of the contact force.
+        Largest magnitude of the contact force.
     loss
-        Energy lost: the integral over the closure of the force of the damping law times the rate of the deflection, in
+        Energy loss: the integral over the closure of the force of the damping law times the rate of the deflection, in
         units of the contact force times the deflection.
     """
 
@@ -48,9 +48,9 @@ class Impact:
 
 
 def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
-    """The impacts of a motion that close and open again within it, in the order of their closing.
+    """Return the impacts that begin and end within a motion, in the order of their closing.
 
-    Integrate an orbit over two of its periods to see those that last across its end.
+    To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
     """
     losses = damping_power(system, along) * along.weights[:, None]
     names = [form.name for form in system.structure.contacts]
@@ -66,7 +66,7 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
 
 
 def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
-    """Power that the damping law of each contact takes out at each node, shape (nodes, contacts)."""
+    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts)."""
     layout, coefficients, motion = layout_of(system.structure), coefficients_of(system), along.motion
     springs = contact_forces(layout, coefficients, motion.q, np.zeros_like(motion.v))
     rates = contact_deflections(layout, coefficients, motion.v)
@@ -74,7 +74,7 @@ def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
 
 
 def _innermost(system: System) -> list[tuple[str, int, int]]:
-    """Contact, side and switch of the innermost stage on each side of each contact."""
+    """List contact, side and switch of the innermost stage on each side of each contact."""
     found: dict[tuple[str, int], int] = {}
     for switch, (contact, _, side) in enumerate(switch_names(system)):
         found.setdefault((contact, side), switch)
@@ -82,7 +82,7 @@ def _innermost(system: System) -> list[tuple[str, int, int]]:
 
 
 def _closures(events: Sequence[ContactEvent], switch: int) -> list[tuple[ContactEvent, ContactEvent]]:
-    """Each closing of one switch with the opening that follows it."""
+    """Pair each closing of one switch with the opening that follows it."""
     own = [event for event in events if event.switch == switch]
     return [(one, other) for one, other in pairwise(own) if one.enters and not other.enters]
 

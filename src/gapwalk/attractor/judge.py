@@ -1,10 +1,10 @@
-"""The regimes of many motions at once: periodic (and of which period), quasi-periodic, chaotic, and their contacts.
+"""Classification of many motions at once: periodic (with its period), quasi-periodic or chaotic, and contact figures.
 
-A motion is periodic where it returns after m forcing periods, and where the returns, extrapolated, end nearby: a slow
-transient near a fold returns just as closely, but each time with the same error. What does not return within
-`RegimeOptions.longest` is judged by its largest Lyapunov exponent: a second motion is begun close by, and brought
-back to that distance again and again (Benettin, Galgani and Strelcyn 1976, Phys. Rev. A 14, 2338-2345). On a torus the
-distance grows by a bounded factor only, however long one waits; that is what tells it from chaos.
+A motion is periodic if it returns after m forcing periods and if the returns, extrapolated, end nearby: a slow
+transient near a fold returns just as closely, but each time with the same error. A motion that does not return within
+`RegimeOptions.longest` is classified by its largest Lyapunov exponent: a second motion starts close by and is reset to
+that distance again and again (Benettin, Galgani and Strelcyn 1976, Phys. Rev. A 14, 2338-2345). On a torus the
+distance grows by a bounded factor only, however long the average; this distinguishes a torus from chaos.
 """
 
 from __future__ import annotations
@@ -20,35 +20,34 @@ from gapwalk.attractor.strobe import check_count
 from gapwalk.attractor.swarm import Swarm
 from gapwalk.errors import ModelError
 
-_FIRST = 64  # forcing periods before the first look at returns; each following look comes after half as many again
-_RETURNED = 1e-6  # change over one return, relative to the size of the motion, that may be the end
-_ARRIVED = 1e-4  # the distance from the end of all returns, extrapolated, at which a motion counts as periodic
+_FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
+_RETURNED = 1e-6  # change over one return, relative to the size of the motion, below which it may have converged
+_ARRIVED = 1e-4  # distance from the extrapolated end of all returns below which a motion counts as periodic
 _EXACT = 1e-11  # change over one return below which only rounding is left
-_CLEAR = 1e3  # how many times farther a motion must be away before it returns than it may still have to go
-LONGEST_RETURN = 128  # forcing periods after which a motion that contracts may return
+_CLEAR = 1e3  # a motion must have been this many times farther away between two returns than it still has to move
+LONGEST_RETURN = 128  # longest period in forcing periods that is tried for a contracting motion
 _APART = 1e-9  # distance of the second motion, relative to the size of the motion
-_STRETCH = 16  # forcing periods after which the second motion is brought back
+_STRETCH = 16  # forcing periods after which the second motion is reset to that distance
 _LOOKS = (1024, 3072)  # forcing periods over which an exponent is averaged: most chaotic motions need the first only
-_FOLDS = (20.0, 12.0)  # growth, as the logarithm of a factor, from which each of these averages decides
+_FOLDS = (20.0, 12.0)  # logarithm of the growth above which each of these averages decides
 _ERRORS = 4.0  # standard errors from zero of an exponent that decides
 _BLOCKS = 16  # parts of the average, from which its error is estimated
 _SEED = 1976
-_FORCES = 256  # forcing periods over which the forces of a motion that is not periodic are looked at
+_FORCES = 256  # forcing periods over which the contact forces of a motion that is not periodic are evaluated
 
 
 @dataclass(frozen=True, slots=True)
 class RegimeOptions:
-    """How regimes are told apart.
+    """Options of the classification of regimes.
 
     Parameters
     ----------
     longest
-        The most forcing periods in which a motion may become periodic; what has not by then is judged by its exponent.
+        The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
     max_period
-        The longest period m that is looked for from the first; longer ones are found only where the exponent is
-        negative.
+        The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
     forces
-        Whether peak forces and impacts are wanted.
+        True if peak forces and impacts are computed.
     """
 
     longest: int = 3000
@@ -72,11 +71,11 @@ class Verdicts(NamedTuple):
     periods : shape (count,)
         m of the periodic ones; 0 for the others.
     exponents : shape (count,)
-        The largest Lyapunov exponent, a forcing period, where it was needed; otherwise nan.
+        The largest Lyapunov exponent per forcing period, if it was needed; otherwise nan.
     peaks, impacts : shape (count, contacts)
-        Largest contact force without its sign, and impacts a forcing period; nan if they were not wanted.
+        Largest magnitude of each contact force, and impacts per forcing period; nan if they were not requested.
     states : shape (count, 2n)
-        Where the motions have come to.
+        Last states of the motions.
     """
 
     regimes: NDArray[np.int_]
@@ -87,7 +86,7 @@ class Verdicts(NamedTuple):
     states: NDArray[np.float64]
 
     def copy(self) -> Verdicts:
-        """The same with arrays of its own."""
+        """Return a copy with its own arrays."""
         regimes, periods = self.regimes.copy(), self.periods.copy()
         return Verdicts(regimes, periods, *(part.copy() for part in self[2:]))
 
@@ -95,7 +94,7 @@ class Verdicts(NamedTuple):
 def judge(
     swarm: Swarm, states: NDArray[np.float64], frequencies: NDArray[np.float64], options: RegimeOptions
 ) -> Verdicts:
-    """Judge motions from states at theta = 0, shape (count, 2n), at frequencies of the excitation, shape (count,)."""
+    """Classify motions from states at theta = 0, shape (count, 2n), at excitation frequencies of shape (count,)."""
     court = _Court(swarm, states, frequencies, options)
     court.wait_for_returns()
     court.measure_growth()
@@ -104,12 +103,12 @@ def judge(
 
 
 class _Court:
-    """Judges many motions."""
+    """Classifies many motions."""
 
     def __init__(self, swarm: Swarm, states: NDArray[np.float64], frequencies: NDArray, options: RegimeOptions) -> None:
         self.swarm, self.options = swarm, options
         self.states = np.array(states, dtype=float)
-        self.weights = np.ones_like(self.states)  # velocities count as positions a radian of theta later
+        self.weights = np.ones_like(self.states)  # velocities become derivatives over theta
         self.weights[:, self.states.shape[1] // 2 :] = 1.0 / frequencies[:, None]
         count = len(states)
         self.regimes = np.full(count, int(Regime.UNDECIDED))
@@ -121,7 +120,7 @@ class _Court:
         return Verdicts(self.regimes, self.periods, self.exponents, self.peaks, self.impacts, self.states)
 
     def wait_for_returns(self) -> None:
-        """Follow all motions until each is periodic, or as long as is allowed."""
+        """Follow each motion until it is periodic, or up to the allowed number of forcing periods."""
         rest, total = np.arange(len(self.states)), 0
         while len(rest) and total < self.options.longest:
             step = min(max(_FIRST, total // 2), self.options.longest - total)
@@ -129,7 +128,7 @@ class _Court:
             total += step + 2 * self.options.max_period + 1
 
     def measure_growth(self) -> None:
-        """Judge what is not periodic by its largest exponent."""
+        """Classify the motions that are not periodic by their largest exponent."""
         rest = np.flatnonzero(self.regimes == Regime.UNDECIDED)
         for periods, folds in zip(_LOOKS, _FOLDS, strict=True):
             if not len(rest):
@@ -145,7 +144,7 @@ class _Court:
         self.regimes[rest[is_bounded]] = Regime.QUASI_PERIODIC
 
     def look_at_contacts(self) -> None:
-        """Peak forces and impacts, over whole periods of the periodic motions."""
+        """Compute peak forces and impacts, over whole periods for the periodic motions."""
         if not self.options.forces:
             return
         lengths = np.where(self.periods > 0, self.periods, _FORCES)
@@ -159,7 +158,7 @@ class _Court:
             self.peaks[which], self.impacts[which] = found.peaks, found.impacts
 
     def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:
-        """Follow motions, mark those that then return after up to `longest` forcing periods, and give the others."""
+        """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
         if not len(which):
             return which
         track = self.swarm.part(which).strobes(self.states[which], 2 * longest + 1, after)
@@ -173,7 +172,7 @@ class _Court:
         return which[periods == 0]
 
     def _exponents(self, which: NDArray[np.intp], periods: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The largest exponent of motions, a forcing period, and its standard error."""
+        """Compute the largest exponent of motions per forcing period, and its standard error."""
         state, weights = self.states[which], self.weights[which]
         pairs = self.swarm.part(np.concatenate((which, which)))
         apart = _APART * np.abs(state * weights).max(axis=1, keepdims=True)
@@ -185,20 +184,20 @@ class _Court:
             state, other = both[: len(which)], both[len(which) :]
             offset = (other - state) * weights / apart
             growth = np.linalg.norm(offset, axis=1)
-            grown = growth > np.finfo(float).eps / _APART  # else only rounding is left: the direction before will do
+            grown = growth > np.finfo(float).eps / _APART  # else only rounding is left: use the previous direction
             row[:] = np.log(np.where(grown, growth, np.finfo(float).eps / _APART))
             direction = np.where(grown[:, None], offset / np.where(grown, growth, 1.0)[:, None], direction)
         self.states[which] = state
-        logs = logs[len(logs) // 8 :] / _STRETCH  # the directions have turned into place
+        logs = logs[len(logs) // 8 :] / _STRETCH  # omit the start, before the directions have aligned
         blocks = np.array([block.mean(axis=0) for block in np.array_split(logs, _BLOCKS)])
         return logs.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
 
 
 def _periods(track: NDArray[np.float64], longest: int) -> NDArray[np.int_]:
-    """After how many forcing periods motions return, at most `longest`; 0 for those that do not.
+    """Return the number of forcing periods after which motions return, at most `longest`; 0 if they do not.
 
-    With d1 and d2 the changes over two returns in a row, all further ones add up to ``d2^2 / (d1 - d2)``. A motion that
-    spirals into an orbit returns by chance after longer times too: it must have been far away in between.
+    With d1 and d2 the changes over two successive returns, all further changes add up to ``d2^2 / (d1 - d2)``. A motion
+    that spirals into an orbit also returns by chance after longer times, so it must have been far away in between.
 
     Parameters
     ----------

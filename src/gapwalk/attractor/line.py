@@ -1,4 +1,4 @@
-"""Names of spectral lines: W, 2W, W/3, 5W/3, and what lies between."""
+"""Names of spectral lines: W, 2W, W/3, 5W/3, and names of lines between them."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from fractions import Fraction
 def line_name(
     order: float | Fraction, periods: Sequence[int] = (1,), within: float = 1e-9, turns: int | None = None
 ) -> str:
-    """The name of a line at a multiple of W, or of an order per turn of a shaft.
+    """Return the name of a line at a multiple of W, or at an order per turn of a shaft.
 
     Parameters
     ----------
     order
         The multiple, or the order.
     periods
-        Each m in it gives names to the multiples of W/m; the first that fits is taken.
+        Each m in it adds names for the multiples of W/m; the first name that fits is used.
     within
-        How near to one of those an order must be.
+        Largest difference between the order and a named one.
     turns
-        Periods of the excitation in a turn of the shaft, where orders are counted per turn.
+        Forcing periods per turn of the shaft, if orders are counted per turn.
 
     Returns
     -------
     str
-        ``"mean"``, ``"W"``, ``"2W"``, ``"W/3"``, ``"5W/3"``; or ``"0.231W"`` if it is none. Per turn
+        ``"mean"``, ``"W"``, ``"2W"``, ``"W/3"``, ``"5W/3"``; or ``"0.231W"`` if no name fits. Per turn
         ``"order 2"``, ``"order 2/3"``, ``"order 0.462"``.
     """
     for period in periods:

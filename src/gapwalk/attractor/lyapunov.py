@@ -1,7 +1,7 @@
-"""Lyapunov exponents from the exact sensitivities: how fast neighbouring motions part, with errors.
+"""Lyapunov exponents from the exact sensitivities: rates at which neighbouring motions separate, with errors.
 
-The transition matrix of each forcing period is factorised by QR; the logarithms of the diagonal of R, averaged along
-the motion, are the exponents (Benettin, Galgani, Giorgilli and Strelcyn 1980, Meccanica 15, 9-20 and 21-30).
+The transition matrix of each forcing period is factorised by QR. The exponents are the averages of the logarithms of
+the diagonal of R along the motion (Benettin, Galgani, Giorgilli and Strelcyn 1980, Meccanica 15, 9-20 and 21-30).
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
 
-_FIRST = 1024  # forcing periods after which the errors are looked at for the first time
-_RESOLVED = -14.0  # logarithm of the stretching over a segment, below which rounding errors show
+_FIRST = 1024  # forcing periods after which the errors are first estimated
+_RESOLVED = -14.0  # logarithm of the stretching over a segment below which rounding errors dominate
 _MOST_SEGMENTS = 64
-_ROUNDING = 1e-9  # spread of averages, a forcing period, that says nothing about the motion
-_ALIGNING = 8  # one in so many of the first periods is left out: the directions are still turning into place
+_ROUNDING = 1e-9  # spread of averages per forcing period that is within rounding
+_ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are still aligning
 
 
 @dataclass(frozen=True, slots=True)
 class LyapunovOptions:
-    """How long to average.
+    """Options of the averages of Lyapunov exponents.
 
     Parameters
     ----------
     max_periods
         The most forcing periods.
     relative, absolute
-        It ends when the standard error of each exponent is below `relative` times the exponent, or below `absolute`
-        a forcing period.
+        The averages end when the standard error of each exponent is below `relative` times the exponent, or below
+        `absolute` per forcing period.
     """
 
     max_periods: int = 16_384
@@ -60,15 +60,15 @@ class Lyapunov:
     Attributes
     ----------
     exponents, errors : shape (2n,)
-        Per unit of time, in falling order, and their standard errors.
+        Exponents per unit of time, in descending order, and their standard errors.
     periods
-        Forcing periods that were averaged over; 0 for an orbit, whose exponents follow from its multipliers.
+        Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
     frequency
-        W, that turns them into rates a forcing period.
+        Excitation frequency W, which converts them into rates per forcing period.
     regular
-        Whether the weighted averages converge as they do for periodic and quasi-periodic motion.
+        True if the weighted averages converge as they do for periodic and quasi-periodic motion.
     converged
-        Whether the errors came down to what was asked for.
+        True if the errors reached the required size.
     """
 
     exponents: NDArray[np.float64]
@@ -80,19 +80,19 @@ class Lyapunov:
 
     @property
     def per_period(self) -> NDArray[np.float64]:
-        """The exponents a forcing period, shape (2n,)."""
+        """The exponents per forcing period, shape (2n,)."""
         return self.exponents * (PERIOD / self.frequency)
 
     @property
     def errors_per_period(self) -> NDArray[np.float64]:
-        """The errors a forcing period, shape (2n,)."""
+        """The errors per forcing period, shape (2n,)."""
         return self.errors * (PERIOD / self.frequency)
 
     @cached_property
     def dimension(self) -> float:
         """Dimension of the attractor's section (Kaplan and Yorke 1979): 0 for an orbit, 1 for a torus, more for chaos.
 
-        The exponents within three errors of zero count as zero.
+        Exponents within three errors of zero count as zero.
         """
         values = np.where(np.abs(self.exponents) <= 3.0 * self.errors, 0.0, self.exponents)
         sums = np.cumsum(values)
@@ -107,14 +107,14 @@ class Lyapunov:
 
 
 def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
-    """The Lyapunov exponents of the motion from a settled state at theta = 0.
+    """Compute the Lyapunov exponents of the motion from a settled state at theta = 0.
 
     Raises
     ------
     ModelError
         If the state has the wrong length.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     return lyapunov_run(system, state, options)[0]
 
@@ -122,7 +122,7 @@ def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOption
 def lyapunov_run(
     system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
 ) -> tuple[Lyapunov, NDArray[np.float64]]:
-    """The exponents, and the strobes of the motion over which they were averaged, shape (periods, 2n)."""
+    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, 2n)."""
     options = options or LyapunovOptions()
     stretching = _Stretching(system, check_state(system, state))
     length = min(_FIRST, options.max_periods)
@@ -139,7 +139,7 @@ def lyapunov_run(
 
 
 def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
-    """The exponents of an orbit: ``log |mu| / (m T)``."""
+    """Compute the exponents of an orbit: ``log |mu| / (m T)``."""
     span = PERIOD * period / system.frequency
     values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
     return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)
@@ -170,18 +170,18 @@ class _Stretching:
         return np.array(self._strobes)
 
     def extend(self, length: int) -> None:
-        """Go on until `length` periods have been seen."""
+        """Continue until `length` periods have been evaluated."""
         while len(self._logs) < length:
             state, frame, logs = self._period()
             while logs.min() < _RESOLVED and self._segments < _MOST_SEGMENTS:
-                self._segments *= 2  # what shrinks so fast is lost beside the rest: factorise more often
+                self._segments *= 2  # fast contraction is lost to rounding: factorise more often
                 state, frame, logs = self._period()
             self._state, self._frame = state, frame
             self._logs.append(logs.sum(axis=0))
             self._strobes.append(state)
 
     def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """State and frame after a period, and the logarithms for each segment of it, shape (segments, 2n)."""
+        """Return state and frame after one period, and the logarithms of each segment of it, shape (segments, 2n)."""
         state, frame, logs = self._state, self._frame, []
         for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
             arc = self._flow.integrate(self._coefficients, state, start, stop)

@@ -1,7 +1,7 @@
-"""Many motions side by side by the mass flow: what basins and regime maps are made with.
+"""Many motions with the batch integrator, as used for basins and regime maps.
 
-A regime map calls the flow a thousand times for the same systems, so its steps, one scheme for each system, are made
-once, and the error is looked at in passing: the first period of each call, of a few motions, beside the exact flow.
+A regime map calls the flow a thousand times for the same systems, so the steps (one scheme for each system) are chosen
+once. The error is monitored in each call: the first period of a few motions is compared with the exact flow.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from gapwalk.motion.mass.flow import mass_flow_of
 from gapwalk.motion.mass.options import MassOptions
 from gapwalk.motion.mass.trial import Trial, judge
 
-_PILOT = 256  # motions on which the steps are chosen
+_PILOT = 256  # motions for which the steps are chosen
 _PILOT_PERIODS = 64
-_LOOKS = 2  # motions of a call that are compared with the exact flow
+_LOOKS = 2  # motions per call that are compared with the exact flow
 _SEED = 1995
 
 
 class MassSwarm:
-    """The mass flow of many motions, in one thread.
+    """The flow of many motions by the batch integrator, in one thread.
 
     Parameters
     ----------
     crowd
-        The systems: one for all motions, or one for each.
+        The systems: one for all motions, or one for each motion.
     fleet
-        Their steps.
+        Steps of the systems.
     lanes
-        Which of the systems the motions have; None if there is one for all.
+        Index of the system of each motion; None if one system serves all.
     trials
-        What was compared with the exact flow, with the systems: shared by all parts of a swarm.
+        Comparisons with the exact flow, each with its system; shared by all parts of this object.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class MassSwarm:
         return ends
 
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
-        """See `Swarm.strobes`; all in one run, for each run begins with a small error of its own."""
+        """See `Swarm.strobes`; computed in one run, because each run starts with a small error of its own."""
         track = np.full((periods, *states.shape), np.nan)
         finite = finite_rows(states)
         if not finite.any():
@@ -93,7 +93,7 @@ class MassSwarm:
     def _run(
         self, states: NDArray[np.float64], finite: NDArray[np.bool_], periods: int, survey: bool = False
     ) -> _Blocks:
-        """Carry the motions that have not run away, and look at some of them in the first period."""
+        """Advance the motions that have not diverged; compare some of them with the exact flow in the first period."""
         which = np.flatnonzero(finite)
         lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
         blocks = _Blocks(self._fleet, lanes, states[which], survey)
@@ -108,7 +108,7 @@ class MassSwarm:
 
 
 class _Blocks:
-    """The run of some lanes of a fleet; a single one goes in company, for it would get a kernel of its own."""
+    """The run of some lanes; a single lane is duplicated, because one lane would need another compiled kernel."""
 
     def __init__(self, fleet: Fleet, lanes: NDArray[np.intp], states: NDArray[np.float64], survey: bool) -> None:
         self.count = len(states)
@@ -137,19 +137,19 @@ def swarm_of(
     values: Mapping[str, NDArray[np.float64]] | None = None,
     error: float = 1e-4,
 ) -> Swarm:
-    """The mass flow of many motions, or the exact flow of them where the mass flow would be the slower one.
+    """Create the flow of many motions: the batch integrator, or the exact flow where that would be faster.
 
     Parameters
     ----------
     system
         The system.
     states : shape (count, 2n)
-        Where the motions begin; the steps are chosen on some of them.
+        Initial states of the motions; the steps are chosen on some of them.
     values
-        Parameter values by name, each of shape (count,), one for each motion; if there are none, there may be any
-        number of motions.
+        Parameter values by name, each of shape (count,), one for each motion; without any, the number of motions may
+        vary.
     error
-        The error that is allowed, as in `MassOptions`.
+        The allowed error, as in `MassOptions`.
     """
     crowd = crowd_of(system, states, values or {})
     pilot = crowd.some(np.unique(np.linspace(0, crowd.count - 1, _PILOT).astype(int)))

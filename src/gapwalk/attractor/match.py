@@ -1,4 +1,4 @@
-"""Which known attractor a settled motion belongs to: by distance, so that basins and sweeps can be sorted cheaply."""
+"""Assignment of settled motions to known attractors by distance: a cheap way to sort basins and sweeps."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gapwalk.attractor.strobe import size_of
 from gapwalk.errors import ModelError
 from gapwalk.orbit.identity import is_same
 
-_SPACING = 4.0  # how far a strobe may lie from a sample of its attractor, in spacings of the sample
-_MOST = 0.9  # share of the strobes that must be near
+_SPACING = 4.0  # largest distance of a strobe from the sample of its attractor, in spacings of the sample
+_MOST = 0.9  # fraction of the strobes that must be near
 
 
 def match(
@@ -22,21 +22,21 @@ def match(
     motion: Attractor | Settled | NDArray[np.float64],
     tolerance: float = 1e-3,
 ) -> int | None:
-    """The index of the attractor that a settled motion belongs to, or None.
+    """Return the index of the attractor to which a settled motion belongs, or None.
 
-    Two orbits are compared as `gapwalk.orbit.identity.is_same` does. States are compared with the strobes of each
-    attractor: those of an orbit must be near within `tolerance`, those of a torus or of chaos within some spacings of
-    its sample. Of several the nearest is taken.
+    Two orbits are compared as in `gapwalk.orbit.identity.is_same`. States are compared with the strobes of each
+    attractor: they must be near those of an orbit within `tolerance`, and near those of a torus or of chaos within
+    some spacings of its sample. If several attractors match, the nearest one is returned.
 
     Parameters
     ----------
     attractors
-        The known ones, all of the same system with the same parameter values.
+        The known attractors, all of the same system with the same parameter values.
     motion
-        An attractor, a settled motion, one state at theta = 0 (shape (2n,)), or several a forcing period apart (shape
-        (count, 2n)): one state tells orbits apart, 16 or more tell any attractors apart.
+        An attractor, a settled motion, one state at theta = 0 (shape (2n,)), or several one forcing period apart (shape
+        (count, 2n)): one state distinguishes orbits, 16 or more distinguish any attractors.
     tolerance
-        Relative to the size of an orbit.
+        Tolerance relative to the size of an orbit.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def match(
     if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
         same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]
         if sum(same) == 1:
-            return same.index(True)  # several: the same motion in phases that lead from different starts
+            return same.index(True)  # several: one motion in phases shifted by whole forcing periods
     states = motion.strobes if isinstance(motion, Attractor | Settled) else np.atleast_2d(np.asarray(motion, float))
     if isinstance(motion, Settled) and motion.orbit is not None:
         states = motion.orbit.state[None, :]
@@ -56,7 +56,7 @@ def match(
 
 
 def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
-    """How far most of some states, shape (count, 2n), are from an attractor; 1 is the limit of belonging to it."""
+    """Return the distance of most of some states, shape (count, 2n), from an attractor; up to 1 they belong to it."""
     from scipy.spatial import KDTree  # imported late: it takes long
 
     known = attractor.strobes

@@ -1,17 +1,17 @@
-"""Which states are beside one another: the cells of a plane, and random states of a box."""
+"""Neighbourhoods of states: cells of a plane, and random states of a box."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-_NEAREST = 4  # as a cell of a plane has
+_NEAREST = 4  # as for a cell of a plane
 
 
 def beside_cells(rows: int, columns: int) -> NDArray[np.intp]:
-    """The cells left and right of, below and above each cell of a plane, row by row; shape (cells, 4).
+    """Return the indices of the left, right, lower and upper neighbours of the cells, row by row; shape (cells, 4).
 
-    Where a side has none, it is the cell itself.
+    At an edge of the plane the missing neighbour is the cell itself.
     """
     numbers = np.arange(rows * columns).reshape(rows, columns)
     wide = np.pad(numbers, 1, mode="edge")
@@ -20,7 +20,7 @@ def beside_cells(rows: int, columns: int) -> NDArray[np.intp]:
 
 
 def beside_states(states: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The four nearest others of each state, distances in units of the ranges of its components; shape (count, 4)."""
+    """Return the four nearest other states of each state, scaled by the ranges of the components; shape (count, 4)."""
     from scipy.spatial import cKDTree  # imported late: it takes long
 
     widths = np.ptp(states, axis=0)
@@ -31,10 +31,10 @@ def beside_states(states: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def differs(labels: NDArray[np.int_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which labels differ from that of a neighbour."""
+    """Mark the labels that differ from the label of a neighbour."""
     return (labels[neighbours] != labels[:, None]).any(axis=1)
 
 
 def about(marked: NDArray[np.bool_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which states are marked, or have a neighbour that is."""
+    """Mark the states that are marked already or have a marked neighbour."""
     return marked | marked[neighbours].any(axis=1)

@@ -1,4 +1,4 @@
-"""Attractors as plain JSON values, and back: for stores and for other programs."""
+"""Conversion of attractors to plain JSON values and back, for stores and for other programs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.orbit import Orbit
 
 Plain = Any
-"""What JSON can write."""
+"""A value that JSON can represent."""
 
 
 def plain_attractor(attractor: Attractor) -> Plain:
-    """An attractor without its system, which the reader must have: all that JSON can write, without loss."""
+    """Convert an attractor without its system, which the reader must supply, to JSON values without loss."""
     return {
         "kind": attractor.kind.value,
         "period": attractor.period,
@@ -31,10 +31,10 @@ def plain_attractor(attractor: Attractor) -> Plain:
 
 
 def attractor_of(plain: Plain, system: System) -> Attractor:
-    """The attractor of `system`; any of KeyError, TypeError, ValueError if there is none of this kind."""
+    """Restore an attractor of `system`; raise KeyError, TypeError or ValueError if the values describe no attractor."""
     strobes = np.array(plain["strobes"], dtype=float)
     if strobes.ndim != 2 or strobes.shape[1] != 2 * system.size:
-        raise ValueError(f"strobes of shape {strobes.shape} are none of this system")
+        raise ValueError(f"strobes of shape {strobes.shape} do not belong to this system")
     return Attractor(
         AttractorKind(plain["kind"]),
         system,

@@ -1,4 +1,4 @@
-"""Planes in the space of states that a section is taken on: a combination of positions and velocities at a level."""
+"""Planes in state space for sections: a linear combination of positions and velocities has a given value."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class Crossing(StrEnum):
     BOTH = "both"
 
     def takes(self, before: float) -> bool:
-        """Whether a crossing counts that comes from a level below (`before` < 0) or above the plane."""
+        """Return True if a crossing counts that starts below (`before` < 0) or above the plane."""
         return self is Crossing.BOTH or (before < 0.0) is (self is Crossing.UPWARDS)
 
 
 @dataclass(frozen=True)
 class Plane:
-    """All states at which a weighted sum of positions and velocities has one value.
+    """All states at which a weighted sum of positions and velocities has a given value.
 
     Parameters
     ----------
@@ -52,20 +52,20 @@ class Plane:
             allowed = ", ".join(repr(each.value) for each in Crossing)
             raise ModelError(f"crossing is {self.crossing!r}; it must be one of {allowed}") from None
         if not any(self.normal.values()):
-            raise ModelError('the normal of a plane is zero; name what it is on, such as {"q1": 1.0}')
+            raise ModelError('the normal of a plane is zero; name a signal with its weight, such as {"q1": 1.0}')
 
     def weights(self, system: System) -> NDArray[np.float64]:
-        """The weights of all positions, then of all velocities, shape (2n,).
+        """Return the weights of all positions, then of all velocities, shape (2n,).
 
         Raises
         ------
         ModelError
-            If the plane names what is no position or velocity of the system.
+            If the plane names a signal that is neither a position nor a velocity of the system.
         """
         names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
         unknown = [name for name in self.normal if name not in names]
         if unknown:
-            raise ModelError(f"a plane on {unknown[0]!r} makes no sense here; it can be on {', '.join(names)}")
+            raise ModelError(f"a plane cannot be defined on {unknown[0]!r} here; it can be on {', '.join(names)}")
         return np.array([float(self.normal.get(name, 0.0)) for name in names])
 
     @property
@@ -77,7 +77,7 @@ class Plane:
 
 
 def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = True) -> Plane:
-    """The plane on which a contact's innermost stage closes (or opens) on one side.
+    """Return the plane on which a contact's innermost stage closes (or opens) on one side.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = 
 
 
 class Height:
-    """How far states are above a plane, and how fast they rise (a derivative over theta)."""
+    """Computes the signed distance of states from a plane, and its derivative over theta."""
 
     def __init__(self, system: System, plane: Plane) -> None:
         self._weights, self._level, self._n = plane.weights(system), plane.level, system.size
@@ -107,11 +107,11 @@ class Height:
         self._rate = 1.0 / system.frequency
 
     def of(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height of states, shape (..., 2n)."""
+        """Return the signed distance of states, shape (..., 2n)."""
         return states @ self._weights - self._level
 
     def slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its derivative over theta."""
+        """Return the derivative of that distance over theta."""
         n = self._n
         q, v = states[..., :n], states[..., n:]
         a = accelerations(self._layout, self._coefficients, theta, q, v)

@@ -1,4 +1,4 @@
-"""Exact integrals along a motion: between contact events it is analytic, so Gauss's rule converges to rounding."""
+"""Accurate integrals along a motion: it is analytic between contact events, so Gauss's rule converges to rounding."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import Motion, sample
 
 _ORDER = 12  # nodes in each interval
-_WIDEST = PERIOD / 32  # of an interval
-_NARROWEST = 1e-9  # intervals between events that are closer than this hold nothing
+_WIDEST = PERIOD / 32  # largest width of an interval
+_NARROWEST = 1e-9  # narrower intervals between events are omitted
 
 
 class Quadrature(NamedTuple):
@@ -28,7 +28,7 @@ class Quadrature(NamedTuple):
     motion
         The motion; its samples are the nodes, and its events the crossings of breakpoints.
     weights : shape (nodes,)
-        Weights of the nodes, over time (not theta); their sum is the length of the motion.
+        Weights of the nodes over time (not theta); their sum is the duration of the motion.
     """
 
     motion: Motion
@@ -36,7 +36,7 @@ class Quadrature(NamedTuple):
 
 
 def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quadrature:
-    """The motion from a state at theta = 0, at nodes for exact integrals over some forcing periods."""
+    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods."""
     end = PERIOD * periods
     events = sample(system, state, np.array([0.0, end])).events
     edges = np.unique(np.concatenate(([0.0], [event.theta for event in events], [end])))
@@ -52,16 +52,16 @@ def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quad
 
 
 def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Motion], NDArray[np.float64]]) -> float:
-    """The largest value of a function of the motion near some successive nodes, sought on the exact flow.
+    """Find the largest value of a function of the motion near some successive nodes, refined on the exact flow.
 
     Parameters
     ----------
     along
         The motion.
     nodes
-        Indices of the nodes among which the largest is; 0 is returned for none.
+        Indices of the nodes among which the maximum is sought; for none the result is 0.
     function
-        Its values, shape (samples,), from a motion.
+        A function that returns its values, shape (samples,), for a motion.
     """
     from scipy.optimize import minimize_scalar  # imported late: it takes long
 

@@ -1,4 +1,4 @@
-"""What an engineer asks of a rattling motion: impacts, forces, energy, and how impulsive it is."""
+"""Figures of a rattling motion: impacts, contact forces, energy loss and impulsiveness."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _UNITS = dict(
         strict=True,
     )
 )
-_PERIODS = 256  # forcing periods over which a motion without period is looked at
+_PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,15 @@ class SideRattle:
     Attributes
     ----------
     contact, side
-        Which contact, and on which side: +1 or -1.
+        Name of the contact, and its side: +1 or -1.
     impacts
-        Impacts a forcing period.
+        Impacts per forcing period.
     velocity, fastest
         Mean and largest approach velocity.
     peak
-        Largest size of the contact force.
+        Largest magnitude of the contact force.
     loss, costliest
-        Mean and largest energy that an impact costs, in units of the contact force times the deflection.
+        Mean and largest energy loss of an impact, in units of the contact force times the deflection.
     """
 
     contact: str
@@ -65,13 +65,13 @@ class ContactLoad:
     Attributes
     ----------
     contact
-        Which.
+        Name of the contact.
     closed
-        Share of the time for which it is closed.
+        Fraction of the time for which it is closed.
     peak, rms
-        Largest size and root mean square of its force.
+        Largest magnitude and root mean square of its force.
     power
-        Mean power that its damping law takes out.
+        Mean power dissipated by its damping law.
     """
 
     contact: str
@@ -83,14 +83,14 @@ class ContactLoad:
 
 @dataclass(frozen=True, slots=True)
 class Impulsiveness:
-    """How impulsive the acceleration of one coordinate is.
+    """The impulsiveness of the acceleration of one coordinate.
 
     Attributes
     ----------
     coordinate
-        Which.
+        Name of the coordinate.
     rms, peak
-        Root mean square and largest size of its acceleration, about its mean (which is zero for a settled motion).
+        Root mean square and largest magnitude of its acceleration, about its mean (zero for a settled motion).
     crest
         Crest factor, peak over rms (ISO 2631-1:1997, there of the weighted acceleration): 1.41 for a harmonic motion.
     kurtosis
@@ -107,26 +107,26 @@ class Impulsiveness:
 
 @dataclass(frozen=True, repr=False)
 class Rattle:
-    """Impacts, contact forces, energy and impulsiveness of one settled motion. Printed, it is three tables.
+    """Impacts, contact forces, energy and impulsiveness of one settled motion. It prints as three tables.
 
     Attributes
     ----------
     system
         The system that moves.
     periods
-        Forcing periods that were looked at.
+        Number of forcing periods that were evaluated.
     sides
         Impacts by contact and side.
     contacts
         Forces by contact.
     coordinates
-        Impulsiveness by coordinate. The kurtosis of the acceleration serves as rattle index.
+        Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
     impacts
-        Every impact.
+        All impacts.
 
     Notes
     -----
-    In a system with units velocities are in the unit of angles over s, accelerations in rad/s^2, forces in N m,
+    In a system with units, velocities are in the unit of angles per second, accelerations in rad/s^2, forces in N m,
     energies in J, and powers in W.
     """
 
@@ -160,24 +160,24 @@ class Rattle:
 
 
 def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
-    """Impacts, contact forces, energy and impulsiveness of a settled motion.
+    """Compute impacts, contact forces, energy and impulsiveness of a settled motion.
 
     Parameters
     ----------
     motion
         An orbit or a settled motion.
     periods
-        Forcing periods over which a motion without period is looked at; an orbit is looked at over its own.
+        Forcing periods over which a motion without period is evaluated; an orbit is evaluated over its own period.
 
     Raises
     ------
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     check_count("periods", periods)
     system, period = motion.system, motion.period
     along = quadrature(system, motion.state, period or periods)
-    if period:  # twice round, so that an impact that lasts across the end is seen whole
+    if period:  # two periods, so that an impact across the end is complete
         twice = impacts(system, quadrature(system, motion.state, 2 * period))
         found = _once(twice, PERIOD * period)
     else:
@@ -189,7 +189,7 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
 
 
 def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
-    """Impacts with energies in J, where the system has units; velocities are as in states."""
+    """Convert the energies of impacts to J if the system has units; velocities stay as in states."""
     if system.units is None:
         return found
     unit = system.units.angle
@@ -197,7 +197,7 @@ def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
 
 
 def _once(found: tuple[Impact, ...], end: float) -> tuple[Impact, ...]:
-    """Of the impacts of two rounds those that close in the first, each once."""
+    """Select the impacts of two periods that begin in the first one, so that each appears once."""
     return tuple(impact for impact in found if impact.theta < end)
 
 
@@ -248,7 +248,7 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
 
 
 def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
-    """Headings with the units of what is below them."""
+    """Add the units to the headings of the columns."""
     if units is None:
         return head
     known = _UNITS | dict.fromkeys(_OF_SIDES[:2], units.state("'"))
@@ -256,7 +256,7 @@ def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
-    """A text table: first column to the left, numbers to the right."""
+    """Format a text table: first column flush left, numbers flush right."""
     cells = [head, *((row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(head))]
     lines = [

@@ -1,4 +1,4 @@
-"""After how many forcing periods a motion nearly returns: the periods that are worth a try."""
+"""Recurrence of a motion: numbers of forcing periods after which it nearly returns, as candidates for its period."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-_BETTER = 0.5  # a longer period counts only if it returns nearer than the shorter ones, by this factor
+_BETTER = 0.5  # a longer period counts only if its distance is smaller than the shorter ones' by this factor
 
 
 class Recurrence(NamedTuple):
-    """A number of forcing periods, and the distance to which the motion returns after them, relative to its size."""
+    """A number of forcing periods, and the distance of the motion from its start after them, relative to its size."""
 
     period: int
     distance: float
 
 
 def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[Recurrence]:
-    """Periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
+    """Find periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
 
     Parameters
     ----------
     states : shape (strobes, 2n)
-        Strobes of the motion, divided by its size; the last of them count.
+        Strobes of the motion, divided by its size; the last ones are compared.
     longest
-        The longest period; at most half of the strobes are compared.
+        The longest period; at most half the number of strobes is used.
     near
         The distance below which a return counts.
     """

@@ -1,4 +1,4 @@
-"""The regime of a motion: which kind it is, as a number that arrays can hold, and in words."""
+"""Regimes: the kind of a motion as a number that arrays can hold, and in words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Regime(IntEnum):
-    """Which kind of motion."""
+    """The kind of a motion."""
 
     RUNAWAY = -2
     UNDECIDED = -1
@@ -16,10 +16,10 @@ class Regime(IntEnum):
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The regime in words."""
         return ("periodic", "quasi-periodic", "chaotic", "runs away", "undecided")[self.value]
 
 
 def regime_word(regime: int, period: int) -> str:
-    """``period 3``, ``quasi-periodic``, ``chaotic``, ...: what a cell of a regime map is called."""
+    """Return the name of a regime in a regime map: ``period 3``, ``quasi-periodic``, ``chaotic``, ..."""
     return f"period {period}" if regime == Regime.PERIODIC else Regime(regime).text

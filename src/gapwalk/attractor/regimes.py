@@ -1,4 +1,4 @@
-"""The record of a regime map: which kind of motion there is at each cell of a plane of two parameters."""
+"""The record of a regime map: the kind of motion at each cell of a plane of two parameters."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.shown import Shown
 
-_SHORT = 8  # periods that are told one by one in few words
+_SHORT = 8  # longest period that a short summary lists separately
 
 
 @dataclass(frozen=True)
 class RegimeCheck:
-    """How far the words of a regime map hold.
+    """Accuracy of the regimes of a map.
 
     Attributes
     ----------
     checked
-        Random cells whose motion was settled further and classified with the exact flow.
+        Number of random cells whose motion was settled further and classified with the exact flow.
     different
-        Those of them that were given another word or period: one sentence for each.
+        One sentence for each of them that then got another regime or period.
     """
 
     checked: int = 0
@@ -36,35 +36,36 @@ class RegimeCheck:
 
 @dataclass(frozen=True, eq=False)
 class Regimes(Shown):
-    """The regimes in the plane of two parameters, cell by cell; arrays begin with the lowest row.
+    """The regimes in the plane of two parameters, cell by cell; the first row of each array is the lowest.
 
     Attributes
     ----------
     system
         The system, with the values of the other parameters.
     first, second
-        Names of the parameters: across, and up.
+        Names of the parameters: horizontal, and vertical.
     within
-        The range of each. A cell is judged at its centre.
+        The range of each parameter. A cell is evaluated at its centre.
     regimes : shape (rows, columns)
         Values of `Regime`.
     periods : shape (rows, columns)
-        m of the periodic motions; 0 for the others.
+        Period m of the periodic motions; 0 for the others.
     exponents : shape (rows, columns)
-        Largest Lyapunov exponent, a forcing period, of motions that were not found to be periodic at once; else nan.
+        Largest Lyapunov exponent per forcing period of motions that were not found to be periodic at once; else nan.
     peak_force, impacts : shape (rows, columns, contacts)
-        Largest contact force without its sign, and impacts a forcing period; shape (rows, columns, 0) if not wanted.
+        Largest magnitude of each contact force, and impacts per forcing period; shape (rows, columns, 0) if not
+        requested.
     states : shape (rows, columns, 2n)
         A state of the motion at theta = 0.
     check
-        How far the words hold.
+        Accuracy of the regimes.
     error
-        Of the fast flow over one forcing period, relative to the size of the motion, as seen beside the exact flow;
-        0 where that was used alone.
+        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+        flow; 0 if only the exact flow was used.
     complete
-        False if the work was stopped before its end; cells that were not reached are undecided.
+        False if the computation was stopped before its end; the remaining cells are undecided.
     notes
-        What could not be done, in sentences.
+        Sentences on what could not be computed.
     """
 
     system: System
@@ -90,19 +91,19 @@ class Regimes(Shown):
 
     @property
     def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The parameters' values at the centres of the cells."""
+        """The values of the parameters at the centres of the cells."""
         first, second = (centres(ends, count) for ends, count in zip(self.within, self.resolution, strict=True))
         return first, second
 
     @property
     def cells(self) -> dict[str, int]:
-        """How many cells have each regime, by its word: ``period 1``, ..., ``quasi-periodic``, ``chaotic``, ..."""
+        """Number of cells of each regime, by its name: ``period 1``, ..., ``quasi-periodic``, ``chaotic``, ..."""
         words = Counter(zip(self.regimes.ravel().tolist(), self.periods.ravel().tolist(), strict=True))
         order = sorted(words, key=lambda key: (key[0] < 0, key))
         return {regime_word(*key): words[key] for key in order}
 
     def at(self, first: float, second: float) -> str:
-        """The word of the cell in which two parameter values lie."""
+        """Return the regime of the cell that contains two parameter values."""
         place = []
         for value, (low, high), count in zip((first, second), self.within, self.resolution, strict=True):
             if not low <= value <= high:
@@ -112,13 +113,13 @@ class Regimes(Shown):
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Returns the figure."""
+        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure."""
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
 
     def _groups(self) -> dict[str, int]:
-        """The same as `cells`, with all long periods in one."""
+        """Count cells as in `cells`, with all long periods in one group."""
         longer = int(np.sum(self.periods > _SHORT))
         short = {f"period {m}": int(np.sum(self.periods == m)) for m in range(1, _SHORT + 1)}
         others = {word: count for word, count in self.cells.items() if not word.startswith("period ")}

@@ -1,10 +1,10 @@
-"""The rotation number of a motion on a torus: how far its strobes go round the closed curve each time.
+"""The rotation number of a motion on a torus: the fraction of the closed curve that its strobes advance each time.
 
-The curve need not be round, nor star-shaped, nor in a plane. A candidate for the rotation number is a frequency in the
-spectrum of the strobes, or a difference of two; for the right one, and for no other, the strobes in the order of their
-phases ``k rho mod 1`` go once round the curve by the shortest way. The number itself then comes from the drift of the
-phase of the first harmonic between windows, with the weights of the weighted Birkhoff average, so that other lines do
-not disturb it (Laskar's frequency analysis, 1993, Physica D 67, 257-281).
+The curve need not be round, star-shaped or plane. A candidate for the rotation number is a frequency in the spectrum of
+the strobes, or the sum or difference of two. For the right candidate, and for no other, the polygon through the strobes
+in the order of their phases ``k rho mod 1`` goes once round the curve with the smallest length. The number itself then
+follows from the drift of the phase of the first harmonic between windows, with the weights of the weighted Birkhoff
+average, so that other lines do not disturb it (Laskar's frequency analysis, 1993, Physica D 67, 257-281).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from gapwalk.attractor.average import birkhoff_weights
 
 _LEAST = 256  # the fewest strobes on each curve
-_LINES = 8  # strongest lines of the spectrum from which candidates are made
-_GAP = 0.05  # the widest gap between the phases: a rational number would visit a few places only
-_SMOOTH = 1.3  # length of the way round over the least that joins the strobes: 1 for a curve
-_CERTAIN = 1e-4  # the largest error of a rotation number that is one
-_MOST = 1024  # strobes by which curves are judged
+_LINES = 8  # number of the strongest spectral lines from which candidates are made
+_GAP = 0.05  # the widest gap between phases: a rational number would visit only a few places
+_SMOOTH = 1.3  # largest length of the polygon over the least length that connects the strobes: 1 for a curve
+_CERTAIN = 1e-4  # the largest error of an accepted rotation number
+_MOST = 1024  # the most strobes with which curves are tested
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +31,14 @@ class Rotation:
     Attributes
     ----------
     number
-        Turns of each return to the same curve, between 0 and 1/2: a strobe map cannot tell rho from 1 - rho.
+        Turns per return to the same curve, between 0 and 1/2: a strobe map cannot distinguish rho from 1 - rho.
     error
-        Estimate of its error.
+        Estimated error of the number.
     curves
         Number of curves, visited in turn: the period of the orbit that the torus surrounds.
     roughness
-        Length of the way round through the strobes, in the order of their phases, over the least length that joins
-        them (of the minimum spanning tree): 1 for a curve, much more if the order or the number of curves is wrong.
+        Length of the closed polygon through the strobes in the order of their phases, over the length of their minimum
+        spanning tree: 1 for a curve, much more if the order or the number of curves is wrong.
     """
 
     number: float
@@ -48,14 +48,14 @@ class Rotation:
 
 
 def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | None:
-    """The rotation number of a motion from its strobes; None if they do not lie on a few closed curves.
+    """Compute the rotation number of a motion from its strobes; None if they do not lie on a few closed curves.
 
     Parameters
     ----------
     strobes : shape (count, 2n)
-        Successive strobes of the settled motion: 256 or more a curve; the error falls fast with their number.
+        Successive strobes of the settled motion, at least 256 per curve; the error falls fast with their number.
     max_curves
-        The most curves.
+        Largest number of curves that is tried.
     """
     deviation = strobes.std(axis=0)
     scaled = (strobes - strobes.mean(axis=0)) / np.where(deviation > 0.0, deviation, 1.0)
@@ -71,7 +71,7 @@ def rotation(strobes: NDArray[np.float64], max_curves: int = 16) -> Rotation | N
 
 
 def _on_one_curve(states: NDArray[np.float64]) -> tuple[float, float, float] | None:
-    """Number, error and roughness of strobes on one curve; None if they lie on none."""
+    """Return number, error and roughness of strobes on one curve; None if they lie on no curve."""
     centred = states - states.mean(axis=0)
     places = _chosen(len(states))
     few = centred[places]
@@ -85,14 +85,14 @@ def _on_one_curve(states: NDArray[np.float64]) -> tuple[float, float, float] | N
 
 
 def _chosen(count: int) -> NDArray[np.intp]:
-    """Strobes by which curves are judged: at random, because any regular choice would see another rotation."""
+    """Select strobes at random for the test of a curve: a regular selection would have another rotation number."""
     if count <= _MOST:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, _MOST, replace=False))
 
 
 def _candidates(states: NDArray[np.float64]) -> list[float]:
-    """Frequencies of strong lines of any coordinate, refined, and the sums and differences of two of them."""
+    """Return the refined frequencies of strong lines of any coordinate, and sums and differences of two of them."""
     from scipy.signal import find_peaks, windows  # imported late: it takes long
 
     count = len(states)
@@ -106,19 +106,19 @@ def _candidates(states: NDArray[np.float64]) -> list[float]:
 
 
 def _widest_gap(turns: NDArray[np.floating]) -> float:
-    """The widest gap between phases."""
+    """Return the widest gap between phases."""
     phases = np.sort(turns % 1.0)
     return float(np.diff(phases, append=phases[0] + 1.0).max())
 
 
 def _way_round(states: NDArray[np.float64], turns: NDArray[np.floating]) -> float:
-    """Length of the closed way through the strobes in the order of their phases."""
+    """Return the length of the closed polygon through the strobes in the order of their phases."""
     ring = states[np.argsort(turns % 1.0)]
     return float(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum())
 
 
 def _least_length(states: NDArray[np.float64]) -> float:
-    """Length of the shortest tree that joins all strobes, which Prim's method joins one by one."""
+    """Return the length of the minimum spanning tree of the strobes, built by Prim's algorithm."""
     outside, latest, length = states[1:].T.copy(), states[0], 0.0
     nearest = np.full(outside.shape[1], np.inf)  # square of the distance of each to the tree
     for _ in range(len(nearest)):
@@ -131,7 +131,7 @@ def _least_length(states: NDArray[np.float64]) -> float:
 
 
 def _refine(states: NDArray[np.float64], number: float) -> tuple[float, float]:
-    """A frequency from the drift of its phase between windows, and how far two pairs of windows disagree."""
+    """Refine a frequency from its phase drift between windows; the error is the difference of two pairs of windows."""
     error = np.inf
     window = len(states) // 2
     weights = birkhoff_weights(window)
@@ -148,6 +148,6 @@ def _refine(states: NDArray[np.float64], number: float) -> tuple[float, float]:
 
 
 def _amplitudes(states: NDArray[np.float64], number: float, start: int, weights: NDArray[np.float64]) -> NDArray:
-    """Weighted amplitude of one frequency in each signal of a window that begins at the strobe `start`."""
+    """Return the weighted amplitude of one frequency in each signal of a window that begins at the strobe `start`."""
     angles = 2.0 * np.pi * number * np.arange(start, start + len(states))
     return (weights * np.cos(angles)) @ states - 1j * ((weights * np.sin(angles)) @ states)

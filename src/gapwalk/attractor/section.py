@@ -1,4 +1,4 @@
-"""Sections: the states of a motion at one phase of the excitation, or each time it crosses a plane."""
+"""Sections: states of a motion at one phase of the excitation, or at its crossings of a plane."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Flow, flow_of
 from gapwalk.motion.motion import Motion, check_state
 
-_SAMPLES = 128  # a forcing period, between which crossings are bracketed
-_EXACT = 1e-13  # of an angle
+_SAMPLES = 128  # samples per forcing period between which crossings are bracketed
+_EXACT = 1e-13  # tolerance of an angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Section:
     states : shape (count, 2n)
         Positions, then velocities.
     text
-        What the section is taken at.
+        The plane or phase of the section, in words.
     """
 
     system: System
@@ -50,13 +50,13 @@ class Section:
         return self.theta % PERIOD
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """One signal at each state, by the names of `Motion.signal`; shape (count,)."""
+        """Return one signal at each state, by the names of `Motion.signal`; shape (count,)."""
         n = self.system.size
         return Motion(self.system, self.theta, self.states[:, :n], self.states[:, n:], ()).signal(name)
 
 
 def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
-    """The stroboscopic section: states a forcing period apart.
+    """Compute the stroboscopic section: states one forcing period apart.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phas
     periods
         Number of states.
     phase
-        Angle of the excitation at which they are seen, in radians, 0 <= phase < 2 pi.
+        Angle of the excitation at the states, in radians, 0 <= phase < 2 pi.
 
     Raises
     ------
     ModelError
-        For a state, number or phase that makes no sense.
+        For an invalid state, number or phase.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     check_count("periods", periods)
     if not 0.0 <= phase < PERIOD:
@@ -86,10 +86,10 @@ def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phas
 
 
 def section(system: System, state: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
-    """The states at which a motion crosses a plane, each found to rounding on the exact flow.
+    """Find the states at which a motion crosses a plane, each to rounding on the exact flow.
 
-    Crossings are bracketed between 128 samples a forcing period; two within one such step are found by the turning
-    point between them. A motion that starts on the plane does not cross it there.
+    Crossings are bracketed between 128 samples per forcing period. Two crossings between successive samples are found
+    by means of the turning point between them. A motion that starts on the plane does not cross it there.
 
     Parameters
     ----------
@@ -100,14 +100,14 @@ def section(system: System, state: NDArray[np.float64], plane: Plane, periods: i
     plane
         The plane, and the direction of crossing.
     periods
-        Forcing periods to follow the motion for.
+        Number of forcing periods for which the motion is followed.
 
     Raises
     ------
     ModelError
-        For a state, number or plane that makes no sense.
+        For an invalid state, number or plane.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     check_count("periods", periods)
     crossings = _Crossings(system, plane)
@@ -121,7 +121,7 @@ def section(system: System, state: NDArray[np.float64], plane: Plane, periods: i
 
 
 class _Crossings:
-    """The crossings of one plane by one motion, a forcing period at a time."""
+    """Finds the crossings of one plane by one motion, one forcing period at a time."""
 
     def __init__(self, system: System, plane: Plane) -> None:
         self._plane, self._height = plane, Height(system, plane)
@@ -129,7 +129,7 @@ class _Crossings:
         self.found: list[tuple[float, NDArray[np.float64]]] = []
 
     def follow(self, state: NDArray[np.float64], start: float) -> NDArray[np.float64]:
-        """Note all crossings of the period from `start`, and return the state at its end."""
+        """Record all crossings of the period that begins at `start`; return the state at its end."""
         thetas = start + PERIOD * np.arange(_SAMPLES + 1) / _SAMPLES
         states, _ = self._flow.sample(self._coefficients, state, thetas)
         heights, slopes = self._height.of(states), self._height.slope(thetas, states)
@@ -144,20 +144,20 @@ class _Crossings:
 
 
 class _Step:
-    """A short stretch of motion in which a plane may be crossed."""
+    """A short interval of a motion in which it may cross a plane."""
 
     def __init__(self, flow: Flow, coefficients, start: float, stop: float, state: NDArray[np.float64]) -> None:
         self._flow, self._coefficients = flow, coefficients
         self.start, self.stop, self.state = start, stop, state
 
     def at(self, theta: float) -> NDArray[np.float64]:
-        """The state at an angle of the stretch."""
+        """Return the state at an angle in the interval."""
         if theta <= self.start:
             return self.state
         return self._flow.integrate(self._coefficients, self.state, self.start, theta).state
 
     def crossings(self, height: Height) -> list[tuple[float, float]]:
-        """Angles at which the height is zero, in order, each with the height before it."""
+        """Return the angles of the crossings in order, each with the height before it."""
 
         def level(theta: float) -> float:
             return float(height.of(self.at(theta)))
@@ -166,7 +166,7 @@ class _Step:
             return float(height.slope(theta, self.at(theta)))
 
         first, last = level(self.start), level(self.stop)
-        if first == 0.0:  # begun on the plane: that crossing belongs to the stretch before
+        if first == 0.0:  # starts on the plane: that crossing belongs to the previous interval
             first = slope(self.start)
             return [] if first * last > 0.0 else self._later(level, slope, first)
         if first * last <= 0.0:
@@ -178,7 +178,7 @@ class _Step:
         return [(_root(level, self.start, turn), first), (_root(level, turn, self.stop), middle)]
 
     def _later(self, level: Callable[[float], float], slope: Callable[[float], float], first: float):
-        """The crossing of a stretch that begins on the plane and ends on the side it did not leave to."""
+        """Find the crossing of an interval that starts on the plane and ends on the side opposite to its first move."""
         turn = _root(slope, self.start, self.stop)
         return [(_root(level, turn, self.stop), first)]
 

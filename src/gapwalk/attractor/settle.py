@@ -1,4 +1,4 @@
-"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer."""
+"""Settling: follow a transient just long enough to decide to which motion it leads."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from gapwalk.model.system import System, check_system
 from gapwalk.orbit.find import initial_state
 from gapwalk.orbit.orbit import Orbit
 
-_FIRST = 8  # forcing periods before the first look; the following looks come after half as many again
+_FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
 _STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
-_PROMISING = 0.05  # distance of return, relative to the motion, from which a period is tried
-_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos shows
-_REST = 1e-3  # size of a motion, relative to the largest so far, below which it may be on its way to rest
-_KEPT = 1024  # strobes that the record keeps
-_FAR = 0.01  # distance from an unstable orbit, relative to the motion, from which it is left to itself
+_PROMISING = 0.05  # distance of return, relative to the motion, below which a period is tried
+_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos reaches
+_REST = 1e-3  # size of a motion, relative to the largest so far, below which it may approach a static equilibrium
+_KEPT = 1024  # strobes stored in the record
+_FAR = 0.01  # distance from an unstable orbit, relative to the motion, above which the motion is not displaced
 
 
 @dataclass(frozen=True, slots=True)
 class SettleOptions:
-    """How to settle.
+    """Options of the transient and of the test for settling.
 
     Parameters
     ----------
     max_periods
-        The most forcing periods to follow the transient (some more may pass while it is watched beside an orbit).
+        The most forcing periods of the transient (some more may pass while it is compared with an orbit).
     max_period
-        The longest period m of an orbit that is looked for.
+        The longest period m of the orbits that are searched for.
     tolerance
         Drift of the motion's averages, relative to its size, below which a motion that is not periodic counts as
         settled; a chaotic one may drift by four standard errors.
@@ -63,9 +63,9 @@ def settle(
 ) -> Settled:
     """Follow a motion until it has settled.
 
-    A periodic motion is recognised by the stable orbit next to it and by several returns that contract to it as its
-    linearised return map says (so a slow transient near a flip or a fold is not mistaken for anything else); the orbit
-    is exact. Any other motion counts as settled when the averages over the last two quarters of it agree.
+    A motion is recognised as periodic by the stable orbit next to it and by several returns that contract to this orbit
+    as its linearised return map predicts. So a slow transient near a flip or a fold is not mistaken for another motion,
+    and the orbit is exact. Any other motion counts as settled when the averages over its last two quarters agree.
 
     Parameters
     ----------
@@ -74,16 +74,16 @@ def settle(
     start
         ``"rest"``, or a state at theta = 0: positions, then velocities.
     options
-        How far to go, and when to stop.
+        Length of the transient, and the tests that end it.
     at, **values
         Parameter values to change first: ``settle(system, frequency=0.45)``.
 
     Raises
     ------
     ModelError
-        For a start or a parameter that makes no sense.
+        For an invalid start or parameter.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     check_system(system, "settle")
     options = options or SettleOptions()
@@ -92,7 +92,7 @@ def settle(
 
 
 class _Transient:
-    """One transient while it is followed."""
+    """A transient that is being followed."""
 
     def __init__(self, system: System, state: NDArray[np.float64], options: SettleOptions) -> None:
         self.strobe, self.options = Strobe(system), options
@@ -102,7 +102,7 @@ class _Transient:
         self.largest = 0.0  # size of the motion so far
 
     def follow(self) -> Settled:
-        """Look again and again, ever later, until it is known where the motion leads."""
+        """Test the motion at growing intervals until it is decided to which motion it leads."""
         target = _FIRST
         while True:
             self._advance(min(target, self.options.max_periods) - self.periods)
@@ -132,7 +132,7 @@ class _Transient:
         return states[-count:]
 
     def _look(self) -> Approach | None:
-        """Try the periods that are worth it, period 1 always; stable orbits first."""
+        """Search for orbits of the promising periods, always including period 1; test stable orbits first."""
         tail = self._tail(4 * self.options.max_period)
         scaled, least = tail / size_of(self.strobe.system, tail), _REST * self.largest
         periods = {1, *(each.period for each in recurrences(scaled, self.options.max_period, _PROMISING))}
@@ -150,14 +150,14 @@ class _Transient:
         return None
 
     def _leave(self, approach: Approach) -> None:
-        """Push the motion off an unstable orbit, unless it has come far enough by itself.
+        """Displace the motion from an unstable orbit, unless it is already far enough away.
 
-        A motion begun next to an unstable orbit looks settled as long as it has not gone away.
+        A motion that starts next to an unstable orbit looks settled until it has left that orbit.
         """
         if approach.distance >= _FAR:
             return
-        self.notes.append(f"it was next to an unstable motion of period {approach.orbit.period}, and was pushed off")
-        # what came before is forgotten: the motion begins anew, at the same phase
+        self.notes.append(f"it was displaced from an unstable motion of period {approach.orbit.period} next to it")
+        # forget the states before: the motion restarts here, at the same phase
         self.blocks = [pushed_off(approach.orbit, self.state, _REST * self.largest)[None, :]]
 
     def _is_stationary(self) -> bool:
@@ -185,7 +185,7 @@ class _Transient:
         return (*self.notes, *more)
 
     def _returns(self) -> tuple[str, ...]:
-        """That the motion has a period longer than was looked for, if it has."""
+        """Report a period longer than those that were searched for, if the motion has one."""
         tail = self._tail(_KEPT)
         tail = tail[len(tail) // 2 :]
         tail = tail - tail.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Where a motion has settled: the record of a transient and of what it came to."""
+"""The record of a transient and of the settled motion to which it leads."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ class Settled(Shown):
     system
         The system that moves.
     strobes : shape (count, 2n)
-        The last states of the transient at theta = 0, a forcing period apart; positions, then velocities.
+        The last states of the transient at theta = 0, one forcing period apart; positions, then velocities.
     periods
-        Forcing periods that the transient was followed for.
+        Length of the transient in forcing periods.
     converged
-        Whether the motion has settled; if not, `evidence` says what it still does.
+        True if the motion has settled; if not, `evidence` gives the reason.
     orbit
-        The stable orbit to which the motion comes, polished by Newton's method; None where it is not periodic.
+        The stable orbit to which the motion converges, refined by Newton's method; None if the motion is not periodic.
     residual
         Distance from the orbit when it was recognised, or drift of the motion's averages between the last two
         windows; relative to the size of the motion.
     evidence
-        What the judgement rests on, in sentences.
+        The evidence for the decision, in sentences.
     """
 
     system: System
@@ -47,28 +47,28 @@ class Settled(Shown):
 
     @property
     def period(self) -> int | None:
-        """m, forcing periods after which it repeats; None where it is not periodic."""
+        """Period m in forcing periods; None if the motion is not periodic."""
         return self.orbit.period if self.orbit is not None else None
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """A state of the settled motion at theta = 0, shape (2n,): of the orbit if there is one."""
+        """A state of the settled motion at theta = 0, shape (2n,); a state of the orbit if there is one."""
         return self.orbit.state if self.orbit is not None else self.strobes[-1]
 
     def motion(self, periods: int | None = None, samples: int = 256) -> Motion:
-        """The settled motion, sampled; the contact log and the force-deflection loop are in it.
+        """Return the settled motion, sampled, with its contact events and force-deflection loops.
 
         Parameters
         ----------
         periods
             Forcing periods; by default those of the orbit, or 64.
         samples
-            Samples a forcing period.
+            Samples per forcing period.
         """
         return integrate(self.system, self.state, periods or self.period or 64, samples)
 
     def plot(self, signal: str | None = None, **options: Any):
-        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Returns the figure."""
+        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Return the figure."""
         from gapwalk.plot import draw
 
         return draw(self, signal, **options)

@@ -1,4 +1,4 @@
-"""Sorting states by the attractor to which they lead: many at a time, and no longer than each of them needs."""
+"""Sorting of states by the attractor to which they lead: many at once, each followed only as long as it needs."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from gapwalk.attractor.haunt import Haunt
 
 UNRESOLVED, RUNAWAY = -1, -2
-"""Labels of states that were found to lead to no known attractor, and of motions that run away."""
+"""Labels of states that lead to no known attractor, and of motions that diverge."""
 
-_FIRST = 8  # forcing periods before the first look; each following look comes after half as many again
-_WATCHED = 48  # strobes by which a motion that is in no trap is compared with haunts
+_FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
+_WATCHED = 48  # strobes of a motion in no trapping region that are compared with the attractor signatures
 
 Advance = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
-"""Carries states, shape (count, 2n), over a number of forcing periods; a motion that cannot be followed becomes nan."""
+"""Advances states, shape (count, 2n), by some forcing periods; a motion that cannot be integrated becomes nan."""
 
 
 class Sorted(NamedTuple):
-    """Where states lead.
+    """The attractors to which states lead.
 
     Attributes
     ----------
     labels : shape (count,)
-        Which haunt each of them comes to; UNRESOLVED or RUNAWAY for none.
+        Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
     states : shape (count, 2n)
-        Where they have come to when that was seen.
+        States of the motions when this was decided.
     periods : shape (count,)
-        After how many forcing periods that was.
+        Number of forcing periods until then.
     """
 
     labels: NDArray[np.int_]
@@ -39,7 +39,7 @@ class Sorted(NamedTuple):
 
 
 def sort_states(advance: Advance, states: NDArray[np.float64], haunts: Sequence[Haunt], longest: int) -> Sorted:
-    """Follow states until each is at one of the haunts, or for `longest` forcing periods.
+    """Follow states until each has reached one of the attractors, or for `longest` forcing periods.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def sort_states(advance: Advance, states: NDArray[np.float64], haunts: Sequence[
     states : shape (count, 2n)
         Positions, then velocities, at theta = 0.
     haunts
-        What is known of the attractors.
+        Signatures of the attractors.
     longest
         The most forcing periods.
     """
@@ -77,7 +77,7 @@ def sort_states(advance: Advance, states: NDArray[np.float64], haunts: Sequence[
 def _look(
     states: NDArray[np.float64], labels: NDArray[np.int_], haunts: Sequence[Haunt], alive: NDArray[np.intp]
 ) -> NDArray[np.intp]:
-    """Label the states that are trapped or lost; the rest of `alive`."""
+    """Label the motions that are in a trapping region or have diverged; return the rest of `alive`."""
     labels[alive[~np.isfinite(states[alive]).all(axis=1)]] = RUNAWAY
     for index, haunt in enumerate(haunts):
         if haunt.trap is not None:

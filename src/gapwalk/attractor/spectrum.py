@@ -1,4 +1,4 @@
-"""Spectra of signals: amplitudes in the signal's units over multiples of W."""
+"""Spectra of signals: amplitudes in the units of the signal over multiples of W."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from gapwalk.model.system import System, pace_text
 from gapwalk.motion.motion import Motion, integrate
 from gapwalk.orbit.orbit import Orbit
 
-_FIRST, _FINEST = 128, 16_384  # samples a forcing period: where the refinement begins, and where it ends
-_SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # W over these has a name in the spectrum of a motion without period
-_CLEAN = 4  # lines above a quarter of the sampling rate are left out: they are folded most
+_FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
+_SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
+_CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing affects them most
 
 
 @dataclass(frozen=True, slots=True)
 class SpectrumOptions:
-    """How to compute a spectrum.
+    """Options of a spectrum.
 
     Parameters
     ----------
     periods
-        Forcing periods that a motion without period is windowed over.
+        Number of forcing periods in the window, for a motion without period.
     window
         A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
-        ``"hann"`` parts neighbouring lines better.
+        ``"hann"`` separates neighbouring lines better.
     tolerance
-        The sampling is refined until folding changes no line by more than this, relative to the largest line.
+        The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
     """
 
     periods: int = 256
@@ -74,17 +74,17 @@ class Spectrum:
     signal
         Name of the signal.
     orders : shape (lines,)
-        From 0: multiples of W, or where the speed of a shaft is a parameter, per turn of that shaft (theta below is
-        then the angle that it has turned through).
+        Orders from 0 upwards: multiples of W, or orders per turn of a shaft if its speed is a parameter (theta below is
+        then the angle of that shaft).
     values : shape (lines,)
-        Complex amplitudes c in the units of the signal: it is the sum of ``Re(c exp(i order theta))``. For a motion
-        without period a line of amplitude A shows as a peak of height A, a little wider than `resolution`.
+        Complex amplitudes c in the units of the signal, which is the sum of ``Re(c exp(i order theta))``. For a motion
+        without period a line of amplitude A appears as a peak of height A, slightly wider than `resolution`.
     period
-        m of a periodic motion, whose lines are exact; 0 for one that was windowed.
+        Period m of a periodic motion, whose lines are exact; 0 for a windowed motion.
     resolution
         Width of a line, as an order: 0 for a periodic motion.
     folding
-        Bound on what folding (aliasing) adds to any line, in the units of the signal.
+        Bound on the contribution of aliasing to any line, in the units of the signal.
     """
 
     system: System
@@ -101,20 +101,20 @@ class Spectrum:
         return np.abs(self.values)
 
     def amplitude(self, order: float) -> float:
-        """The amplitude at an order: of the nearest line within the resolution, else 0."""
+        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none."""
         nearest = int(np.argmin(np.abs(self.orders - order)))
         reach = max(self.resolution, 1e-9)
         return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
 
     def peaks(self, count: int = 10, least: float = 1e-3) -> tuple[Peak, ...]:
-        """The highest peaks, the mean left out, highest first.
+        """Return the highest peaks without the mean, in descending order.
 
         Parameters
         ----------
         count
-            How many.
+            Largest number of peaks.
         least
-            Smallest height, relative to the highest.
+            Smallest height, relative to the highest peak.
         """
         from scipy.signal import find_peaks  # imported late: it takes long
 
@@ -136,10 +136,10 @@ class Spectrum:
 
 
 def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
-    """The spectrum of a signal of a settled motion.
+    """Compute the spectrum of a signal of a settled motion.
 
-    That of an orbit is taken over exactly one period of it, so no line leaks; any other motion is windowed. In both
-    cases the sampling is refined until folding is negligible: contacts make kinks, and kinks have many harmonics.
+    An orbit is transformed over exactly one period, so no line leaks; any other motion is windowed. In both cases the
+    sampling is refined until aliasing is negligible: contacts cause kinks, and kinks have many harmonics.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | No
     ModelError
         If there is no such signal.
     FlowError
-        If the motion runs away.
+        If the motion diverges.
     """
     from scipy.signal import get_window  # imported late: it takes long
 
@@ -185,7 +185,7 @@ def _refined(
     window: Callable[[int], NDArray[np.float64]],
     tolerance: float,
 ) -> tuple[NDArray[np.complex128], float]:
-    """Lines of a signal at a sampling that is doubled until folding is small, and a bound on folding."""
+    """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
     samples, coarse = _FIRST, None
     while True:
         values = sampled(samples).signal(signal)[:-1]
@@ -199,7 +199,7 @@ def _refined(
 
 
 def _lines(values: NDArray[np.float64], window: Callable[[int], NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Complex amplitudes of the clean part of the spectrum, corrected for the window; the mean is taken out first."""
+    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform."""
     mean, weights = values.mean(), window(len(values))
     lines = 2.0 * np.fft.rfft((values - mean) * weights) / weights.sum()
     lines[0] = mean

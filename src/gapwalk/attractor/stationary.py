@@ -1,4 +1,4 @@
-"""Whether a motion that is not periodic has settled: averages over it must not change any more."""
+"""Stationarity of a motion that is not periodic: it has settled if averages over it no longer change."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.average import birkhoff_mean, birkhoff_spread
 
-# Numbers of blocks, and the standard errors by which the trend over so many may differ from none. Few long blocks show
-# the slow decay of a torus, whose weighted averages are then sharp; errors from few blocks are uncertain themselves.
+# Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a torus,
+# because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
 _LEVELS = ((16, 4.5), (8, 6.0), (5, 12.0))
-_SMALL = 0.01  # weight of what is left over a nearest return: it may change by a hundred times the tolerance
-_NOTHING = 1e-20  # its square where nothing is left but rounding
-_IRREGULAR = 1e-3  # spread of weighted averages, relative to the signal's deviation, above which it is chaotic
+_SMALL = 0.01  # weight of the differences over a nearest return: they may change by a hundred times the tolerance
+_NOTHING = 1e-20  # square of a difference that is only rounding
+_IRREGULAR = 1e-3  # spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic
 
 
 class Drift(NamedTuple):
-    """How the averages of a motion change along a stretch of it.
+    """The change of the averages of a motion along part of it.
 
     Attributes
     ----------
     change
         The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
     trend
-        The largest linear trend of averages over blocks, in its standard errors, over what is allowed. The errors come
-        from what the trend leaves unexplained: a slow decay does not hide itself by adding to its own error.
+        The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The
+        errors come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
     irregular
-        Whether weighted averages converge as slowly as those of chaotic motion do.
+        True if weighted averages converge as slowly as those of chaotic motion.
     """
 
     change: float
@@ -36,21 +36,21 @@ class Drift(NamedTuple):
     irregular: bool
 
     def is_settled(self, tolerance: float) -> bool:
-        """Whether the change is within the tolerance, or, for irregular motion, the trend within its errors."""
+        """Return True if the change is within the tolerance, or, for irregular motion, the trend within its errors."""
         return self.change <= tolerance or (self.irregular and self.trend <= 1.0)
 
     def text(self, tolerance: float) -> str:
-        """What is known of a settled motion, in words."""
+        """Describe a settled motion in words."""
         if self.change > tolerance:
-            return f"its averages fluctuate, and show no trend (at most {self.trend:.2f} of what counts as one)"
+            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
         return f"its averages change by no more than {self.change:.1e}"
 
 
 def drift_of(states: NDArray[np.float64], period: int = 1) -> Drift:
-    """The drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
+    """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
 
-    `period` is that of the nearest return. What is left of the motion over it, the size of a torus about an orbit say,
-    is looked at by itself and in its own measure: it may be small beside the motion, and far from settled.
+    `period` is that of the nearest return. The difference of the motion over it (for example the size of a torus about
+    an orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
     """
     i, j = np.triu_indices(states.shape[1])
     left = (states[period:] - states[:-period]) ** 2
@@ -64,7 +64,7 @@ def drift_of(states: NDArray[np.float64], period: int = 1) -> Drift:
 
 
 def _trend(values: NDArray[np.float64]) -> float:
-    """Size of the largest linear trend of block averages, in its standard errors, over what is allowed."""
+    """Return the largest linear trend of block averages, in its standard errors, relative to the allowed one."""
     largest = 0.0
     for count, allowed in _LEVELS:
         length = len(values) // count

@@ -1,4 +1,4 @@
-"""Many motions side by side, of one system or each of a system with parameter values of its own; here one by one."""
+"""Flows of many motions, of one system or each with its own parameter values; here integrated one after the other."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gapwalk.errors import FlowError
 from gapwalk.model.system import System
 from gapwalk.motion.motion import integrate, switch_names
 
-_SAMPLES = 512  # a forcing period, for peaks of forces
+_SAMPLES = 512  # per forcing period, for peaks of forces
 
 
 class ContactFigures(NamedTuple):
-    """What the contacts of motions go through.
+    """Contact forces and impacts of many motions.
 
     Attributes
     ----------
     states : shape (count, 2n)
-        At the end.
+        States at the end.
     peaks : shape (count, contacts)
-        Largest contact force, without its sign.
+        Largest magnitude of each contact force.
     impacts : shape (count, contacts)
-        How often a contact closes, a forcing period, on either side.
+        Closings of a contact per forcing period, on both sides together.
     """
 
     states: NDArray[np.float64]
@@ -36,45 +36,45 @@ class ContactFigures(NamedTuple):
 
 
 class Swarm(Protocol):
-    """The flow of many motions; one that cannot be followed becomes nan."""
+    """The flow of many motions; the state of a motion that cannot be integrated becomes nan."""
 
     @property
     def error(self) -> float:
-        """The largest error over one forcing period that was seen, relative to the size of the motion."""
+        """The largest error over one forcing period that was measured, relative to the size of the motion."""
         ...
 
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-        """The states, shape (count, 2n), so many forcing periods later."""
+        """Advance the states, shape (count, 2n), by some forcing periods."""
         ...
 
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
-        """The states 1, 2, ... forcing periods after the first `after` ones, shape (periods, count, 2n)."""
+        """Return the states 1, 2, ... forcing periods after the first `after` ones, shape (periods, count, 2n)."""
         ...
 
     def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
-        """What the contacts go through in so many forcing periods."""
+        """Compute contact forces and impacts over some forcing periods."""
         ...
 
     def part(self, which: NDArray[np.intp]) -> Swarm:
-        """The flow of some of the motions."""
+        """Return the flow of some of the motions."""
         ...
 
 
 def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of the states, shape (count, 2n), are those of motions that have not run away."""
+    """Mark the states, shape (count, 2n), of motions that have not diverged."""
     return np.asarray(np.isfinite(states).all(axis=1))
 
 
 class ExactSwarm:
-    """The exact flow, one motion after the other.
+    """The exact flow of many motions, integrated one after the other.
 
     Parameters
     ----------
     system
         The system.
     values
-        Parameter values by name, each of shape (count,), one for each motion; if there are none, there may be any
-        number of motions.
+        Parameter values by name, each of shape (count,), one for each motion; without any, the number of motions may
+        vary.
     """
 
     error = 0.0
@@ -124,7 +124,7 @@ class ExactSwarm:
 
 
 def _closings(system: System, events) -> NDArray[np.float64]:
-    """How often the innermost stages of each contact close."""
+    """Count the closings of the innermost stages of each contact."""
     places = {contact.name: index for index, contact in enumerate(system.structure.contacts)}
     innermost: dict[tuple[str, int], int] = {}
     for switch, (name, _, side) in enumerate(switch_names(system)):

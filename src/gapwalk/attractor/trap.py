@@ -1,10 +1,10 @@
-"""The trap about a stable orbit: states from which the motion is known to come to rest on it.
+"""The trapping region of a stable orbit: states from which the motion is known to converge to the orbit.
 
-A motion need not be followed until it has arrived. The linearised return map A of a stable orbit has a norm in which
-it shrinks everything, ``|x|^2 = x' P x`` with ``A' P A / g^2 - P + I = 0`` for any g above the largest multiplier
-(Lyapunov's equation). The ellipsoids of that norm are tried from large to small, on the exact flow: the first whose
-whole surface, at random points of it and of smaller ones inside, comes back shrunk is the trap. The return map is
-one-to-one and continuous, so what is inside the surface stays inside.
+So a motion need not be followed until it has reached the orbit. The linearised return map A of a stable orbit has a
+norm in which it is a contraction, ``|x|^2 = x' P x`` with ``A' P A / g^2 - P + I = 0`` for any g above the largest
+multiplier (Lyapunov's equation). The ellipsoids of that norm are tested from large to small on the exact flow. The
+trapping region is the first one for which random points of its surface, and of smaller ones inside, all return to a
+smaller ellipsoid. The return map is one-to-one and continuous, so points inside the surface stay inside.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from gapwalk.attractor.strobe import Strobe, size_of
 from gapwalk.errors import FlowError
 from gapwalk.orbit.orbit import Orbit
 
-_POINTS = 48  # on each surface
+_POINTS = 48  # points on each surface
 _SHELLS = np.array([1.0, 0.5, 0.25])
-_LARGEST, _SMALLEST = 0.5, 1e-5  # half the size of a trap, relative to that of the motion
+_LARGEST, _SMALLEST = 0.5, 1e-5  # half the size of a trapping region, relative to that of the motion
 _SEED = 1995
 _NEUTRAL = 1e-9  # distance of a multiplier from the unit circle below which the linear map decides nothing
 
@@ -33,7 +33,7 @@ class Trap:
     Attributes
     ----------
     strobes : shape (m, 2n)
-        The states of the orbit, a forcing period apart.
+        The states of the orbit, one forcing period apart.
     shapes : shape (m, 2n, 2n)
         A state x is inside the ellipsoid about strobe j where ``|shapes[j] @ (x - strobes[j])| <= 1``.
     """
@@ -42,16 +42,16 @@ class Trap:
     shapes: NDArray[np.float64]
 
     def holds(self, states: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of the states are inside, shape (count,); those that are not finite are not."""
+        """Mark the states that are inside, shape (count,); states that are not finite are outside."""
         inside = np.zeros(len(states), dtype=bool)
         for strobe, shape in zip(self.strobes, self.shapes, strict=True):
-            with np.errstate(over="ignore", invalid="ignore"):  # motions that run away
+            with np.errstate(over="ignore", invalid="ignore"):  # motions that diverge
                 inside |= np.square((states - strobe) @ shape.T).sum(axis=1) <= 1.0
         return inside
 
 
 def trap_of(orbit: Orbit) -> Trap | None:
-    """The trap about an orbit; None if it is not stable, or so weakly that no trap of any use was found."""
+    """Build the trapping region of an orbit; None if it is not stable, or so weakly that no useful region was found."""
     if np.abs(orbit.multipliers).max() >= 1.0 - _NEUTRAL:
         return None
     builder = _Builder(orbit)
@@ -89,7 +89,7 @@ class _Builder:
         self.directions = directions / np.linalg.norm(directions, axis=1)[:, None]
 
     def first_shape(self) -> NDArray[np.float64] | None:
-        """The largest ellipsoid about the first strobe that the return map shrinks."""
+        """Return the largest ellipsoid about the first strobe that the return map contracts."""
         limit = 0.5 * (1.0 + self.rate)
 
         def shrinks(shape: NDArray[np.float64]) -> bool:
@@ -101,7 +101,7 @@ class _Builder:
         return self._largest(0, shrinks)
 
     def shape_before(self, phase: int, first: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """The largest ellipsoid about another strobe from which all motions come into the one about the first."""
+        """Return the largest ellipsoid about another strobe from which all motions reach the one about the first."""
 
         def arrives(shape: NDArray[np.float64]) -> bool:
             rest = self.period - phase
@@ -110,7 +110,7 @@ class _Builder:
         return self._largest(phase, arrives)
 
     def _largest(self, phase: int, is_good) -> NDArray[np.float64] | None:
-        """The largest ellipsoid of the norm of a strobe that is good; each is half as large as the one before."""
+        """Return the largest accepted ellipsoid of the norm at a strobe; each is half as large as the one before."""
         root = self._root(phase)
         size = _LARGEST
         while size >= _SMALLEST:
@@ -121,7 +121,7 @@ class _Builder:
         return None
 
     def _root(self, phase: int) -> NDArray[np.float64]:
-        """A root of the norm's matrix P, such that the ellipsoid is as wide as the motion in its widest direction."""
+        """Return a root of P, scaled so that the ellipsoid is as wide as the motion in its widest direction."""
         product = np.eye(len(self.scale))
         for step in range(self.period):
             product = self.matrices[(phase + step) % self.period] @ product
@@ -131,7 +131,7 @@ class _Builder:
         return np.sqrt(values / values[0])[:, None] * vectors.T / self.scale
 
     def _surfaces(self, shape: NDArray[np.float64], phase: int):
-        """Points of an ellipsoid's surface and of smaller ones inside, largest first, each with its relative size."""
+        """Yield points of an ellipsoid's surface and of smaller ones inside, largest first, with the relative size."""
         offsets = np.linalg.solve(shape, self.directions.T).T
         for shell in _SHELLS:
             for offset in offsets:

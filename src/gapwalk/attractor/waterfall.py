@@ -1,4 +1,4 @@
-"""The waterfall: how the spectrum of a signal changes along a branch or a list of orbits."""
+"""The waterfall: spectra of a signal along a branch or for a list of orbits."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gapwalk.orbit.orbit import Orbit
 
 @dataclass(frozen=True, eq=False)
 class Waterfall:
-    """Spectra in orders, one after the other: multiples of W, or per turn of the shaft whose speed is a parameter.
+    """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
 
     Attributes
     ----------
@@ -26,13 +26,13 @@ class Waterfall:
     signal
         Name of the signal.
     values : shape (orbits,)
-        The parameter at each orbit, in the order of the walk: it turns round at folds.
+        The parameter at each orbit, in the order along the branch: it reverses at folds.
     orders : shape (lines,)
-        Evenly spaced from 0; see `Spectrum`.
+        Orders, evenly spaced from 0; see `Spectrum`.
     amplitudes : shape (orbits, lines)
-        In the units of the signal; the mean is in the first column.
+        Amplitudes in the units of the signal; the first column is the mean.
     stable : shape (orbits,)
-        Whether each orbit is stable.
+        True for stable orbits.
     turns
         See `System.turns`.
     """
@@ -46,7 +46,7 @@ class Waterfall:
     turns: int | None = None
 
     def plot(self, **options):
-        """Draw it as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Returns the axes."""
+        """Draw it as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -66,7 +66,7 @@ def waterfall(
     parameter: str = "frequency",
     options: SpectrumOptions | None = None,
 ) -> Waterfall:
-    """The spectra of a signal along a branch, or of a list of orbits.
+    """Compute the spectra of a signal along a branch, or for a list of orbits.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def waterfall(
     top
         The highest order.
     parameter
-        Name of the parameter that changes, for a list of orbits; that of a branch is known.
+        Name of the parameter that changes, for a list of orbits; a branch supplies its own.
     options
-        As in `spectrum`; folding is bounded to 1e-4 of the largest line by default.
+        As in `spectrum`; by default aliasing is limited to 1e-4 of the largest line.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The program that the commands of `gapwalk.cli.commands` are added to, and the options that many of them have."""
+"""The program to which `gapwalk.cli.commands` adds the commands, and the options that several of them share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cyclopts import App, Parameter
 
 app = App(
     name="gapwalk",
-    help="Walks the solution branches of vibrating systems with gaps.",
+    help="Numerical continuation for vibrating systems with gaps.",
     help_format="plaintext",
     version=lambda: __import__("gapwalk").__version__,
 )

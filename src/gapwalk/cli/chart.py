@@ -1,4 +1,4 @@
-"""A map on the screen: its loci with their ends, and the points of codimension two."""
+"""A bifurcation map in the terminal: its loci with their ends, and the points of codimension two."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gapwalk.study.map import KINDS, Map
 
 
 def print_map(screen: Console, chart: Map, measure: str, *, points: bool) -> None:
-    """Print the loci of a map, the points of codimension two (if wanted), and what could not be done."""
+    """Print the loci of a map, the points of codimension two if requested, and failures."""
     screen.print(_summary(chart), soft_wrap=True)
     for name, locus in zip(chart.names, chart.loci, strict=True):
         screen.print(_describe(chart, name, locus), soft_wrap=True)
@@ -27,7 +27,7 @@ def print_map(screen: Console, chart: Map, measure: str, *, points: bool) -> Non
 
 
 def codim2_table(chart: Map, measure: str) -> Table:
-    """The table of the points of codimension two, by loci."""
+    """Build the table of the points of codimension two, by loci."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     measure = full_measure(measure, chart.loci[0].points[0].orbit.system.coordinates)
     for heading in ("locus", "point"):
@@ -62,7 +62,7 @@ def _summary(chart: Map) -> str:
     special = sum(len(branch.special_points) for branch in chart.branches)
     return (
         f"{ranges}: {len(chart.loci)} loci{counts and f', {counts}'}\n"
-        f"picked up at {special} special points of {branches} branches, on sections at "
+        f"started from {special} special points of {branches} branches, on sections at "
         f"{parameter_symbol(chart.second, _units(chart))} = {values}"
     )
 

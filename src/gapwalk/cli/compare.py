@@ -1,4 +1,4 @@
-"""``gapwalk compare``: two results side by side, and whether they agree."""
+"""``gapwalk compare``: the differences of two results, and their agreement within a tolerance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gapwalk.study.store.stored import load
 
 _PICTURES = (".png", ".svg")
 _WORDS = ("first", "second")
-_SPARSE = 10.0  # distance, in parts that interpolation may add, below which it may be nothing else
+_SPARSE = 10.0  # distance, in interpolation errors, below which interpolation alone may explain it
 
 
 def compare_files(
@@ -38,15 +38,15 @@ def compare_files(
     changes: list[str],
     json: bool,
 ) -> int:
-    """Compare two result files, or the studies of model files, and return the exit code."""
+    """Compare two result files, or the studies of model files; return the exit code."""
     if not tolerance > 0.0:
-        raise ModelError(f"tolerance is {tolerance:g}; it must be > 0 (a share of the ranges), as in --tolerance 1e-3")
+        raise ModelError(f"tolerance is {tolerance:g}; it must be > 0, relative to the ranges, as in --tolerance 1e-3")
     if output is not None and output.suffix not in _PICTURES:
-        raise ModelError(f"{output} is no name for a picture; give it the ending .png or .svg")
+        raise ModelError(f"{output} is not a name for a picture; give it the ending .png or .svg")
     found = compare_results(_result_of(first, changes), _result_of(second, changes))
     agree = found.within(tolerance)
     if output is not None:
-        from gapwalk.plot import save  # only now: nothing else needs matplotlib
+        from gapwalk.plot import save  # imported late: only pictures need matplotlib
 
         save(found, output, measure=measure, tolerance=tolerance, names=(first, second))
     if json:
@@ -59,7 +59,7 @@ def compare_files(
 
 
 def _result_of(text: str, changes: list[str]) -> Result:
-    """The result in a file; that of the study of a model file is computed, and not kept."""
+    """Load the result from a file; for a model file, compute that of its study without storing it."""
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     file = file or text
     if not file.endswith(".toml"):
@@ -71,7 +71,7 @@ def _result_of(text: str, changes: list[str]) -> Result:
 
 
 def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tolerance: float) -> None:
-    """What two results have in common, and what not, for people."""
+    """Print the common parts and the differences of two results."""
     for which, file, result in zip(_WORDS, files, found.results, strict=True):
         title = f", {result.title}" if result.title else ""
         screen.print(printable(f"{which}: {file}{title} (by {result.walked.method.name})"), soft_wrap=True)
@@ -80,7 +80,7 @@ def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tol
     symbols = [parameter_symbol(name, found.results[0].system.units) for name in found.parameters]
     ranges = ", ".join(f"{symbol}: {width:.6g}" for symbol, width in zip(symbols, found.ranges, strict=True))
     what = f"curves over {symbols[0]} in the space of {', '.join(found.measures)}"
-    screen.print(f"compared: {what}; lengths are shares of the ranges ({ranges})", soft_wrap=True)
+    screen.print(f"compared: {what}; lengths are relative to the ranges ({ranges})", soft_wrap=True)
     for pair in found.pairs:
         _print_pair(screen, pair, found)
     for which, names in zip(_WORDS, found.only, strict=True):
@@ -90,7 +90,7 @@ def _print(screen: Console, found: ResultComparison, files: tuple[str, str], tol
     verdict = "they agree within" if found.within(tolerance) else "they differ by more than"
     screen.print(f"largest {worst}: {verdict} {tolerance:g}", style="bold", soft_wrap=True)
     if any(tolerance < pair.largest <= _SPARSE * pair.resolution for pair in found.pairs):
-        text = "points may be too far apart to tell; walk with smaller steps, as in --set study.walk.largest_step=0.005"
+        text = "points may be too far apart to decide; use smaller steps, as in --set study.walk.largest_step=0.005"
         screen.print(text, soft_wrap=True)
 
 
@@ -112,13 +112,13 @@ def _print_pair(screen: Console, pair: Pair, found: ResultComparison) -> None:
 
 
 def _table(pair: Pair, symbols: list[str], *, downwards: bool) -> Table:
-    """The special points of a branch or a locus in both results."""
+    """Build the table of the special points of a branch or a locus in both results."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("special point")
     for symbol in symbols:
         for heading in (f"{symbol} first", f"{symbol} second", "difference"):
             table.add_column(heading, justify="right")
-    table.add_column("share", justify="right")
+    table.add_column("relative", justify="right")
     rows: list[tuple[tuple[float, ...], list[str]]] = []
     for shift in pair.shifts:
         cells = [

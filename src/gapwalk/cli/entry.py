@@ -1,4 +1,4 @@
-"""Where the command line begins: words in, exit code out."""
+"""The entry point of the command line: from arguments to an exit code."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from gapwalk.study.work.threads import work_in_one_thread
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command of these arguments (by default those of the process), and return its exit code.
+    """Run the command of these arguments (by default those of the process); return its exit code.
 
-    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: what was
-    compared differs; 5: what was verified is wrong; 130: interrupted; 143: ended by SIGTERM.
+    The codes are 0: done; 1: a bug; 2: bad input; 3: the numerics failed; 4: the compared results
+    differ; 5: the verification failed; 130: interrupted; 143: ended by SIGTERM.
     """
     work_in_one_thread()
     ended = _end_like_ctrl_c() if arguments is None else []
@@ -40,9 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_like_ctrl_c() -> list[int]:
-    """Let SIGTERM do what Ctrl-C does: store what there is, end other processes, say how to go on; the signals so far.
+    """Treat SIGTERM like Ctrl-C: store results, end other processes, print how to resume. Return a list of signals.
 
-    Without it the process would die at once, and its workers' semaphores would be told of as leaked.
+    Otherwise the process would die at once, and its workers' semaphores would be reported as leaked.
     """
     heard: list[int] = []
 

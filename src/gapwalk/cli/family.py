@@ -1,4 +1,4 @@
-"""A family on the screen: its members, and its special points with what becomes of them."""
+"""A family in the terminal: its members, and its special points with their fate along the family."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gapwalk.study.family.record import Family, Strand
 
 
 def print_family(screen: Console, finding: FamilyFinding) -> None:
-    """Print the members of a family, then its special points, strand by strand."""
+    """Print the members of a family, then its special points, each followed through the family."""
     found = finding.family
     low, high = found.within
     symbol, name = parameter_symbol(found.parameter), printable(parameter_symbol(found.over.name))
@@ -32,7 +32,7 @@ def print_family(screen: Console, finding: FamilyFinding) -> None:
 
 
 def _strand_table(found: Family) -> Table:
-    """Where each special point is at its first and its last member."""
+    """Build the table of the special points at their first and their last member."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("special point")
     symbol, name = parameter_symbol(found.parameter), printable(parameter_symbol(found.over.name))
@@ -50,7 +50,7 @@ def _strand_table(found: Family) -> Table:
 
 
 def _ends(strand: Strand) -> list[str]:
-    """What becomes of a special point before its first member and after its last one, as far as that is known."""
+    """Describe, as far as known, what happens to a special point before its first and after its last member."""
     before = [] if strand.before is None else [f"before: {_text(strand.before)}"]
     after = [] if strand.after is None else [f"after: {_text(strand.after)}"]
     on_the_way = [

@@ -1,4 +1,4 @@
-"""``gapwalk new``, ``check``, ``show`` and ``export``: what is done with files without computing anything."""
+"""``gapwalk new``, ``check``, ``show`` and ``export``: commands on files that compute nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PICTURES = ("png", "svg", "pdf")
 
 
 def new_file(file: Path) -> int:
-    """Write the model file to begin with."""
+    """Write a template of a model file."""
     from gapwalk.study.template import write_template
 
     write_template(file)
@@ -25,7 +25,7 @@ def new_file(file: Path) -> int:
 
 
 def check_file(file: Path, changes: list[str], *, json: bool) -> int:
-    """Say what a model file describes."""
+    """Print a summary of a model file."""
     from gapwalk.cli.console import console
     from gapwalk.cli.modes import train_lines
     from gapwalk.cli.run import unused_words
@@ -69,14 +69,14 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
         *dict.fromkeys(f"  {words}" for study in studies for words in unused_words(study)),
         *(f"warning: {doubt}" for doubt in doubts),
-        "nothing else is wrong with it" if doubts else "nothing is wrong with it",
+        "no errors apart from these warnings" if doubts else "no errors",
     ]
     screen.print("\n".join(lines), soft_wrap=True)
     return DONE
 
 
 def show_result(path: Path, *, points: bool, json: bool) -> int:
-    """Show what a result file holds; of a diagram or a map the special points only if they are wanted."""
+    """Show the contents of a result file; special points of a diagram or a map only if requested."""
     from gapwalk.cli.console import console
     from gapwalk.cli.run import print_heading
     from gapwalk.cli.screen import print_result
@@ -89,10 +89,10 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
         return DONE
     screen = console()
     print_heading(screen, result.study)
-    state = "not complete: `gapwalk run` with --resume goes on with it"
+    state = "not complete: `gapwalk run` with --resume continues it"
     if result.complete:
         missed = len(result.failures)
-        state = "complete" if not missed else f"finished, but {missed} thing(s) could not be walked or explained:"
+        state = "complete" if not missed else f"finished, but {missed} part(s) could not be computed or explained:"
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
     screen.print(f"{path}: {state}", soft_wrap=True)
     for text in result.failures if result.complete else ():
@@ -116,14 +116,12 @@ def export_result(
     if form not in ("csv", "html", *_PICTURES):
         raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png, svg, pdf or html")
     if size is not None and form not in _PICTURES:
-        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or leave it out")
+        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
     result = load(path)
     if result.finding is not None and result.finding.record is None:
-        raise ModelError(
-            f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume goes on with it"
-        )
+        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
     if form == "csv":
         if measure is not None:
             raise ModelError("--measure concerns pictures; the tables hold all measures")

@@ -1,4 +1,4 @@
-"""What studies without branches have found, on the screen, by the kind of finding."""
+"""Results of studies without branches in the terminal, by the kind of study."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from gapwalk.study.regimes.finding import RegimeFinding
 from gapwalk.study.settle.finding import SettleFinding
 from gapwalk.study.sweep.finding import SweepFinding
 
-_LINES = 8  # of a spectrum
-_PERIODS = 12  # that are told one by one
-_BANDS = 40  # of a lane
+_LINES = 8  # lines of a spectrum that are printed
+_PERIODS = 12  # longest period that is listed separately
+_BANDS = 40  # bands of a sweep that are printed
 
 
 def print_finding(screen: Console, finding: Finding) -> None:
-    """Print what was found, and what there is to say of it."""
+    """Print the result of a study, with notes and failures."""
     if not finding.complete:
         screen.print(finding.stored, soft_wrap=True)
     if finding.record is not None:
@@ -40,7 +40,7 @@ def _print_settled(screen: Console, finding: SettleFinding) -> None:
     attractor, settled = finding.attractor, finding.settled
     units, turns = attractor.system.units, attractor.system.turns
     where = pace_words(attractor.system)
-    screen.print(f"{attractor.label}: a motion that is {attractor.kind.value}, at {where}", soft_wrap=True)
+    screen.print(f"{attractor.label}: {attractor.kind.value} motion at {where}", soft_wrap=True)
     screen.print(f"  followed for {settled.periods} forcing periods", soft_wrap=True)
     for sentence in attractor.evidence:
         screen.print(f"  {printable(sentence)}", soft_wrap=True)
@@ -64,7 +64,7 @@ def _print_sweep(screen: Console, finding: SweepFinding) -> None:
         unsettled = int((~sweep.settled[number] & (sweep.regimes[number] != "")).sum())
         text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
         if unsettled:
-            text += f"; at {unsettled} values the transient had not settled when patience ended"
+            text += f"; at {unsettled} values the transient had not settled within the allowed time"
         screen.print(text, soft_wrap=True)
         for band in bands[:_BANDS]:
             screen.print(f"  {band.low:.8g} to {band.high:.8g}: {band.regime}, {band.count} values", soft_wrap=True)
@@ -101,13 +101,13 @@ def _print_regimes(screen: Console, finding: RegimeFinding) -> None:
         table.add_row(word, str(count), f"{count / total:.2%}")
     screen.print(table)
     check = found.check
-    screen.print(f"{check.checked} cells classified again, {len(check.different)} of them otherwise", soft_wrap=True)
+    screen.print(f"{check.checked} cells classified again, {len(check.different)} differently", soft_wrap=True)
     for text in check.different:
         screen.print(f"  {printable(text)}", soft_wrap=True)
 
 
 def _in_few_words(cells: dict[str, int]) -> dict[str, int]:
-    """Counts by the words of regimes, with all long periods in one."""
+    """Count cells by regime, with all long periods in one group."""
     few: dict[str, int] = {}
     for word, count in cells.items():
         kind, _, period = word.partition(" ")

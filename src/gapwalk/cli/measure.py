@@ -1,4 +1,4 @@
-"""``gapwalk measure``: a record beside the motion of a model, with picture and tables."""
+"""``gapwalk measure``: comparison of a record with the motion of a model, with picture and tables."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from gapwalk.study.export import table_csv, write_whole
 from gapwalk.study.measure.measure import Measured, measure
 from gapwalk.study.measure.table import read_measured_model
 
-_LINES = 12  # of the spectra, on the screen
+_LINES = 12  # spectral lines that are printed
 _PICTURES = (".png", ".svg")
 
 
 def measure_file(
     file: Path, record: Path, names: list[str], changes: list[str], output: Path | None, *, json: bool
 ) -> int:
-    """Put a record beside the motion of a model file, and return the exit code."""
+    """Compare a record with the motion of a model file; return the exit code."""
     model = read_measured_model(file, parse_changes(changes))
     if names:
         model = replace(
@@ -51,9 +51,9 @@ def measure_file(
 
 
 def _paths(record: Path, output: Path | None, *, fitted: bool) -> list[Path]:
-    """The names of the pictures, then of the tables."""
+    """Return the names of the pictures, then of the tables."""
     if output is not None and output.suffix not in _PICTURES:
-        raise ModelError(f"{output} is no name for a picture; give it the ending .png or .svg")
+        raise ModelError(f"{output} is not a name for a picture; give it the ending .png or .svg")
     base = output or record.with_name(f"{record.stem}-measured.png")
     tables = [*(["parameters"] if fitted else []), "history", "lines"]
     return [
@@ -63,7 +63,7 @@ def _paths(record: Path, output: Path | None, *, fitted: bool) -> list[Path]:
 
 
 def _write(found: Measured, paths: list[Path]) -> None:
-    from gapwalk.plot import save  # only now: nothing else needs matplotlib
+    from gapwalk.plot import save  # imported late: only pictures need matplotlib
 
     save(found.alignment, *paths[: len(_PICTURES)], title=found.model.title or None)
     for path, rows in zip(paths[len(_PICTURES) :], found.tables().values(), strict=True):
@@ -102,7 +102,7 @@ def _words(found: Alignment) -> str:
 def _parameters(found: Fit) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("parameter")
-    for heading in ("begun at", "fitted", "standard error"):
+    for heading in ("start", "fitted", "standard error"):
         table.add_column(heading, justify="right")
     for each in (*found.estimates, found.phase):
         _, sign, error = str(each).partition("±")

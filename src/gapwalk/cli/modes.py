@@ -1,4 +1,4 @@
-"""``gapwalk modes``: where a system rests, and its natural frequencies and modes there."""
+"""``gapwalk modes``: static equilibria of a system, and its natural frequencies and modes about them."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from gapwalk.model.units import Units
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import change_source, change_system, parse_changes
 
-_COLUMNS = 8  # entries of a mode that have a column each; of more, the largest are named
+_COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named
 _LARGEST = 3
 _ROWS = 30  # modes that are printed; --json has all of them
 
 
 def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
-    """Print where the system of a model file rests, and its modes; a study is not needed."""
+    """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
     title, system = _read(file, changes)
     rest = rest_of(system)
-    found = {f"at rest ({each})": modes_of(system, each) for each in rest.equilibria}
+    found = {f"about the static equilibrium ({each})": modes_of(system, each) for each in rest.equilibria}
     closed = modes_of(system, "closed")
     if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
         found["with the first stage of every contact closed"] = closed
@@ -72,7 +72,7 @@ def _read(file: Path, changes: list[str]) -> tuple[str, System]:
 
 
 def train_lines(system: System) -> list[str]:
-    """What there is to say of a drive train as a whole; nothing of another system."""
+    """Describe a drive train as a whole; return no lines for another system."""
     assembly = system.structure.assembly
     if not isinstance(assembly, TrainAssembly):
         return []
@@ -80,22 +80,26 @@ def train_lines(system: System) -> list[str]:
     gears = sum(link.geared for link in form.links)
     parts = f"{len(form.inertias)} inertias, {len(form.links) - gears} shafts, {gears} gears"
     if not form.is_free:
-        return [f"  train: {parts}; held by the ground"]
-    lines = [f"  train: {parts}; free to turn as a whole, which is left out"]
+        return [f"  train: {parts}; connected to the ground"]
+    lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
     acceleration = assembly.acceleration(system.values)
     if np.abs(assembly.mean(system.values)).max() > 0 and np.abs(acceleration).max() > 0:
         first, units = form.inertias[0], system.units
         size = f"{acceleration[0] * units.angle:.6g} rad/s^2" if units else f"{acceleration[0]:.6g}"
         lines.append(
             f"  mean torques do not balance: it accelerates steadily, {first} at {size}; "
-            f'reaction = "{form.inertias[-1]}" would take the rest'
+            f'reaction = "{form.inertias[-1]}" would balance them'
         )
     return lines
 
 
 def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
     if not rest:
-        lost = "rests nowhere: the mean load drives it away" if rest.complete else "no position of rest was found"
+        lost = (
+            "no static equilibrium: the mean load drives it away"
+            if rest.complete
+            else "no static equilibrium was found"
+        )
         return [f"  {lost}"]
     lines, angle, torque = [], "", ""
     if units:
@@ -105,9 +109,9 @@ def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
             f"{contact.name} {contact.deflection:.4g}{angle} (force {contact.force:.4g}{torque})"
             for contact in each.contacts
         )
-        lines.append(f"  rests with {each}" + (f": {forces}" if forces else ""))
+        lines.append(f"  static equilibrium with {each}" + (f": {forces}" if forces else ""))
     if not rest.complete:
-        lines.append("  there may be more positions of rest")
+        lines.append("  there may be more static equilibria")
     return lines
 
 
@@ -132,7 +136,7 @@ def _table(modes: Modes, system: System) -> Table:
 
 
 def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:
-    """At which values of the first parameter each order of the excitation meets each mode, by headings."""
+    """Return values of the first parameter at which each order of the excitation meets each mode, by headings."""
     structure, units = system.structure, system.units
     orders = sorted({harmonic.order for harmonic in structure.harmonics})
     turns = 1 if units is None else units.turns or 1

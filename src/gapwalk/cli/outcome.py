@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, and errors as sentences or as JSON."""
+"""The end of a command: its exit code, and errors as sentences or as JSON."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1,
 
 
 def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:
-    """Do a job, and return its exit code; whatever goes wrong is told in a sentence, or in JSON."""
+    """Run a job and return its exit code; report errors in a sentence, or in JSON."""
     try:
         code = job()
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # the reader has seen enough, as in `gapwalk show result.gapwalk | head`
+    except BrokenPipeError:  # the reader has closed the pipe, as in `gapwalk show result.gapwalk | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except OSError as error:
         if error.filename is not None:
             return _told(error, json=json, debug=debug)
-        # Errors of files are told by those who open them; what is left is what the command prints.
+            # Errors of files carry the file name; the others concern the output of the command.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        _tell(f"what the command prints cannot be written: {error.strerror or error}", {}, json=False)
+        _tell(f"the output of the command cannot be written: {error.strerror or error}", {}, json=False)
         return BAD_INPUT
     except KeyboardInterrupt as error:
         text = f"interrupted: {error}" if str(error) else "interrupted"
@@ -39,7 +39,7 @@ def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) ->
 
 
 def failure_code(error: BaseException) -> int:
-    """The exit code that an error stands for."""
+    """Return the exit code for an error."""
     if isinstance(error, KeyboardInterrupt):
         return INTERRUPTED
     if isinstance(error, NumericalError):
@@ -48,10 +48,10 @@ def failure_code(error: BaseException) -> int:
 
 
 def report_error(error: Exception, *, json: bool = False) -> None:
-    """Tell an error on stderr, and in JSON on stdout if that is wanted."""
+    """Print an error on stderr, and in JSON on stdout if requested."""
     text = str(error)
     if not isinstance(error, GapwalkError) and type(error).__module__.partition(".")[0] != "cyclopts":
-        text = f"this is a bug in gapwalk, please report it: {type(error).__name__}: {text} (--debug shows where)"
+        text = f"this is a bug in gapwalk, please report it: {type(error).__name__}: {text} (see --debug)"
     document: dict[str, Any] = {"type": type(error).__name__, "message": text}
     problems = getattr(error, "problems", None)
     if problems is not None:
@@ -62,17 +62,17 @@ def report_error(error: Exception, *, json: bool = False) -> None:
 
 
 def print_json(document: object) -> None:
-    """Print the one JSON document of a command."""
+    """Print the JSON document of a command."""
     print(json_format.dumps(document, allow_nan=False))
 
 
 def printable(text: str) -> str:
-    """A text from a file, safe for a terminal."""
+    """Make a text from a file safe for a terminal."""
     return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
 
 
 def _told(error: Exception, *, json: bool, debug: bool) -> int:
-    """Tell an error, and return its exit code."""
+    """Report an error and return its exit code."""
     if debug:
         traceback.print_exc()
     report_error(error, json=json)

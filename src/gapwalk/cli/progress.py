@@ -1,4 +1,4 @@
-"""Lines on stderr that show how far a run has come."""
+"""Progress of a run, as lines on stderr."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from gapwalk.study.work.pace import Pace
 def progress_of(
     options: StudyOptions, title: str = "", *, show: bool = True
 ) -> BranchProgress | DiagramProgress | MapProgress | JobProgress:
-    """The progress of a study of these options; `title` is what to call it."""
+    """Create the progress display of a study with these options; `title` is its name."""
     if options.kind in JOBS:
         return JobProgress(options, title, show=show)
     if isinstance(options, DiagramStudyOptions):
@@ -39,13 +39,13 @@ def progress_of(
     return BranchProgress(options, title, show=show)
 
 
-_FIRST, _AGAIN = 10.0, 30.0  # seconds until a line is written where there is no terminal, and between two such lines
+_FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
 
 
 class _Line:
-    """One line, with a time, that vanishes at the end; nothing where `show` is false.
+    """One line with the elapsed time, removed at the end; nothing is shown if `show` is false.
 
-    Where stderr is no terminal, as in a log, a line is written now and then, whether anything is new or not.
+    If stderr is not a terminal (a log, say), a line is written at regular intervals, even without any change.
     """
 
     def __init__(self, description: str, columns: list[ProgressColumn], total: float | None, *, show: bool) -> None:
@@ -82,12 +82,12 @@ class _Line:
 
 
 class _Log:
-    """Writes now and then how far a long job has come.
+    """Writes the progress of a long job at regular intervals.
 
     Parameters
     ----------
     words
-        How far it has come at its beginning.
+        The progress at the beginning.
     """
 
     def __init__(self, words: str) -> None:
@@ -97,12 +97,12 @@ class _Log:
         self._writer = threading.Thread(target=self._write, name="gapwalk progress", daemon=True)
 
     def start(self) -> None:
-        """Write from now on."""
+        """Start writing."""
         self._begun = time.monotonic()
         self._writer.start()
 
     def stop(self) -> None:
-        """Write no more."""
+        """Stop writing."""
         self._done.set()
         self._writer.join()
 
@@ -115,7 +115,7 @@ class _Log:
 
 
 class StudyProgress:
-    """How far a study has come; subclasses have the line, and are called with what is new."""
+    """The progress of a study; subclasses own the line, and are called with each new part."""
 
     _line: _Line
 
@@ -130,16 +130,16 @@ class StudyProgress:
 
 
 class BranchProgress(StudyProgress):
-    """How far a walk has come.
+    """The progress along a branch.
 
     Parameters
     ----------
     options
         The study.
     title
-        What to call it.
+        The name to show.
     show
-        Whether to show anything.
+        False to show nothing.
     """
 
     def __init__(self, options: BranchOptions, title: str = "", *, show: bool = True) -> None:
@@ -163,7 +163,7 @@ class BranchProgress(StudyProgress):
 
 
 class DiagramProgress(StudyProgress):
-    """How many branches a diagram has; parameters as `BranchProgress`."""
+    """The number of branches of a diagram so far; parameters as in `BranchProgress`."""
 
     def __init__(self, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title)
@@ -179,7 +179,7 @@ class DiagramProgress(StudyProgress):
 
 
 class MapProgress(StudyProgress):
-    """How many sections and loci a map has; parameters as `BranchProgress`."""
+    """The number of sections and loci of a map so far; parameters as in `BranchProgress`."""
 
     def __init__(self, options: MapStudyOptions, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title)
@@ -195,36 +195,36 @@ class MapProgress(StudyProgress):
 
 
 class JobProgress(StudyProgress):
-    """How many parts of a job are done, and how long the others may take; parameters as `BranchProgress`."""
+    """The number of finished parts of a job, and the estimated time left; parameters as in `BranchProgress`."""
 
     def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title) or options.kind
         self._line = _Line(self._name, [BarColumn(bar_width=24)], None, show=show)
 
     def __call__(self, part: object, pace: Pace) -> None:
-        """Show that a part is done."""
+        """Show that one more part is done."""
         left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
         self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
 
 
 class VerifyProgress(StudyProgress):
-    """How much has been verified; parameters as `BranchProgress`."""
+    """The progress of a verification; parameters as in `BranchProgress`."""
 
     def __init__(self, title: str, *, show: bool = True) -> None:
         self._line = _Line(printable(title), [BarColumn(bar_width=24)], None, show=show)
 
     def __call__(self, what: str, done: int, total: int) -> None:
-        """Show how many of some pieces are done."""
+        """Show the number of checked items of one kind."""
         self._line.update(f"verifying {what}", f"{done} of {total}", done, total)
 
 
 class CountProgress(StudyProgress):
-    """How many of some things are done; parameters as `BranchProgress`, and how many there are."""
+    """The number of finished items of a known total; other parameters as in `BranchProgress`."""
 
     def __init__(self, title: str, total: int, *, show: bool = True) -> None:
         self._name = title
         self._line = _Line(title, [BarColumn(bar_width=24)], total, show=show)
 
     def __call__(self, last: str, done: int, total: int) -> None:
-        """Show that one more is done."""
+        """Show that one more item is done."""
         self._line.update(self._name, f"{done} of {total}  last {printable(last)}", done, total)

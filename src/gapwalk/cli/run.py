@@ -1,4 +1,4 @@
-"""``gapwalk run``: a study from its model file to result, picture and tables."""
+"""``gapwalk run``: from the studies of a model file to results, pictures and tables."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def run_file(
     plain: bool = False,
     scheduler: str | None = None,
 ) -> int:
-    """Run the studies of a model file, or those that are named, and return the exit code: that of the worst.
+    """Run the studies of a model file, or the named ones; return the highest exit code.
 
-    With the address of a scheduler, the work is done on its cluster. `plain`: in non-dimensional form.
+    With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
     """
     with nullcontext() if scheduler is None else on_cluster(scheduler):
         return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet, plain=plain)
@@ -66,7 +66,7 @@ def _run_all(
 ) -> int:
     studies = chosen(read_studies(file, parse_changes(changes)), names, file)
     if plain:
-        from gapwalk.study.units import without_units  # only now: it knows the options of all kinds
+        from gapwalk.study.units import without_units  # imported late: it needs the options of all kinds
 
         studies = [without_units(study) for study in studies]
     outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
@@ -102,7 +102,7 @@ def _run_all(
 
 
 def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[Study]:
-    """The studies of these names, or all if no name is given."""
+    """Select the studies of these names, or all if no name is given."""
     known = [study.name for study in studies if study.name]
     for name in names:
         if name not in known:
@@ -112,7 +112,7 @@ def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[S
 
 
 def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool) -> Result:
-    """Run one study, write what belongs to it, and print it."""
+    """Run one study, write its files, and print its result."""
     screen = console(stderr=json)
     with progress_of(study.options, study.name, show=not quiet) as progress:
         result = found_by(run, study, path, resume=resume, force=force, report=progress)
@@ -128,24 +128,24 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
 
 
 def _files(result: Result, path: Path) -> list[str]:
-    """The names of the files that a run has written."""
+    """Return the names of the files that a run has written."""
     products = [] if exit_code(result) == INTERRUPTED else product_paths(result, path)
     return [str(file) for file in (path, *products)]
 
 
 def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool = True) -> Path:
-    """The name of the result file of a study; a ModelError if it is that of something else."""
+    """Return the name of the result file of a study; raise a ModelError if it is that of another kind of file."""
     given = file.with_suffix(".gapwalk") if output is None else output
     if given.suffix in _OTHER_ENDINGS or given == file:
-        raise ModelError(f"{given} is no name for a result; give it the ending .gapwalk, as in {given.stem}.gapwalk")
+        raise ModelError(f"{given} is not a name for a result; give it the ending .gapwalk, as in {given.stem}.gapwalk")
     if name and not (output and alone):
         return given.with_name(f"{given.stem}-{name}{given.suffix}")
     return given
 
 
 def write_products(result: Result, output: Path) -> list[Path]:
-    """Write picture and tables beside a result file, and return their names."""
-    from gapwalk.plot import save  # only now: nothing else needs matplotlib
+    """Write picture and tables next to a result file; return their names."""
+    from gapwalk.plot import save  # imported late: only pictures need matplotlib
 
     if pictures := _picture_paths(result, output):
         save(result, *pictures)
@@ -154,23 +154,23 @@ def write_products(result: Result, output: Path) -> list[Path]:
 
 
 def product_paths(result: Result, output: Path) -> list[Path]:
-    """The names of picture and tables that belong to a result file."""
+    """Return the names of the picture and tables of a result file."""
     return [*_picture_paths(result, output), *table_paths(result, output).values()]
 
 
 def _picture_paths(result: Result, output: Path) -> list[Path]:
-    """The names of its pictures; none if there is nothing to draw."""
+    """Return the names of the pictures; none if there is nothing to draw."""
     is_empty = result.finding is not None and not result.finding.can_be_drawn
     return [] if is_empty else [output.with_suffix(ending) for ending in (".png", ".svg")]
 
 
 def table_paths(result: Result, output: Path) -> dict[str, Path]:
-    """The names of the tables that belong to a result file, by what they hold."""
+    """Return the names of the tables of a result file, by their contents."""
     return {name: output.with_name(f"{output.stem}-{name}.csv") for name in table_names(result)}
 
 
 def exit_code(result: Result) -> int:
-    """0 if all was walked to a proper end, 130 after Ctrl-C, 3 if the numerics gave up somewhere, 5 if it is wrong."""
+    """Return 0 if all was computed, 130 after Ctrl-C, 3 if the numerics failed somewhere, 5 if verification failed."""
     if result.interrupted:
         return INTERRUPTED
     reasons = {end.reason for branch in result.branches for end in branch.ends}
@@ -180,13 +180,13 @@ def exit_code(result: Result) -> int:
 
 
 def say_why_it_failed(result: Result) -> None:
-    """Say on stderr what could not be walked, and where and why a walk gave up."""
+    """Print on stderr what could not be computed, and where and why a continuation failed."""
     for text in result.failures:
         print(f"gapwalk: {printable(text)}", file=sys.stderr)
 
 
 def print_heading(screen, study: Study) -> None:
-    """Print the title of a study, and what of its file was not used."""
+    """Print the title of a study, and the unused parts of its file."""
     if study.title:
         screen.print(printable(study.title), style="bold", soft_wrap=True)
     for words in unused_words(study):
@@ -196,12 +196,12 @@ def print_heading(screen, study: Study) -> None:
 
 
 def unused_words(study: Study) -> list[str]:
-    """What of the file of a study is not used, and why; only studies of branches have anything of the kind."""
+    """Describe the unused parts of the file of a study, with the reason; only studies of branches have such parts."""
     return [f"not used: [{table}], for method is {study.walked.method.name}" for table in study.unused]
 
 
 def print_files(screen, files: Sequence[Path | str]) -> None:
-    """Say which files were written."""
+    """Print the names of the files that were written."""
     screen.print(f"written: {printable(', '.join(str(path) for path in files))}", soft_wrap=True)
 
 
@@ -231,4 +231,4 @@ def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], name
     for option, values in (("--study", names), ("--set", changes)):
         for value in values:
             words += [option, value]
-    console(stderr=True).print(f"go on with\n    {shlex.join(words)}", soft_wrap=True)
+    console(stderr=True).print(f"resume with\n    {shlex.join(words)}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What is printed for people: what was found, and the table of special points."""
+"""Results in the terminal: branches with their ends, and the table of special points."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gapwalk.study.result import Result
 
 
 def print_result(screen: Console, result: Result, *, points: bool = True) -> None:
-    """Print the branches with their ends, and the table of special points; of a diagram or a map only if wanted.
+    """Print the branches with their ends, and the table of special points; for a diagram or map only if requested.
 
-    What a study without branches has found is printed in the way of its kind.
+    The results of studies without branches are printed in the form of their kind.
     """
     if result.study.reduced is not None:
         screen.print(result.study.reduced.words, soft_wrap=True)
@@ -29,7 +29,7 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
     if result.verification is not None:
         screen.print(printable(result.verification.words), soft_wrap=True)
     if result.finding is not None:
-        from gapwalk.cli.findings import print_finding  # only now: it needs the code of all kinds
+        from gapwalk.cli.findings import print_finding  # imported late: it needs the code of all kinds
 
         print_finding(screen, result.finding)
         return
@@ -53,13 +53,13 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 
 
 def _method_words(result: Result) -> str:
-    """How finely the orbits of branches and loci are resolved; empty where that goes without saying."""
+    """Describe how finely the orbits of branches and loci are resolved; empty for exact orbits."""
     curves = [*result.branches, *(result.map.loci if result.map is not None else ())]
     return result.walked.method.words([point.orbit for curve in curves for point in curve.points])
 
 
 def special_point_table(result: Result) -> Table:
-    """The table of special points; those of a diagram by branches."""
+    """Build the table of special points; for a diagram, by branches."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     coordinate = full_measure(result.walked.measure, result.system.coordinates).partition(".")[2]
     coordinate = coordinate if coordinate in result.system.coordinates else result.system.coordinates[0]
@@ -71,7 +71,7 @@ def special_point_table(result: Result) -> Table:
     table.add_column(signal_words(f"half {coordinate}", units), justify="right")
     table.add_column("multiplier", justify="right")
     table.add_column("unstable" if diagram else "stability")  # the table of a diagram is wide enough as it is
-    table.add_column("nature or contact")
+    table.add_column("criticality or contact")
     if diagram:
         table.add_column("leads to")
     for name, branch in zip(result.names, result.branches, strict=True):
@@ -92,13 +92,13 @@ def special_point_table(result: Result) -> Table:
 
 
 def _unstable(special: SpecialPoint) -> str:
-    """Numbers of multipliers outside the unit circle on both sides."""
+    """Return the numbers of multipliers outside the unit circle on both sides."""
     before, after = special.before.total, special.after.total
     return str(before) if before == after else f"{before} → {after}"
 
 
 def multiplier_text(multiplier: complex) -> str:
-    """A multiplier with six digits; a complex one stands for its pair."""
+    """Format a multiplier with six digits; a complex one represents its pair."""
     if np.isnan(multiplier):
         return ""
     if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
@@ -115,7 +115,7 @@ def _print_branch(screen: Console, branch: Branch) -> None:
 
 
 def _print_unexplained(screen: Console, result: Result) -> None:
-    """Print the steps in which something was missed."""
+    """Print the steps in which a special point was missed."""
     for name, branch in zip(result.names, result.branches, strict=True):
         symbol = parameter_symbol(branch.parameter, branch.system.units)
         for each in branch.unexplained:

@@ -1,4 +1,4 @@
-"""A diagram on the screen: the tree of its branches, cascades of period doublings, and notes."""
+"""A diagram in the terminal: the tree of its branches, period-doubling cascades, and notes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gapwalk.plot.words import parameter_symbol
 
 
 def print_diagram(screen: Console, diagram: Diagram) -> None:
-    """Print the branches of a diagram as a tree, its cascades, and what could not be done."""
+    """Print the branches of a diagram as a tree, its cascades, notes and failures."""
     screen.print(diagram_tree(diagram))
     if diagram.cascades:
-        screen.print("cascades of period doublings")
+        screen.print("period-doubling cascades")
     for cascade in diagram.cascades:
         values = ", ".join(f"{value:.10g}" for value in cascade.values)
         ratios = ", ".join(f"{ratio:.4g}" for ratio in cascade.ratios)
@@ -30,7 +30,7 @@ def print_diagram(screen: Console, diagram: Diagram) -> None:
 
 
 def diagram_tree(diagram: Diagram) -> Tree:
-    """The tree of the branches of a diagram; one that joins two others hangs where it begins."""
+    """Build the tree of the branches of a diagram; a branch that connects two others is listed where it begins."""
     tree = Tree(_summary(diagram), guide_style="dim")
     nodes: dict[str, Tree] = {}
     for limb in diagram.limbs:

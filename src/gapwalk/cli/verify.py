@@ -1,4 +1,4 @@
-"""``gapwalk verify``: a result checked by other means, and whether it stands."""
+"""``gapwalk verify``: independent checks of a result."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from gapwalk.cli.progress import VerifyProgress
 from gapwalk.study.verify import verified_result
 from gapwalk.verification import Verification
 
-_SHOWN = 20  # breaches that are listed
+_SHOWN = 20  # failed checks that are listed
 
 
 def verify_file(path: Path, *, json: bool) -> int:
-    """Verify a result file, and return the exit code."""
+    """Verify a result file; return the exit code."""
     with VerifyProgress(str(path)) as progress:
         result, found = verified_result(path, progress)
     if json:
@@ -26,13 +26,13 @@ def verify_file(path: Path, *, json: bool) -> int:
     else:
         screen = console()
         if not result.complete:
-            screen.print(f"{path} is not complete; what there is was verified", soft_wrap=True)
+            screen.print(f"{path} is not complete; its stored part was verified", soft_wrap=True)
         print_verification(screen, found)
     return DONE if found.ok else BROKEN
 
 
 def print_verification(screen: Console, found: Verification) -> None:
-    """Print each check with its worst figure, and what failed."""
+    """Print each check with its worst figure, and the failed ones."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     table.add_column("check")
     table.add_column("places", justify="right")

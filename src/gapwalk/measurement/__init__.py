@@ -1,1 +1,1 @@
-"""What was measured: records, aligned with computed motions, and parameters fitted to them."""
+"""Measured records, their alignment with computed motions, and parameters fitted to them."""

@@ -1,4 +1,4 @@
-"""A record aligned in phase with a computed orbit, and how well the two agree (paper, figure 8)."""
+"""Alignment in phase of a measured record with a computed orbit, and their agreement (paper, figure 8)."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.signal import Signal, signal_of
 from gapwalk.orbit.orbit import Orbit
 
-_STEPS = 30  # Gauss-Newton steps of the phase; from the grid it takes three
-_STILL = 1e-12  # rad
-_ALIKE = 0.8  # correlation below which the two are hardly the same motion
+_STEPS = 30  # most Gauss-Newton steps of the phase; from the grid three suffice
+_STILL = 1e-12  # step of the phase in rad below which the iteration ends
+_ALIKE = 0.8  # correlation below which the two are probably different motions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Alignment:
-    """A record beside a computed orbit, at the phase at which they agree best.
+    """A record and a computed orbit, at the phase at which they agree best.
 
     Attributes
     ----------
     orbit, record, signal
-        What is compared.
+        The orbit, the record, and the signal of the orbit that is compared with the record.
     phase
         Phase of the excitation at the first sample of the record, in radians.
     periods
-        Periods of the orbit that the record holds.
+        Number of periods of the orbit in the record.
     theta : shape (samples,)
         Angle of the excitation at the samples that were used.
     measured, computed : shape (samples,)
-        The two histories, their means left out.
+        The two histories without their means.
     agreement
         Rms error, correlation, and spectral lines; the record is the first of the two.
     """
@@ -53,19 +53,19 @@ class Alignment:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why this may not be the motion that was measured, in sentences."""
+        """Reasons why this may not be the measured motion, in sentences."""
         found = []
         if not self.orbit.stable:
-            found.append("the computed motion is unstable, so it is hardly what was measured")
+            found.append("the computed motion is unstable, so it is probably not the measured one")
         if self.agreement.correlation < _ALIKE:
             found.append(
                 f"record and motion hardly correlate ({self.agreement.correlation:.2f}): perhaps another motion of the "
-                "system was measured, from another start or of another period, or the signal or a scale is wrong"
+                "system was measured (another start or another period), or the signal or a scale is wrong"
             )
         return tuple(found)
 
     def plot(self, title: str | None = None, **options: Any):
-        """Draw the record over the computed motion, and their lines; see `gapwalk.plot.draw`."""
+        """Draw the record over the computed motion, and their spectral lines; see `gapwalk.plot.draw`."""
         from gapwalk.plot import draw
 
         return draw(self, title=title, **options)
@@ -87,24 +87,24 @@ def align(
     phase: float | None = None,
     order: float = 1.0,
 ) -> Alignment:
-    """Align a record in phase with a computed orbit, and say how well they agree.
+    """Align a record in phase with a computed orbit, and evaluate their agreement.
 
-    The period is that of the excitation. The orbit is evaluated at the record's own instants, so nothing is resampled;
-    the phase that fits best in the sense of least squares is found to rounding, far below one sample.
+    The period is that of the excitation. The orbit is evaluated at the instants of the record, so nothing is resampled.
+    The phase that fits best in the least-squares sense is found to rounding, far below one sample.
 
     Parameters
     ----------
     orbit
         The orbit.
     record
-        What was measured, in the units of the model.
+        The measured record, in the units of the model.
     signal
-        What of the motion it measures: a name as in `Motion.signal` such as ``"q1''"``, or a sum of several, as in
+        The measured signal: a name as in `Motion.signal` such as ``"q1''"``, or a weighted sum of several, as in
         ``{"q1''": 1.0, "q3''": -0.5}``.
     phase
         Phase of the excitation at the first sample, in radians, if it is known.
     order
-        Periods of the excitation in a turn of the shaft whose speed was measured.
+        Excitation periods per turn of the shaft whose speed was measured.
 
     Raises
     ------
@@ -116,12 +116,12 @@ def align(
 
 
 def found_phase(misfit: Misfit, orbit: Orbit) -> float:
-    """The phase of the first sample at which record and orbit agree best."""
+    """Find the phase of the first sample at which record and orbit agree best."""
     phase = misfit.best_phase(orbit)
     error = np.inf
     for _ in range(_STEPS):
         residual, slope = misfit.residual(orbit, phase), misfit.slopes(orbit, phase, ()).table[:, 0]
-        if residual @ residual >= error:  # as near as rounding lets it
+        if residual @ residual >= error:  # no further progress because of rounding
             break
         error = residual @ residual
         step = -float(slope @ residual) / float(slope @ slope) if slope.any() else 0.0
@@ -132,7 +132,7 @@ def found_phase(misfit: Misfit, orbit: Orbit) -> float:
 
 
 def aligned(misfit: Misfit, orbit: Orbit, phase: float) -> Alignment:
-    """The alignment of an orbit at a phase."""
+    """Build the alignment of an orbit at a given phase."""
     theta, computed = misfit.angles(orbit.system.frequency) + phase, misfit.computed(orbit, phase)
     found = agreement(theta, misfit.measured, computed, misfit.orders, orbit.system.turns)
     return Alignment(

@@ -1,4 +1,4 @@
-"""The impact damping that stands for a viscous damper: by one harmonic in closed form, and by computed motions.
+"""Impact damping equivalent to a viscous damper: by one harmonic in closed form, and by computed motions.
 
 The paper's rule (section 4): choose beta such that the impact-damped motion matches the viscously damped one at a
 frequency at which one harmonic suffices.
@@ -25,32 +25,32 @@ from gapwalk.motion.signal import Signal
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
 
-_SAMPLES = 512  # a forcing period, at which the motions are matched
+_SAMPLES = 512  # samples per forcing period at which the motions are matched
 
 
 @dataclass(frozen=True, eq=False)
 class DampingMatch:
-    """The impact damping of a contact that stands for viscous dampers, in two ways.
+    """The impact damping of a contact that is equivalent to viscous dampers, computed in two ways.
 
     Attributes
     ----------
     contact
         Name of the contact.
     viscous_damping
-        The damper beside the contact that stands for the viscous dampers of the first system.
+        Coefficient of one damper parallel to the contact that is equivalent to the viscous dampers of the first system.
     astray
-        Share of those dampers that does not act as one beside the contact would: 0 if they are just that.
+        Fraction of those dampers that one damper parallel to the contact does not represent: 0 if it is exact.
     amplitude, mean
         First harmonic and mean of the deflection of the viscously damped motion.
     one_harmonic_share
-        Share of that harmonic in the variance of the deflection: near 1 where one harmonic suffices.
+        Fraction of the variance of the deflection in that harmonic: near 1 if one harmonic suffices.
     one_harmonic
-        The impact damping that costs the same energy a cycle under that harmonic: the closed formula.
+        The impact damping that dissipates the same energy per cycle under that harmonic: the closed formula.
     impact_damping
-        The impact damping under which the acceleration of the deflection is nearest to that of the viscously damped
-        motion: by computed motions, with all their harmonics, in the sense of least squares.
+        The impact damping for which the acceleration of the deflection is nearest to that of the viscously damped
+        motion: from computed motions, with all their harmonics, in the least-squares sense.
     difference
-        Rms difference of the two accelerations then, relative to that of the viscously damped motion.
+        Rms difference of the two accelerations with this damping, relative to that of the viscously damped motion.
     viscous, impact
         The two motions.
     """
@@ -68,33 +68,33 @@ class DampingMatch:
     impact: Orbit
 
     def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
-        """The two motions side by side; see `gapwalk.contrast`."""
+        """Compare the two motions; see `gapwalk.contrast`."""
         return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
 
 
 def impact_damping_of(
     system: System | Contact, viscous_damping: float, amplitude: float, contact: str | None = None, *, mean: float = 0.0
 ) -> float:
-    """The impact damping that costs as much as a viscous damper under one harmonic, in closed form.
+    """Compute the impact damping that dissipates as much as a viscous damper under one harmonic, in closed form.
 
     Under a deflection ``mean + amplitude * cos(theta)`` with spring force ``g`` it is
-    ``pi c / (integral of |g| sin(theta)^2 over a turn)``, whatever the frequency.
+    ``pi c / (integral of |g| sin(theta)^2 over a turn)``, independent of the frequency.
 
     Parameters
     ----------
     system
         A system, or a contact alone.
     viscous_damping
-        c of the damper beside the contact.
+        Coefficient c of the damper parallel to the contact.
     amplitude, mean
-        Of the deflection.
+        Amplitude and mean of the deflection.
     contact
-        Name of the contact; may be left out if there is one only.
+        Name of the contact; may be omitted if there is only one.
 
     Raises
     ------
     ModelError
-        If the contact does not close under this deflection, or damps by another law.
+        If the contact does not close under this deflection, or has another damping law.
     """
     if isinstance(system, Contact):
         unit = replace(system, damping=DampingLaw.HUNT_CROSSLEY, impact_damping=1.0, viscous_damping=0.0)
@@ -109,30 +109,30 @@ def impact_damping_of(
     cost = hysteresis(unit, amplitude, contact, mean=mean).equivalent_damping
     if cost <= 0.0:
         raise ModelError(
-            f"the contact does not close under a deflection of {mean:.6g} +- {amplitude:.6g}, so impact damping costs "
-            "nothing; match at another frequency or load"
+            f"the contact does not close under a deflection of {mean:.6g} +- {amplitude:.6g}, so impact damping "
+            "dissipates nothing; match at another frequency or load"
         )
     return viscous_damping / cost
 
 
 def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = None) -> DampingMatch:
-    """Find the impact damping that stands for viscous dampers (paper, section 4).
+    """Find the impact damping that is equivalent to viscous dampers (paper, section 4).
 
     Parameters
     ----------
     viscous
-        A motion of the viscously damped system, at a frequency at which one harmonic suffices; the result says how far
-        it does (`DampingMatch.one_harmonic_share`).
+        A motion of the viscously damped system, at a frequency at which one harmonic suffices; the result reports how
+        well it does (`DampingMatch.one_harmonic_share`).
     impact
-        The system with impact damping in place of the viscous dampers; its own coefficient counts for nothing. It is
-        looked at at the frequency of the motion.
+        The system with impact damping in place of the viscous dampers; its own coefficient is ignored. It is evaluated
+        at the frequency of the motion.
     contact
-        Name of the contact; may be left out if there is one only.
+        Name of the contact; may be omitted if there is only one.
 
     Raises
     ------
     ModelError
-        If the systems have other coordinates or contacts, the contact damps by another law, or it does not close.
+        If the systems differ in coordinates or contacts, the contact has another damping law, or it does not close.
     ConvergenceError
         If the impact-damped system has no such motion near the viscously damped one.
     """
@@ -171,17 +171,17 @@ def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = N
 
 
 def _shared_place(viscous: System, impact: System, contact: str) -> int:
-    """The place of the contact in both systems; a ModelError if they do not have the same parts."""
+    """Return the index of the contact in both systems; raise a ModelError if they do not have the same parts."""
     ours, theirs = (
         (system.coordinates, [form.name for form in system.structure.contacts]) for system in (viscous, impact)
     )
     if ours != theirs:
-        raise ModelError(f"the two systems have other coordinates or contacts: {ours} and {theirs}")
+        raise ModelError(f"the two systems differ in their coordinates or contacts: {ours} and {theirs}")
     return ours[1].index(contact)
 
 
 def _damper(viscous: System, impact: System, place: int) -> tuple[float, float]:
-    """The damper beside the contact that is nearest to what the first system has more of, and what share is not it."""
+    """Fit one damper parallel to the contact to the additional damping; return it and the fraction it misses."""
     layout = layout_of(impact.structure)
     numbers = coefficients_of(impact)
     more = _damping(viscous) - _damping(impact)
@@ -193,5 +193,5 @@ def _damper(viscous: System, impact: System, place: int) -> tuple[float, float]:
 
 
 def _damping(system: System) -> NDArray[np.float64]:
-    """``M^-1 C``."""
+    """Return ``M^-1 C``."""
     return np.linalg.solve(system.matrix("mass"), system.matrix("damping")).astype(float, copy=False)

@@ -1,4 +1,4 @@
-"""The way to the parameters at which an orbit is nearest to a record, along the branch of the first orbit."""
+"""Minimisation of the misfit between an orbit and a record over parameters, along the branch of the first orbit."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from gapwalk.measurement.misfit import Misfit, Slopes
 from gapwalk.orbit.carry import carry
 from gapwalk.orbit.orbit import Orbit
 
-_SETTLED = 1e-4  # change of the sum of squares, in units of the noise's square, that no error bar shows
-_TOLERANCE = 1e-12  # of step and gradient
-_INDEPENDENT = 1e-7  # what a slope must have of its own, relative to its size, to be followed
-_ROUNDS = 3
+_SETTLED = 1e-4  # change of the sum of squares, in noise variances, that is small compared with any error bar
+_TOLERANCE = 1e-12  # relative tolerance of step and gradient
+_INDEPENDENT = 1e-7  # smallest independent part of a slope, relative to its size, for which a parameter is fitted
+_ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
 
 
 class Descent(NamedTuple):
-    """Where the way ended.
+    """The end of a minimisation.
 
     Attributes
     ----------
     values : shape (k,)
         The parameters, and the phase if it is fitted too.
     orbit
-        The orbit there.
+        The orbit at these values.
     slopes
-        Derivatives of the residual there.
+        Derivatives of the residual at these values.
     free : shape (k,)
-        Which of them were changed; the others cannot be told apart from those, and kept their first values.
+        True for values that were changed; the others cannot be distinguished from them and have their first values.
     evaluations
-        Orbits that were compared with the record.
+        Number of orbits that were compared with the record.
     lost
-        Where the branch did not lead, in a sentence; empty if it led everywhere.
+        A sentence on the values that the branch does not reach; empty if it reached all of them.
     """
 
     values: NDArray[np.float64]
@@ -54,7 +54,7 @@ def descend(
     phase: float | None,
     max_evaluations: int,
 ) -> Descent:
-    """Minimise the sum of squares of a misfit; a ConvergenceError if that takes too many evaluations."""
+    """Minimise the sum of squares of a misfit; raise a ConvergenceError if that takes too many evaluations."""
     trial = _Trial(misfit, orbit, names, phase)
     values, slopes, evaluations = first, trial.slopes(first), 0
     free = _independent(slopes)
@@ -64,12 +64,12 @@ def descend(
         now = _independent(slopes)
         if np.count_nonzero(now) <= np.count_nonzero(free):
             break
-        free = now  # what changed nothing at the start may do so here, as a gap that is met only now
+        free = now  # a parameter without effect at the start may have one here, e.g. a gap
     return Descent(values, trial.orbit_at(values), slopes, free, evaluations, trial.lost)
 
 
 def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tuple[NDArray[np.float64], int]:
-    """The values at the minimum over those that are free, and the number of evaluations."""
+    """Return the values at the minimum over the free ones, and the number of evaluations."""
     from scipy.optimize import least_squares  # imported late: it takes long
 
     def whole(part: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -90,20 +90,20 @@ def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tupl
     )
     if found.status == 0:
         raise ConvergenceError(
-            f"no minimum was found with {found.nfev} orbits; begin nearer to it, or allow for more (FitOptions)"
+            f"no minimum was found with {found.nfev} orbits; start nearer to it, or allow more orbits (FitOptions)"
         )
     return whole(found.x), found.nfev
 
 
 class _Trial:
-    """Trial values: each orbit is carried from the best one so far."""
+    """Evaluates trial values; each orbit is continued from the best one so far."""
 
     def __init__(self, misfit: Misfit, orbit: Orbit, names: tuple[str, ...], phase: float | None) -> None:
         self.misfit, self._names, self._phase = misfit, names, phase
         self._base, self._cost, self.lost = orbit, np.inf, ""
 
     def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The residual at trial values; infinite where the branch does not lead, so that the step is shortened."""
+        """Return the residual at trial values; infinite if the branch does not reach them, to shorten the step."""
         try:
             orbit = self.orbit_at(x)
             values = self.misfit.residual(orbit, self._phase_at(x))
@@ -116,11 +116,11 @@ class _Trial:
         return values
 
     def slopes(self, x: NDArray[np.float64]) -> Slopes:
-        """Derivatives of the residual at values to which the branch leads."""
+        """Return the derivatives of the residual at values that the branch reaches."""
         return self.misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names).first(len(x))
 
     def orbit_at(self, x: NDArray[np.float64]) -> Orbit:
-        """The orbit at trial values."""
+        """Return the orbit at trial values."""
         values = dict(zip(self._names, x.tolist(), strict=False))
         return carry(self._base, self._base.system.at(values), self._names)
 
@@ -129,7 +129,7 @@ class _Trial:
 
 
 def _independent(slopes: Slopes) -> NDArray[np.bool_]:
-    """Which parameters have an effect that others do not make up, shape (k,)."""
+    """Mark the parameters whose effect is not a combination of the effects of others, shape (k,)."""
     from scipy.linalg import qr  # imported late, as above
 
     free, places = np.zeros(len(slopes.moving), dtype=bool), np.flatnonzero(slopes.moving)

@@ -1,4 +1,4 @@
-"""What a record says of parameters: standard errors from the slopes, and which parameters it does not determine."""
+"""Standard errors of fitted parameters from the slopes, and parameters that a record does not determine."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from gapwalk.measurement.misfit import Slopes
 
-_RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which nothing is determined
-_SHARE = 0.05  # of a parameter in a direction that nothing determines, from which on it is named
-_COLOURED = 0.2  # correlation of neighbouring residuals from which standard errors are too small
-_NOISE = 4.0  # the same, in its own standard errors
-_BOUND = 1e-4  # distance from a bound, relative to the parameter, at which it counts as held there
-_ROUNDING = 1e-6  # of a residual, relative to the record: what is left below has no meaning
+_RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which a direction is undetermined
+_SHARE = 0.05  # component of an undetermined direction above which a parameter counts as undetermined
+_COLOURED = 0.2  # correlation of neighbouring residuals above which standard errors are too small
+_NOISE = 4.0  # that correlation must also exceed this many of its own standard errors
+_BOUND = 1e-4  # distance from a bound, relative to the parameter, below which it counts as at the bound
+_ROUNDING = 1e-6  # residual, relative to the record, below which its correlation has no meaning
 
 
 class Estimate(NamedTuple):
@@ -43,18 +43,18 @@ class Estimate(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What a record says of all parameters of a fit.
+    """The information of a record about all parameters of a fit.
 
     Attributes
     ----------
     estimates
-        Parameter by parameter.
+        The estimates of the parameters.
     correlation : shape (k, k)
         Correlations of the errors; nan where there are none.
     held : shape (k,)
-        Which parameters ended at a bound.
+        True for parameters that ended at a bound.
     notes, failures
-        In sentences.
+        Notes and failures, in sentences.
     """
 
     estimates: tuple[Estimate, ...]
@@ -73,20 +73,20 @@ def judge(
     slopes: Slopes,
     size: float,
 ) -> Verdict:
-    """What a record says of parameters.
+    """Estimate errors of fitted parameters, and find those that the record does not determine.
 
     Parameters
     ----------
     names
-        Of the parameters, k.
+        Names of the k parameters.
     first, values : shape (k,)
         The first guess, and the fitted values.
     bounds
         Lowest and highest values.
     residual : shape (samples,)
-        At the fitted values.
+        Residual at the fitted values.
     slopes
-        Its derivatives by the parameters.
+        Derivatives of the residual by the parameters.
     size
         Norm of the record.
     """
@@ -119,9 +119,9 @@ def judge(
 
 
 def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):
-    """Covariance of the errors, infinite where nothing determines them, and the directions in which that is so.
+    """Compute the covariance of the errors, infinite for undetermined parameters, and the undetermined directions.
 
-    Directions are those of parameters in units in which all slopes are of equal size.
+    Directions are given in units of the parameters in which all slopes have equal size.
     """
     sizes = np.linalg.norm(slopes, axis=0)
     _, singular, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
@@ -136,27 +136,27 @@ def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], free
 
 
 def _sentence(names: Sequence[str], direction: NDArray[np.float64]) -> str:
-    """Which parameters can be changed together without a trace."""
+    """Describe parameters that can be changed together without changing the signal."""
     weights = np.abs(direction) / np.abs(direction).max()
     parts = [(name, value) for name, value, weight in zip(names, direction, weights, strict=True) if weight > 1e-4]
     ratio = " : ".join(f"{value / parts[0][1]:.3g}" for _, value in parts)
     together = " and ".join(name for name, _ in parts)
     return (
-        f"the record does not determine {together}: changing them as {ratio} leaves the signal as it is; "
-        "fit one less of them"
+        f"the record does not determine {together}: changing them as {ratio} leaves the signal unchanged; "
+        "fit one fewer of them"
     )
 
 
 def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64], size: float) -> Iterator[str]:
     for each in estimates:
         if np.isnan(each.error):
-            yield f"{each.name} ended at its bound {each.value:.6g}; the other errors hold for it there"
+            yield f"{each.name} ended at its bound {each.value:.6g}; the errors of the others hold for this value"
         elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
-            yield f"{each.name} is hardly determined: its standard error is larger than its value"
+            yield f"{each.name} is poorly determined: its standard error is larger than its value"
     squares = float(residual @ residual)
     near = float(residual[1:] @ residual[:-1]) / squares if squares > (_ROUNDING * size) ** 2 else 0.0
     if near > max(_COLOURED, _NOISE / np.sqrt(len(residual))):
         yield (
-            f"neighbouring residuals correlate ({near:.2f}): what is left is not only noise, so standard errors are "
-            "too small; perhaps the model lacks something, or the record was filtered"
+            f"neighbouring residuals correlate ({near:.2f}): they are not only noise, so standard errors are too "
+            "small; perhaps the model lacks something, or the record was filtered"
         )

@@ -32,17 +32,17 @@ class Fit(Shown):
     estimates
         The parameters, each with its standard error.
     phase
-        The same of the phase of the record's first sample, in radians; its error is 0 if it was given.
+        The estimate of the phase at the record's first sample, in radians; its error is 0 if it was given.
     correlation : shape (k, k)
         Correlations of the estimates' errors.
     before, after
         The alignments of the orbit at the start, and of the fitted one.
     evaluations
-        Orbits that were compared with the record.
+        Number of orbits that were compared with the record.
     notes
-        What else is to be known.
+        Further information, in sentences.
     failures
-        Why the result is not to be trusted: parameters that the record does not determine, or a branch that ended.
+        Reasons to distrust the result: parameters that the record does not determine, or a branch that ended.
     """
 
     estimates: tuple[Estimate, ...]
@@ -60,14 +60,14 @@ class Fit(Shown):
         return self.after.orbit
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of one parameter."""
+        """Return the estimate of one parameter."""
         for estimate in self.estimates:
             if estimate.name == name:
                 return estimate
-        raise ModelError(f"{name} was not fitted; fitted were {', '.join(each.name for each in self.estimates)}")
+        raise ModelError(f"{name} was not fitted; the fit has {', '.join(each.name for each in self.estimates)}")
 
     def plot(self, title: str | None = None, **options):
-        """Draw the record over the fitted motion, and their lines; see `gapwalk.plot.draw`."""
+        """Draw the record over the fitted motion, and their spectral lines; see `gapwalk.plot.draw`."""
         return self.after.plot(title, **options)
 
     def __repr__(self) -> str:
@@ -78,12 +78,12 @@ class Fit(Shown):
 
 @dataclass(frozen=True, slots=True)
 class FitOptions:
-    """How to fit.
+    """Options of a fit.
 
     Parameters
     ----------
     max_evaluations
-        Orbits that are compared with the record, at most.
+        The most orbits that are compared with the record.
     """
 
     max_evaluations: int = 200
@@ -108,19 +108,19 @@ def fit(
 ) -> Fit:
     """Fit named parameters of a system to a record, starting from one of its orbits.
 
-    The sum of squares over the record is minimised (trust region, `scipy.optimize.least_squares`), with derivatives by
-    the implicit function theorem on the shooting equation. The orbit is carried along its branch from trial to trial,
-    so the result is a motion of the same branch. Standard errors are those of independent errors of equal size in the
+    The sum of squares over the record is minimised (trust region, `scipy.optimize.least_squares`), with derivatives
+    from the implicit function theorem on the shooting equation. The orbit is continued along its branch from trial to
+    trial, so the result is a motion of the same branch. Standard errors assume independent errors of equal size in the
     samples.
 
     Parameters
     ----------
     orbit
-        The orbit to begin with; its system has the first guess of the parameters.
+        The initial orbit; its system has the first guess of the parameters.
     record
-        What was measured, in the units of the model.
+        The measured record, in the units of the model.
     parameters
-        Names of what is to be fitted, such as ``"stage2.impact_damping"``; any parameter of the system.
+        Names of the parameters to fit, such as ``"stage2.impact_damping"``; any parameter of the system.
     signal, order
         As in `align`.
     bounds
@@ -128,14 +128,14 @@ def fit(
     phase
         Phase of the excitation at the first sample, if it is known; otherwise it is fitted too.
     options
-        How long to try.
+        Limits on the work.
 
     Raises
     ------
     ModelError
-        If there is no such parameter or signal, a bound makes no sense, or the record suits no period of the orbit.
+        If there is no such parameter or signal, a bound is invalid, or the record suits no period of the orbit.
     ConvergenceError
-        If no minimum is found within the evaluations that are allowed.
+        If no minimum is found within the allowed number of evaluations.
     """
     names, limits = _checked(orbit, parameters, bounds or {}, record)
     misfit = Misfit(orbit, record, signal_of(orbit.system, signal), order)
@@ -143,7 +143,7 @@ def fit(
     before = aligned(misfit, orbit, begun)
     first = np.array([orbit.system[name] for name in names] + ([begun] if phase is None else []))
     if not len(first):
-        raise ModelError("parameters is empty, and the phase is given; name what is to be fitted")
+        raise ModelError("parameters is empty, and the phase is given; name the parameters to fit")
     low, high = np.full(len(first), -np.inf), np.full(len(first), np.inf)
     low[: len(names)], high[: len(names)] = limits
     found = descend(misfit, orbit, names, first, (low, high), phase, (options or FitOptions()).max_evaluations)
@@ -156,13 +156,13 @@ def fit(
 
 
 def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple[float, float]], record: Record):
-    """The names, and their lowest and highest values, shape (2, k)."""
+    """Check the names; return them with their lowest and highest values, shape (2, k)."""
     names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
     limits: list[tuple[float, float]] = []
     for place, name in enumerate(names):
         value = orbit.system[name]  # refuses an unknown name
         if name in names[:place]:
-            raise ModelError(f"{name} is to be fitted twice; name it once")
+            raise ModelError(f"{name} is listed twice; name it once")
         if name == orbit.system.structure.pace and record.speed is not None:
             raise ModelError("the frequency is known from the measured speed; do not fit it")
         low, high = bounds.get(name, (-math.inf, math.inf))
@@ -177,14 +177,14 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
 
 
 def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:
-    """That the fit ended where the branch does, if it is not a minimum."""
+    """Report that the fit ended at the end of the branch, if that is not a minimum."""
     free = found.slopes.table[:, ~verdict.held & found.free]
     residual = after.computed - after.measured
     sizes, size = np.linalg.norm(free, axis=0), np.linalg.norm(residual)
     if not found.lost or not size or not sizes.all():
         return ()
     cosine = float(np.abs(free.T @ residual / (sizes * size)).max(initial=0.0))
-    text = f"no minimum: the fit came to where the branch of this motion ends ({found.lost})"
+    text = f"no minimum: the fit reached the end of the branch of this motion ({found.lost})"
     return (text,) if cosine > _EDGE else ()
 
 

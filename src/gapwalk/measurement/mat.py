@@ -1,7 +1,7 @@
-"""Numeric vectors of a MAT file of MATLAB 5 to 7. SciPy's reader is compiled, and crashes on damaged files.
+"""Numeric vectors of a MAT file of MATLAB 5 to 7. SciPy's compiled reader is not used: it crashes on damaged files.
 
 The format is that of "MAT-File Format" (The MathWorks), level 5: a header of 128 bytes, then elements, each with a tag
-of type and length; a variable is an element of elements (flags, dimensions, name, numbers), perhaps compressed.
+of type and length. A variable is an element of elements (flags, dimensions, name, numbers), possibly compressed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gapwalk.errors import ModelError
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
-_HEAD = 4096  # bytes of a compressed variable in which its flags, dimensions and name must lie
+_HEAD = 4096  # bytes of a compressed variable that must contain its flags, dimensions and name
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {1: "cell", 2: "struct", 3: "object", 4: "char", 5: "sparse", 6: "double", 7: "single"}
 _INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
@@ -28,21 +28,21 @@ _KINDS = {**_CLASSES, **{8 + place: name for place, name in enumerate(_INTEGERS)
 _COMPLEX = 0x0800
 
 NUMERIC = ("double", "single", *_INTEGERS)
-"""The classes of variables that hold numbers."""
+"""Classes of variables that contain numbers."""
 
 
 @dataclass(frozen=True)
 class MatVariable:
-    """A variable of a MAT file; its numbers are read when they are asked for.
+    """A variable of a MAT file; its numbers are read on request.
 
     Attributes
     ----------
     kind
-        Its class, as MATLAB calls it.
+        Its class, as named by MATLAB.
     shape
         Its dimensions.
     is_complex
-        Whether it has imaginary parts.
+        True if it has imaginary parts.
     """
 
     kind: str
@@ -53,7 +53,7 @@ class MatVariable:
     compressed: bool
 
     def values(self) -> NDArray[np.float64]:
-        """Its numbers in one row; of a variable of a numeric class."""
+        """Return its numbers in one row; only for a variable of a numeric class."""
         count = math.prod(self.shape)
         content = self.payload
         if self.compressed:
@@ -66,12 +66,12 @@ class MatVariable:
 
 
 def mat_variables(content: bytes) -> dict[str, MatVariable]:
-    """The variables of a MAT file by name; a ModelError if it is none."""
+    """Return the variables of a MAT file by name; raise a ModelError if it is not a MAT file."""
     if content[:19] == b"MATLAB 7.3 MAT-file":
         raise ModelError("it is a MAT file of version 7.3; save it with save(..., '-v7')")
     order = {b"IM": "<", b"MI": ">"}.get(content[126:_HEADER])
     if order is None:
-        raise ModelError("it is no MAT file of version 5 to 7; save it with save(..., '-v7')")
+        raise ModelError("it is not a MAT file of version 5 to 7; save it with save(..., '-v7')")
     try:
         return dict(_variables(content, order))
     except (ValueError, KeyError, struct.error, zlib.error, UnicodeDecodeError) as error:
@@ -79,7 +79,7 @@ def mat_variables(content: bytes) -> dict[str, MatVariable]:
 
 
 def damaged(error: Exception) -> ModelError:
-    """What to say of a file in which something does not fit."""
+    """Create the error for a file with inconsistent contents."""
     return ModelError(f"it is a damaged MAT file: {error}")
 
 
@@ -102,7 +102,7 @@ def _variable(head: bytes, payload: bytes, order: str, *, compressed: bool) -> t
 
 
 def _first(content: bytes, order: str, count: int) -> list[tuple[int, bytes]]:
-    """The first elements, as many as are wanted."""
+    """Return the first `count` elements."""
     found = list(islice(_elements(content, order), count))
     if len(found) < count:
         raise ValueError("a variable ends early")
@@ -110,11 +110,11 @@ def _first(content: bytes, order: str, count: int) -> list[tuple[int, bytes]]:
 
 
 def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Type and content of each element; the last one may be cut short where only the beginning is at hand."""
+    """Yield type and content of each element; the last one may be incomplete if only the beginning was unpacked."""
     place = 0
     while place + 8 <= len(content):
         kind, length = struct.unpack(f"{order}II", content[place : place + 8])
-        if kind >> 16:  # a small element: its content stands in the tag
+        if kind >> 16:  # a small element: its content is in the tag
             length, kind = kind >> 16, kind & 0xFFFF
             if length > 4:
                 raise ValueError(f"a small element is {length} bytes long")
@@ -126,5 +126,5 @@ def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _unpacked(payload: bytes, longest: int) -> bytes:
-    """The first bytes of what was compressed: never more, whatever the file says."""
+    """Decompress at most `longest` bytes, whatever length the file claims."""
     return zlib.decompressobj().decompress(payload, longest)

@@ -1,7 +1,7 @@
-"""The misfit between a record and an orbit, at the record's own instants, with exact derivatives.
+"""Misfit between a record and an orbit at the instants of the record, with exact derivatives.
 
 Nothing is interpolated: the orbit is evaluated at every instant of the record, whose first sample lies at an unknown
-phase of the excitation. Means are left out: an accelerometer does not see them.
+phase of the excitation. Means are removed, because an accelerometer does not measure them.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from gapwalk.motion.signal import Signal
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity, signal_along
 
-_HIGHEST = 20.0  # order of the lines that are compared
-_FEWEST = 8  # samples a forcing period
-_ROUNDING = 1e-9  # of a derivative, relative to what it is made of
-_GRID = 1024  # phases a forcing period that are tried
+_HIGHEST = 20.0  # highest order of the lines that are compared
+_FEWEST = 8  # fewest samples per forcing period
+_ROUNDING = 1e-9  # size of a derivative, relative to its terms, that is only rounding
+_GRID = 1024  # phases per forcing period that are tried
 
 
 class Slopes(NamedTuple):
@@ -33,32 +33,32 @@ class Slopes(NamedTuple):
     Attributes
     ----------
     table : shape (samples, k)
-        By each parameter, and by the phase.
+        Derivatives by each parameter, and by the phase.
     moving : shape (k,)
-        Where they are more than rounding.
+        True for derivatives larger than rounding.
     """
 
     table: NDArray[np.float64]
     moving: NDArray[np.bool_]
 
     def first(self, count: int) -> Slopes:
-        """Those by the first parameters."""
+        """Return the derivatives by the first parameters."""
         return Slopes(self.table[:, :count], self.moving[:count])
 
 
 class Misfit:
-    """A record beside the orbits of one branch, over as many whole periods of them as it holds.
+    """A record to compare with the orbits of one branch, over as many whole periods of them as it contains.
 
     Parameters
     ----------
     orbit
-        The first orbit; others that are compared have its period, and its frequency unless that is fitted.
+        The first orbit; the orbits to compare have its period, and its frequency unless the frequency is fitted.
     record
-        What was measured.
+        The measured record.
     signal
-        What of the motion it measures.
+        The measured signal of the motion.
     order
-        Excitation periods in a turn of the shaft whose speed was measured.
+        Excitation periods per turn of the shaft whose speed was measured.
 
     Raises
     ------
@@ -73,13 +73,13 @@ class Misfit:
         step = float(turned[-1]) / (len(turned) - 1)
         if PERIOD / step < _FEWEST:
             raise ModelError(
-                f"{record.name}: it has {PERIOD / step:.2g} samples a forcing period; at least {_FEWEST} are needed"
+                f"{record.name}: it has {PERIOD / step:.2g} samples per forcing period; at least {_FEWEST} are needed"
             )
         self.periods = int((float(turned[-1]) + 1.001 * step) // length)
         if not self.periods:
             raise ModelError(
-                f"{record.name}: it holds {turned[-1] / PERIOD:.3g} forcing periods, but the motion repeats after "
-                f"{orbit.period} at {pace_text(orbit.system, 6)}; are time, its scale and frequency right?"
+                f"{record.name}: it covers {turned[-1] / PERIOD:.3g} forcing periods, but the motion repeats after "
+                f"{orbit.period} at {pace_text(orbit.system, 6)}; check the time, its scale and the frequency"
             )
         self._keep = turned < length * self.periods - 1e-6 * step
         measured = record.acceleration[self._keep]
@@ -89,7 +89,7 @@ class Misfit:
         self.orders = orders_of(orbit.period, min(_HIGHEST, 0.4 * PERIOD / step))
 
     def angles(self, frequency: float) -> NDArray[np.float64]:
-        """Angles that the excitation has turned through since the first sample, shape (samples,)."""
+        """Return the angles of the excitation relative to the first sample, shape (samples,)."""
         return self.record.angles(frequency, self._order)[self._keep]
 
     @cached_property
@@ -99,16 +99,16 @@ class Misfit:
         return time - time[0] if self.record.speed is None else np.zeros(len(time))
 
     def computed(self, orbit: Orbit, phase: float) -> NDArray[np.float64]:
-        """The signal of an orbit at the instants of the record, its mean left out, shape (samples,)."""
+        """Return the signal of an orbit at the instants of the record, without its mean, shape (samples,)."""
         values = signal_along(orbit, self.signal, self.angles(orbit.system.frequency) + phase)
         return values - values.mean()
 
     def residual(self, orbit: Orbit, phase: float) -> NDArray[np.float64]:
-        """By how much the orbit exceeds the record, shape (samples,)."""
+        """Return the signal of the orbit minus the record, shape (samples,)."""
         return self.computed(orbit, phase) - self.measured
 
     def slopes(self, orbit: Orbit, phase: float, names: tuple[str, ...]) -> Slopes:
-        """Derivatives of the residual by named parameters, and by the phase."""
+        """Return the derivatives of the residual by named parameters, and by the phase."""
         along = sensitivity(orbit, names).signal(self.signal, self.angles(orbit.system.frequency) + phase)
         table = np.column_stack((along.by_parameters, along.by_angle))
         structure = orbit.system.structure
@@ -119,7 +119,7 @@ class Misfit:
         return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _ROUNDING * sizes)
 
     def best_phase(self, orbit: Orbit) -> float:
-        """The phase of the record's first sample at which record and orbit correlate best, on a fine grid."""
+        """Find the phase of the record's first sample at which record and orbit correlate best, on a fine grid."""
         count = _GRID * orbit.period
         theta = PERIOD * orbit.period * np.arange(count) / count
         theirs = np.fft.rfft(signal_along(orbit, self.signal, theta)) / count

@@ -1,4 +1,4 @@
-"""Read a measured record from a CSV or MAT file; both are only data here, and their sizes are bounded."""
+"""Reading of a measured record from a CSV or MAT file; both are treated as data only, and their sizes are limited."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ def read_measurement(
     Parameters
     ----------
     path
-        A CSV file (a line of column names, then numbers, parted by commas, semicolons or tabs; lines that begin with
+        A CSV file (a line of column names, then numbers, separated by commas, semicolons or tabs; lines that begin with
         ``#`` are comments), or a MAT file of MATLAB up to version 7 with a vector for each column.
     columns
-        What the columns are called in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
+        Names of the columns in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
         ``acceleration`` and, if there is one, ``speed``.
     time_scale, scale, speed_scale
-        Factors that bring time, acceleration and speed to the units of the model. A speed is then in radians per unit
+        Factors that convert time, acceleration and speed to the units of the model. A speed is then in radians per unit
         of the model's time.
 
     Raises
     ------
     ModelError
-        If the file cannot be read, has no such columns, or its numbers make no record; see `Record`.
+        If the file cannot be read, has no such columns, or its numbers are not a valid record; see `Record`.
     """
     path = Path(path)
     wanted = _wanted(columns or {})
@@ -66,10 +66,10 @@ def read_measurement(
 
 
 def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
-    """The name in the file of each column; of the speed only if it is named."""
+    """Return the name of each column in the file; the speed only if it is named."""
     for field in columns:
         if field not in FIELDS:
-            raise ModelError(f"there is no column {field!r} of a record; {did_you_mean(field, FIELDS)}")
+            raise ModelError(f"a record has no column {field!r}; {did_you_mean(field, FIELDS)}")
     return {field: field for field in FIELDS[:2]} | dict(columns)
 
 
@@ -77,12 +77,12 @@ def _content(path: Path) -> bytes:
     content = bytearray()
     try:
         with open_file(path) as file:
-            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # asked for all, it makes room for all
+            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # read() of all would allocate MAX_BYTES
                 content += piece
     except (OSError, ValueError) as error:
         raise ModelError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if len(content) > MAX_BYTES:
-        raise ModelError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB; cut some tens of periods out of it")
+        raise ModelError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB; cut a few tens of periods out of it")
     return bytes(content)
 
 
@@ -90,7 +90,7 @@ def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ModelError("it is no text in UTF-8; write a CSV file, or a MAT file with the ending .mat") from None
+        raise ModelError("it is not UTF-8 text; write a CSV file, or a MAT file with the ending .mat") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _is_data(line)]
     if not lines:
         raise ModelError("it is empty; the first line names the columns, as in time,acceleration")
@@ -98,10 +98,10 @@ def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np
     try:
         heads = [head.strip() for head in next(csv.reader([lines[0][1]], delimiter=mark))]
     except csv.Error as error:
-        raise ModelError(f"line {lines[0][0]}: no line of column names can be made out: {error}") from None
+        raise ModelError(f"line {lines[0][0]}: it is not a line of column names: {error}") from None
     places = _places(heads[:_MAX_COLUMNS], wanted)
     if len(lines) - 1 > MAX_SAMPLES:
-        raise ModelError(f"it has {len(lines) - 1:,} samples; give at most {MAX_SAMPLES:,}, some tens of periods")
+        raise ModelError(f"it has {len(lines) - 1:,} samples; give at most {MAX_SAMPLES:,}, a few tens of periods")
     table = np.empty((len(places), len(lines) - 1))
     for sample, (number, line) in enumerate(lines[1:]):
         row = line.split(mark)
@@ -125,7 +125,7 @@ def _is_data(line: str) -> bool:
 
 
 def _places(heads: list[str], wanted: Mapping[str, str]) -> dict[str, int]:
-    """In which column each field stands."""
+    """Return the column index of each field."""
     if all(_is_number(head) for head in heads):
         raise ModelError("its first line holds numbers; it must name the columns, as in time,acceleration")
     _require(heads, wanted)

@@ -1,4 +1,4 @@
-"""A measured record: one acceleration over time, perhaps with the speed that was measured beside it."""
+"""The measured record: one acceleration over time, optionally with the measured speed of a shaft."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from gapwalk.errors import ModelError
 
 MAX_SAMPLES = 200_000
-"""A longer record is refused: some tens of periods say all that there is to know of a steady motion."""
+"""Longest record. A few tens of periods contain all information about a steady motion."""
 
 _LEAST = 16
-_UNEVEN = 0.1  # how much a step of time may differ from the others, relative to them
-_CLOSE = 0.01  # how much the measured speed may differ from the frequency of a motion
+_UNEVEN = 0.1  # largest relative difference between a time step and the median step
+_CLOSE = 0.01  # largest relative difference between the measured speed and the frequency of a motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,19 +25,19 @@ class Record:
     Parameters
     ----------
     time : shape (samples,)
-        Increasing in even steps, in units of the model's time.
+        Times in increasing, even steps, in units of the model's time.
     acceleration : shape (samples,)
-        What was measured, in units of the model. It may be anything that is a signal of the model.
+        The measured signal, in units of the model. It may be any signal of the model, not only an acceleration.
     speed : shape (samples,), or None
         Angular speed of the shaft, in radians per unit of time.
     name
-        What the record is called in messages and pictures.
+        Name of the record in messages and pictures.
 
     Raises
     ------
     ModelError
-        With everything that is wrong: samples that are no finite numbers, time that does not increase in even steps, or
-        too few or too many samples.
+        With all problems that were found: samples that are not finite numbers, time that does not increase in even
+        steps, or too few or too many samples.
     """
 
     time: NDArray[np.float64]
@@ -58,7 +58,7 @@ class Record:
         return len(self.time)
 
     def scaled(self, time: float = 1.0, acceleration: float = 1.0, speed: float = 1.0) -> Record:
-        """The same record in other units: each column times its factor."""
+        """Convert the record to other units: multiply each column by its factor."""
         for what, factor in (("time", time), ("acceleration", acceleration), ("speed", speed)):
             if not (np.isfinite(factor) and factor != 0.0) or (what == "time" and factor < 0.0):
                 raise ModelError(f"the factor of {what} is {factor!r}; it must be a number other than zero")
@@ -66,34 +66,34 @@ class Record:
         return Record(time * self.time, acceleration * self.acceleration, speeds, self.name)
 
     def between(self, begin: float, end: float) -> Record:
-        """The part from one time to another."""
+        """Return the part from one time to another."""
         keep = (self.time >= begin) & (self.time <= end)
         speed = None if self.speed is None else self.speed[keep]
         return Record(self.time[keep], self.acceleration[keep], speed, self.name)
 
     def frequency(self, order: float = 1.0) -> float | None:
-        """The mean frequency of an excitation of `order` times a turn of the shaft; None without a measured speed."""
+        """Return the mean frequency of `order` excitation periods per shaft turn; None without a measured speed."""
         if self.speed is None:
             return None
         return order * float(np.trapezoid(self.speed, self.time) / (self.time[-1] - self.time[0]))
 
     def angles(self, frequency: float, order: float = 1.0) -> NDArray[np.float64]:
-        """The angle that the excitation has turned through since the first sample, in radians, shape (samples,).
+        """Return the angles of the excitation relative to the first sample, in radians, shape (samples,).
 
-        With a measured speed it is the integral of that (order tracking), otherwise ``frequency * time``.
+        With a measured speed they are its integral (order tracking), otherwise ``frequency * time``.
 
         Raises
         ------
         ModelError
-            If the measured speed is not that of the frequency.
+            If the measured speed does not agree with the frequency.
         """
         time, measured = self.time - self.time[0], self.frequency(order)
         if self.speed is None or measured is None:
             return frequency * time
         if abs(measured / frequency - 1.0) > _CLOSE:
             raise ModelError(
-                f"{self.name}: its speed means an excitation of frequency {measured:.6g}, but the motion has "
-                f"{frequency:.6g}; look for the motion at that frequency, or mend the order or the units of the speed"
+                f"{self.name}: its speed corresponds to an excitation frequency of {measured:.6g}, but the motion has "
+                f"{frequency:.6g}; find the motion at that frequency, or correct the order or the units of the speed"
             )
         steps = 0.5 * (self.speed[1:] + self.speed[:-1]) * np.diff(time)
         return order * np.concatenate(([0.0], np.cumsum(steps)))
@@ -113,7 +113,7 @@ def _column(field: str, value: ArrayLike) -> NDArray[np.float64]:
 def _problems(record: Record) -> Iterator[str]:
     count = len(record.time)
     if not _LEAST <= count <= MAX_SAMPLES:
-        hint = "; cut some tens of periods out of it" if count > MAX_SAMPLES else ""
+        hint = "; cut a few tens of periods out of it" if count > MAX_SAMPLES else ""
         yield f"it has {count} samples; a record has {_LEAST} to {MAX_SAMPLES:,}{hint}"
         return
     columns = {"acceleration": record.acceleration, "speed": record.speed}
@@ -124,9 +124,9 @@ def _problems(record: Record) -> Iterator[str]:
         wrong = [] if column is None else np.flatnonzero(~np.isfinite(column))
         if len(wrong):
             more = f" ({len(wrong)} in all)" if len(wrong) > 1 else ""
-            yield f"{field} is no finite number in sample {wrong[0] + 1}{more}; cut the record there, or mend it"
+            yield f"{field} is not a finite number in sample {wrong[0] + 1}{more}; cut the record there, or correct it"
     if record.speed is not None and np.any(record.speed <= 0.0):
-        yield "the speed is not positive everywhere; give its size"
+        yield "the speed is not positive everywhere; give its magnitude"
     if np.all(np.isfinite(record.time)):
         yield from _time_problems(record.time)
 
@@ -144,6 +144,6 @@ def _time_problems(time: NDArray[np.float64]) -> Iterator[str]:
         at = wrong[0]
         yield (
             f"time is uneven: its steps are {usual:g}, but {steps[at]:g} from sample {at + 1} to sample {at + 2} "
-            f"({len(wrong)} such steps). Where samples are missing, cut the record there; where time was written with "
+            f"({len(wrong)} such steps). If samples are missing, cut the record there; if time was written with "
             "too few digits, write it with more"
         )

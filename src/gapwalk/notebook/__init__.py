@@ -1,1 +1,1 @@
-"""In a notebook: values that show themselves, and how far long calls have come."""
+"""Display in notebooks: cards of values, and progress of long calls."""

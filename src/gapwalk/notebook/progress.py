@@ -1,4 +1,4 @@
-"""How far a long call has come, as a line in a notebook; elsewhere nothing is shown."""
+"""Progress of a long call as a line in a notebook; elsewhere nothing is shown."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_QUIET = 0.5  # seconds: a call that takes no longer shows nothing
-_OFTEN = 0.25  # seconds between two changes of the line
+_QUIET = 0.5  # seconds: shorter calls show no line
+_OFTEN = 0.25  # seconds between two updates of the line
 _STYLE = "font-size: 0.9em; opacity: 0.75; font-variant-numeric: tabular-nums"
 _OFF = ("0", "no", "off", "false")
 
@@ -24,20 +24,20 @@ _is_inside: ContextVar[bool] = ContextVar("gapwalk_progress", default=False)
 
 
 def show_progress(on: bool = True) -> None:
-    """Whether long calls show in a notebook how far they have come. They do, unless GAPWALK_PROGRESS=off says no.
+    """Turn the display of the progress of long calls in notebooks on or off. It is on unless GAPWALK_PROGRESS=off.
 
-    One call that is to show nothing takes a `report` of its own, as in ``gw.follow(..., report=lambda *_: None)``.
+    To silence a single call, give it its own `report`, as in ``gw.follow(..., report=lambda *_: None)``.
     """
     _switch["on"] = on
 
 
 def shows_progress(words: Callable[..., str]) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """For a function with a `report`: unless it is given one, it shows a line in a notebook, which vanishes at the end.
+    """Decorate a function with a `report`: unless one is given, a line in a notebook shows progress until it ends.
 
     Parameters
     ----------
     words
-        How far it has come, from what is reported.
+        A function that describes the progress in words from the reported values.
     """
 
     def decorate(call: Callable[P, R]) -> Callable[P, R]:
@@ -60,21 +60,21 @@ def shows_progress(words: Callable[..., str]) -> Callable[[Callable[P, R]], Call
 
 
 def is_notebook() -> bool:
-    """Whether this is the kernel of a notebook, which shows HTML."""
+    """Return True if this is the kernel of a notebook, which shows HTML."""
     python = sys.modules.get("IPython")
     shell = python.get_ipython() if python is not None else None
     return shell is not None and getattr(shell, "kernel", None) is not None
 
 
 class Line:
-    """The line of one call: it is called with what is reported.
+    """The line of one call; it is called with the reported values.
 
     Parameters
     ----------
     name
-        Of the function.
+        Name of the function.
     words
-        How far it has come, from what is reported.
+        A function that describes the progress in words from the reported values.
     """
 
     def __init__(self, name: str, words: Callable[..., str]) -> None:
@@ -85,7 +85,7 @@ class Line:
         self._place: Any = None
 
     def __call__(self, *news: Any) -> None:
-        """Show what is new, unless something was shown a moment ago."""
+        """Show the latest progress, unless the line was updated a moment ago."""
         self._count += 1
         now = time.monotonic()
         if now - self._shown < _OFTEN:
@@ -94,7 +94,7 @@ class Line:
         self._put(f"{self._name}: {self._words(self._count, *news)}, {now - self._began:.0f} s")
 
     def close(self) -> None:
-        """Let the line vanish."""
+        """Remove the line."""
         if self._place is not None:
             self._put("")
 

@@ -1,18 +1,18 @@
-"""What shows itself in a notebook: one base for all that users meet there."""
+"""The base class of values that show a card in a notebook."""
 
 from __future__ import annotations
 
 
 class Shown:
-    """A value with a card: its name, a table of what there is to know first, and where it is cheap a picture.
+    """A value with a card: its name, a table of its main figures, and a picture if that is cheap.
 
-    What stands on the card of a type is said in `gapwalk.plot.card`, not here: a value does not know how it is drawn.
+    The contents of the card of each type are defined in `gapwalk.plot.card`: a value does not know how it is drawn.
     """
 
     __slots__ = ()
 
     def _repr_html_(self) -> str:
-        """The card, as HTML; a notebook asks for it."""
+        """Return the card as HTML; the notebook calls this."""
         from gapwalk.plot.card import card_of
 
         return card_of(self)

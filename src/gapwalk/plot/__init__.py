@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["begin", "draw", "draws", "figure", "in_style", "new_sheet", "overlay", "save", "sized"]
 
-# Imported when first asked for: what draws nothing must not wait for matplotlib.
+# Imported on first use, so that programs without pictures do not wait for matplotlib.
 _HOMES = {"in_style": "style", "new_sheet": "sheet", "overlay": "branches", "sized": "style"}
 
 

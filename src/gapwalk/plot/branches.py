@@ -1,4 +1,4 @@
-"""Pictures of branches over their parameter: stable and unstable pieces, special points, and what is not explained."""
+"""Pictures of branches over their parameter: stable and unstable pieces, special points, and unexplained steps."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from gapwalk.plot.style import (
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
-"""Heights of the curves that are drawn at a point of a branch, shape (curves,)."""
+"""Function that returns the heights of the curves to draw at a point of a branch, shape (curves,)."""
 
-_SUBSTEPS = 5  # parts into which each step of a branch is divided, so that it looks as smooth as it is
-_SAME = 1e-9  # arclength below which two points are one
-_MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
-_PAD = 0.06  # margin above and below, as a share of the height
+_SUBSTEPS = 5  # parts into which each step of a branch is divided to draw a smooth curve
+_SAME = 1e-9  # arclength below which two points coincide
+_MARKERS = (0.015, 0.035)  # position of the first marker along a line, and marker distance, in diagonals of the axes
+_PAD = 0.06  # margin above and below, as a fraction of the height
 _TICK = 7.0  # length of the tick at a grazing point, in points
 _OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
     (BLACK, "-"),
@@ -49,11 +49,11 @@ _OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system o
     (BLUE, (0, (1.3, 1.3))),
     (GREEN, (0, (6, 1.5, 1.3, 1.5))),
 )
-_STABLE, _UNSTABLE = 1.7, 0.7  # widths of their lines, in points
+_STABLE, _UNSTABLE = 1.7, 0.7  # widths of the lines in an overlay, in points
 
 
 class Piece(NamedTuple):
-    """A piece of a branch on which stability does not change, cut exactly at special points.
+    """A piece of a branch with constant stability, cut exactly at special points.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Piece(NamedTuple):
     x : shape (points,)
         Parameter. Neighbouring pieces share the point between them.
     y : shape (points,) or (points, curves)
-        Measure, or several of them.
+        One measure, or several.
     """
 
     label: str
@@ -71,18 +71,18 @@ class Piece(NamedTuple):
 
 
 def pieces_of(branch: Branch, measure: str) -> list[Piece]:
-    """Cut a branch into pieces, in the order in which it was followed."""
+    """Cut a branch into pieces, in the order in which it was computed."""
     return [piece._replace(y=piece.y[:, 0]) for piece in cut(branch, lambda point: np.array([point.measure(measure)]))]
 
 
 def cut(branch: Branch, curves: Curves) -> list[Piece]:
-    """Cut a branch into pieces with the curves that a function of its points draws."""
+    """Cut a branch into pieces, with curves whose heights a function of the points returns."""
     nodes = [(point.arclength, point, point.instability.label, False) for point in branch.points]
     nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
     nodes.sort(key=lambda node: node[0])
     s = np.array([arclength for arclength, *_ in nodes])
     values = np.array([(point.value, *curves(point)) for _, point, *_ in nodes])
-    # A node begins its piece: a special point has the label of what follows it.
+    # A node begins its piece: a special point has the label of the piece after it.
     starts = [i for i in range(len(nodes)) if i == 0 or nodes[i][2] != nodes[i - 1][2]]
     pieces = []
     for start, end in zip(starts, [*starts[1:], len(nodes) - 1], strict=True):
@@ -95,7 +95,7 @@ def cut(branch: Branch, curves: Curves) -> list[Piece]:
 
 
 def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lay a smooth line through points between two special points; at a special point it may have a corner."""
+    """Interpolate points between two special points smoothly; at a special point the curve may have a corner."""
     distinct = (s - s[0] > _SAME) & (s[-1] - s > _SAME) & np.append(True, np.diff(s) > _SAME)
     distinct[[0, -1]] = True
     s, values = s[distinct], values[distinct]
@@ -103,21 +103,21 @@ def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.f
         return values
     fine = np.interp(np.linspace(0, len(s) - 1, _SUBSTEPS * (len(s) - 1) + 1), np.arange(len(s)), s)
     line = Akima1DInterpolator(s, values, method="makima")(fine)
-    line[::_SUBSTEPS] = values  # not just to rounding: pieces meet in one point
+    line[::_SUBSTEPS] = values  # exactly, so that pieces meet in one point
     return line
 
 
 def joined(
     curves: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Join curves of one style to one, with nan between them: a thousand lines take a hundred times as long as one."""
+    """Join curves of one style into one with nan between them: a thousand lines draw a hundred times slower."""
     breaks = np.cumsum([len(x) for x, _ in curves])
     x, y = (np.insert(np.concatenate(parts), breaks, np.nan) for parts in zip(*curves, strict=True))
     return x, y
 
 
 def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, float]]:
-    """Places where something was missed on a branch: the middle of each of its unexplained steps, on each curve."""
+    """Return places where a special point was missed: the middle of each unexplained step, on each curve."""
     if not branch.unexplained:
         return []
     values, places = branch.values, []
@@ -129,13 +129,13 @@ def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, floa
 
 
 def draw_unexplained(ax: Axes, places: Sequence[tuple[float, float]], clip_on: bool = True) -> None:
-    """Draw question marks where something was missed; whole ones at the border of the axes, if they are not clipped."""
+    """Draw question marks at missed special points; without clipping they are complete at the border of the axes."""
     if places:
         ax.plot(*np.array(places).T, zorder=6, **UNEXPLAINED.options(clip_on=clip_on))
 
 
 def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
-    """The entry of a legend for question marks, if there are any."""
+    """Return the legend entry of the question marks, if there are any."""
     return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
 
 
@@ -146,12 +146,12 @@ def overlay(
     ax: Axes | None = None,
     within: tuple[float, float] | None = None,
 ) -> Axes:
-    """Draw branches of several systems over one another, each system by a line of its own; unstable parts are thin.
+    """Draw branches of several systems in one picture, each system in its own line style; unstable parts are thin.
 
     Parameters
     ----------
     branches
-        The branches of each system, by the name that the legend gives it. They run over the same parameter.
+        The branches of each system by its name in the legend. All have the same parameter.
     measure
         As in `draw_branches`.
     ax
@@ -162,7 +162,7 @@ def overlay(
     Returns
     -------
     Axes
-        The axes that were drawn in.
+        The axes of the picture.
 
     Examples
     --------
@@ -211,17 +211,17 @@ def draw_branches(
     Parameters
     ----------
     branches, ax
-        What, and where.
+        The branches and the axes.
     measure
-        What is drawn: a measure (``"max.q1"``), a coordinate (``"q1"``: half its peak to peak) or ``"half"`` (that of
-        the first coordinate).
+        The quantity on the vertical axis: a measure (``"max.q1"``), a coordinate (``"q1"``: half its peak to peak) or
+        ``"half"`` (that of the first coordinate).
     labels
-        Whether the special points have their short names next to them.
+        True to write short names next to the special points.
     legend
-        Whether to explain what is drawn; ``"above"``: above the axes.
+        True for a legend; ``"above"`` places it above the axes.
     closeup
-        Whether to enlarge, where there is room, the place where special points crowd; by default on a sheet of
-        its own.
+        True to enlarge, where there is room, a region with many special points; by default only on a separate
+        sheet.
     within
         Range of the parameter that is shown; by default all of it.
     """
@@ -236,14 +236,14 @@ def draw_branches(
     ax.autoscale_view()
     if within:
         ax.set(xlim=within, ylim=drawing.extent(*within))
-    ax.set_autoscale_on(False)  # what follows is placed for these limits
+    ax.set_autoscale_on(False)  # labels are placed for these limits
     if legend:
         write_legend(ax, _entries(branches), "above" if legend == "above" else "below")
     return partial(drawing.finish, ax, labels, closeup)
 
 
 def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
-    """The lines and symbols that occur, for a legend: between special points there may be no point of the branch."""
+    """List lines and symbols that occur, for a legend; a piece between special points may have no point of its own."""
     counts = {count.label for branch in branches for count in branch.instabilities}
     counts |= {special.after.label for branch in branches for special in branch.special_points}
     entries = [style.entry for name, style in LINES.items() if name in counts]
@@ -253,7 +253,7 @@ def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
 
 
 class _Drawing:
-    """Lines and symbols of some branches, in the whole picture and in a close-up alike."""
+    """Lines and symbols of some branches, for the whole picture and for a close-up."""
 
     def __init__(self, branches: Sequence[Branch], measure: str) -> None:
         self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
@@ -270,7 +270,7 @@ class _Drawing:
         ]
 
     def extent(self, left: float, right: float) -> tuple[float, float]:
-        """The least and the greatest measure within a range of the parameter, with a margin."""
+        """Return the smallest and the largest measure within a range of the parameter, with a margin."""
         inside = self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1]
         low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
         pad = _PAD * ((high - low) or 1.0)
@@ -283,7 +283,7 @@ class _Drawing:
             ax.plot(piece.x, piece.y, zorder=2.5 if marked else 3, **options)
 
     def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
-        """Draw the special points, and a close-up where they crowd, into axes whose place is final."""
+        """Draw the special points, and a close-up where they are dense, once the layout of the axes is final."""
         marked = np.array([(x, y) for kind, x, y in self.special_points if kind is not Kind.GRAZING])
         crowd = crowded_region(ax, marked) if closeup else None
         enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
@@ -293,7 +293,7 @@ class _Drawing:
             self.draw_special_points(enlarged, labels)
 
     def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
-        """Draw the symbols, and labels but for those in a region."""
+        """Draw the symbols, and the labels outside a given region."""
         for kind in in_order(kind for kind, _, _ in self.special_points):
             places = np.array([(x, y) for each, x, y in self.special_points if each is kind])
             if len(places) and kind is Kind.GRAZING:
@@ -312,7 +312,7 @@ class _Drawing:
 
 
 def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:
-    """Draw short ticks across the curve, all as one: each has a direction of its own."""
+    """Draw short ticks across the curve in one collection, each perpendicular to the curve."""
     pixels = ax.transData.transform(curve)
     ticks = []
     for place in ax.transData.transform(places):

@@ -1,4 +1,4 @@
-"""Cards of values in a notebook: a name, a table of what there is to know first, and a small picture."""
+"""Cards of values in a notebook: a name, a table of the main figures, and a small picture."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from gapwalk.study.result import Result
 from gapwalk.study.sweep.record import Sweep
 
 _CELL = "text-align: left; padding: 1px 12px 1px 0; background: none; vertical-align: top"
-_MOST = 12  # rows of a table
-_FEW = 8  # names that are listed
+_MOST = 12  # most rows of a table
+_FEW = 8  # most names in a list
 _DPI = 110
 
 
@@ -41,15 +41,15 @@ class Card(NamedTuple):
     Parameters
     ----------
     title
-        What it is.
+        Title of the card.
     facts
-        Name and value of what there is to know first.
+        Name and value of each main figure.
     head, rows
-        A table, if there is one: the names of its columns, and its rows.
+        An optional table: the names of its columns, and its rows.
     note
-        What else there is to say.
+        Optional further text.
     drawn
-        The record of the picture, if it is another one.
+        The record to draw, if it is not the value itself.
     """
 
     title: str
@@ -61,7 +61,7 @@ class Card(NamedTuple):
 
 
 def card_of(value: object) -> str:
-    """Write the card of a value as HTML: it takes its colours from the page, and fetches nothing."""
+    """Write the card of a value as HTML, with the colours of the page and without external files."""
     card = facts_of(value)
     parts = [f"<b>{html.escape(card.title)}</b>", _table((), card.facts, len(card.facts))]
     if card.rows:
@@ -87,7 +87,7 @@ def _row(cells: Sequence[str], kind: str) -> str:
 
 
 def _picture(record: object) -> str:
-    """Draw a small picture inside of the page; nothing if there is none."""
+    """Draw a small picture embedded in the page; return an empty text if there is none."""
     try:
         drawing, _ = drawing_of(record, in_axes=True)
         plain = {name: False for name in ("labels", "legend") if name in drawing.options}
@@ -103,7 +103,7 @@ def _picture(record: object) -> str:
 
 @singledispatch
 def facts_of(value: object) -> Card:
-    """The contents of the card of a value; of a type that has none of its own, what `repr` says."""
+    """Return the contents of the card of a value; without a function for its type, those of its `repr`."""
     name, _, rest = repr(value).partition("(")
     return Card(name, [("", part) for part in rest.removesuffix(")").split("; ")])
 
@@ -144,7 +144,7 @@ def _(special: SpecialPoint) -> Card:
     facts = [
         ("at", f"{special.value:.10g} ± {special.uncertainty:.0e}"),
         ("stability", special.change),
-        ("nature", special.nature_words),
+        ("criticality", special.nature_words),
         ("contact", special.contact),
         ("period", _periods(special.orbit.period)),
     ]
@@ -234,7 +234,7 @@ def _(sweep: Sweep) -> Card:
     ]
     names, counts = np.unique(sweep.regimes[sweep.regimes != ""], return_counts=True)
     rows = sorted(zip(map(str, names), map(str, counts), strict=True), key=lambda row: -int(row[1]))
-    return Card("Sweep", facts, ("settled to", "times"), rows)
+    return Card("Sweep", facts, ("settled on", "times"), rows)
 
 
 @facts_of.register
@@ -252,12 +252,12 @@ def _(found: Comparison) -> Card:
         ("largest distance", f"{found.largest:.2g} of the ranges"),
         ("only in one", f"{len(found.only_first)} and {len(found.only_second)} special points"),
     ]
-    return Card("Comparison", facts, ("both have", "at", "difference"), rows)
+    return Card("Comparison", facts, ("in both", "at", "difference"), rows)
 
 
 @facts_of.register
 def _(result: Result) -> Card:
-    """The card of what is in it, under the title of the study."""
+    """Return the card of the content of a result, under the title of its study."""
     within = result.diagram or result.map or (result.finding and result.finding.record)
     if within is None and len(result.branches) == 1:
         within = result.branches[0]
@@ -279,7 +279,7 @@ def _periods(period: int) -> str:
 
 
 def _listed(names: Iterable[str]) -> str:
-    """The first names of some, and how many more there are."""
+    """List the first names, and the number of further ones."""
     names = list(names)
     more = f", and {len(names) - _FEW} more" if len(names) > _FEW else ""
     return ", ".join(names[:_FEW]) + more

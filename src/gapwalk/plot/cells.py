@@ -1,4 +1,4 @@
-"""Pictures of where motions settle: basins of attraction, maps of regimes, and sweeps with their strips of regimes."""
+"""Pictures of basins of attraction, of regime maps, and of sweeps with strips of regimes."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ from gapwalk.study.sweep.record import Sweep
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
-# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours differ in grey as well.
+# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours also differ in grey.
 _FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
 _UNRESOLVED, _RUNAWAY = "#ffffff", "#3a3a3a"
 _MARKERS = "osD^vPX*<>"
 _STROBES = ("in the plane", "all", "none")
-_IN_PLANE = 1e-6  # distance, relative to the size of the plane, at which a strobe lies in it
-_FORCES = "cividis"  # of peak forces and impacts: even to any eye
+_IN_PLANE = 1e-6  # distance, relative to the size of the plane, below which a strobe lies in it
+_FORCES = "cividis"  # of peak forces and impacts: perceptually uniform for any colour vision
 
 _SWEEP: Inches = (8.0, 5.4)
 _WAYS = {Way.UP: ("up", BLUE), Way.DOWN: ("down", VERMILLION), Way.AFRESH: ("afresh", BLACK)}
 _STRIP = 0.16  # height of a strip, in inches
 _MOST_STRIPS = 12
-_SPARSE = 6e4  # points up to which each is drawn boldly and large; more of them are fainter, so that dense regions show
-# their shape
+_SPARSE = 6e4  # number of points up to which they are opaque and large; more are fainter and smaller, so that the shape
+# of dense regions shows
 _LETTER = 5.0  # width of a letter in a strip, in points
 
 
@@ -80,10 +80,10 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
     Parameters
     ----------
     found, ax
-        What, and where.
+        The basins and the axes.
     strobes
-        Which strobes of the attractors are marked: those that lie ``"in the plane"``, ``"all"`` of them, seen along
-        the other components of the state, or ``"none"``.
+        Strobes of the attractors to mark: those ``"in the plane"``, ``"all"`` of them, projected along the other
+        components of the state, or ``"none"``.
     """
     if strobes not in _STROBES:
         raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
@@ -108,7 +108,7 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
 
 
 def _marked(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """The attractors of which strobes are marked, and where these are in the plane."""
+    """Yield the attractors with strobes to mark, and the positions of these strobes in the plane."""
     box = found.window.box
     shown = [box.names.index(name) for name in (found.window.across, found.window.up)]
     low, high = np.array(box.low), np.array(box.high)
@@ -148,21 +148,21 @@ def draw_regimes(
     contact: int | str | None = None,
     title: str = "",
 ) -> None:
-    """Draw a map of regimes: kinds of motion in the plane of two parameters, and how hard contacts hit.
+    """Draw a regime map: kinds of motion in the plane of two parameters, and the severity of contacts.
 
     Parameters
     ----------
     found, figure
-        What, and where.
+        The map and the figure.
     panels
-        What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither; by default the first, if
-        there are contacts.
+        Panels below the regimes: ``"peak force"``, ``"impacts"``, both or neither; by default the first, if there are
+        contacts.
     loci
-        Loci of bifurcations in the same plane, drawn over the regimes.
+        Bifurcation loci in the same plane, drawn over the regimes.
     contact
-        Name or number of the contact that these are of; by default the one that is hit hardest.
+        Name or number of the contact of these panels; by default the one with the largest force.
     title
-        Above the picture.
+        Title above the picture.
     """
     shown = _shown(found, panels)
     axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
@@ -189,7 +189,7 @@ def _axes_words(found: Regimes) -> tuple[str, str]:
 
 
 def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes) -> None:
-    """Draw the peak force or the impacts a period of one contact in the plane, with a scale."""
+    """Draw the peak force or the impacts per period of one contact in the plane, with a colour scale."""
     place = _contact_index(found, contact)
     name = found.system.structure.contacts[place].name
     cells = (found.peak_force if which == "peak force" else found.impacts)[..., place]
@@ -197,7 +197,7 @@ def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes
     image = _fill(
         ax, cells, found.within, _axes_words(found), cmap=_FORCES, vmin=0.0, vmax=max(top, np.finfo(float).tiny)
     )
-    text = f"peak force of {name}" if which == "peak force" else f"impacts of {name} a forcing period"
+    text = f"peak force of {name}" if which == "peak force" else f"impacts of {name} per forcing period"
     ax.figure.colorbar(image, ax=ax, label=text, pad=0.015, fraction=0.05, extend="max")
 
 
@@ -214,7 +214,7 @@ def _contact_index(found: Regimes, contact: int | str | None) -> int:
 
 
 def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """Yield the regimes of a map, the periods first: text, colour, and which cells have it."""
+    """Yield the regimes of a map, periodic ones first: text, colour, and the cells with this regime."""
     kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
     for text, word in regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
         m = period_of(word)
@@ -226,7 +226,7 @@ def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
 
 
 def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
-    """Draw loci black on white, which is seen on any colour; the entries of the legend."""
+    """Draw loci in black on white, visible on any colour; return their legend entries."""
     for locus in loci:
         if (locus.first, locus.second) != (found.first, found.second):
             raise ModelError(
@@ -251,20 +251,20 @@ def _black(locus: Locus) -> dict[str, Any]:
 def draw_sweep(
     sweep: Sweep, figure: AnyFigure, signal: str | None = None, *, title: str = "", legend: bool = True
 ) -> Finish:
-    """Draw the section points of a sweep over its parameter, with a strip of regimes for each lane above them.
+    """Draw the section points of a sweep over its parameter, below a strip of regimes for each lane.
 
-    The points are drawn as an image, so that a picture of a hundred thousand of them stays small as SVG or PDF too.
+    The points are drawn as an image, so that pictures with a hundred thousand points remain small as SVG or PDF.
 
     Parameters
     ----------
     sweep, figure
-        What, and where.
+        The sweep and the figure.
     signal
-        A coordinate, or with a dash its velocity (``q1'``); by default the first one.
+        A coordinate, or with a prime its velocity (``q1'``); by default the first coordinate.
     title
-        Above the picture.
+        Title above the picture.
     legend
-        Whether to explain what is drawn.
+        True for a legend.
     """
     _check(sweep, signal)
     shown = _shown_lanes(sweep)
@@ -279,7 +279,7 @@ def draw_sweep(
 
 
 def _check(sweep: Sweep, signal: str | None) -> str:
-    """The coordinate that is drawn; a ModelError if there is none, or nothing to draw yet."""
+    """Return the coordinate to draw; raise a ModelError if there is none, or nothing to draw yet."""
     place = sweep.place(signal)
     if not np.isfinite(sweep.sections[..., place]).any():
         raise ModelError("the sweep has no section points yet, so there is nothing to draw")
@@ -303,7 +303,7 @@ def draw_points(sweep: Sweep, ax: Axes, signal: str | None = None) -> None:
 
 
 def _shown_lanes(sweep: Sweep) -> list[int]:
-    """The lanes that get a strip: the first starts of each way, where all would be too many."""
+    """Select the lanes that get a strip: if there are too many, the first starts of each direction."""
     most = max(1, _MOST_STRIPS // len({lane.way for lane in sweep.lanes}))
     return [index for index, lane in enumerate(sweep.lanes) if lane.start <= most]
 
@@ -324,7 +324,7 @@ def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
 
 
 def _lane_words(sweep: Sweep, lane: int, shown: int) -> str:
-    """The name of a strip; where not all lanes have one, it says how many starts there are."""
+    """Return the name of a strip; if not all lanes have one, it includes the number of starts."""
     way, start = _WAYS[sweep.lanes[lane].way][0], sweep.lanes[lane].start
     count = max(each.start for each in sweep.lanes)
     if count == 1:
@@ -333,7 +333,7 @@ def _lane_words(sweep: Sweep, lane: int, shown: int) -> str:
 
 
 def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
-    """Write into each band that is wide enough what it is: nothing is said by colour alone."""
+    """Write the regime into each band that is wide enough, so that no information depends on colour alone."""
     width = ax.get_window_extent().width / ax.figure.dpi * 72.0  # known only when the layout is final
     span = sweep.values[-1] - sweep.values[0]
     centered: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": points(6.5)}

@@ -1,6 +1,6 @@
-"""Pictures of two things compared: two motions, a record with a motion, and two results of studies.
+"""Pictures of comparisons: two motions, a record with a motion, and two results of studies.
 
-Black is the first, red or blue the second.
+The first is black, the second red or blue.
 """
 
 from __future__ import annotations
@@ -41,24 +41,24 @@ from gapwalk.study.comparison import ResultComparison
 from gapwalk.study.result import Result
 
 _DEPTH = 1e-3  # smallest line that is shown, relative to the largest
-_SHIFT, _WIDEST = 0.007, 0.16  # half the distance of two lines of one order: of the picture; at most, of two orders
-_LEAST = 5.0  # the lowest order up to which the picture reaches
+_SHIFT, _WIDEST = 0.007, 0.16  # half the distance of paired lines: relative to the picture; at most, to their order
+_LEAST = 5.0  # smallest upper limit of the order axis
 
 _SHOWN = 3  # periods of the orbit in the history of a record
-_SMOOTH = 600  # points of the computed history a period of the orbit
-_FEW = 120  # samples a period of the orbit up to which they are drawn as dots
+_SMOOTH = 600  # points of the computed history per period of the orbit
+_FEW = 120  # samples per period of the orbit up to which they are drawn as dots
 
 _FIRST, _SECOND = LineStyle("", BLACK, "-", 1.2), LineStyle("", VERMILLION, (0, (4, 1.5)), 1.2)
-_PALE, _THIN = LineStyle("", "#8fc3e8", "-", 4.6), LineStyle("", BLACK, "-", 1.1)  # of two results, over one another
+_PALE, _THIN = LineStyle("", "#8fc3e8", "-", 4.6), LineStyle("", BLACK, "-", 1.1)  # of the two results
 _UNSTABLE = LineStyle("unstable in the second", BLACK, (0, (3.2, 1.6)), 1.1)
 _TOLERANCE = LineStyle("tolerance", VERMILLION, (0, (5, 2)), 1.0)
-_RING = SymbolStyle("in one of them only", "", "o", "none", 12.0, VERMILLION, 1.1)
+_RING = SymbolStyle("only in one result", "", "o", "none", 12.0, VERMILLION, 1.1)
 
-_ZERO = 1e-12  # share of the ranges below which a distance is drawn as this
+_ZERO = 1e-12  # fraction of the ranges, below which a distance is drawn with this value
 
 
 def _draw_lines(ax: Axes, lines: Sequence[LinePair], signal: str, turns: int | None) -> None:
-    """Draw the amplitudes of two line spectra side by side over their orders; `turns` is that of `System.turns`."""
+    """Draw the amplitudes of two line spectra in pairs over their orders; `turns` is that of `System.turns`."""
     orders, first, second, _ = np.array(lines).T
     amplitudes = np.array([first, second], dtype=float)
     largest = float(amplitudes.max(initial=0.0)) or 1.0
@@ -93,14 +93,14 @@ def _contrast_size(found: Contrast, **_: object) -> Inches:
 
 @draws(Contrast, panels=True, size=_contrast_size)
 def draw_contrast(found: Contrast, figure: AnyFigure, *, title: str | None = None) -> None:
-    """Draw two motions side by side, a row for each signal: histories on the left, spectra on the right.
+    """Draw two motions for comparison, a row for each signal: histories on the left, spectra on the right.
 
     Parameters
     ----------
     found, figure
-        What, and where.
+        The comparison and the figure.
     title
-        Above the picture; by default the frequencies of the two motions.
+        Title above the picture; by default the frequencies of the two motions.
     """
     axes = figure.subplots(len(found.pairs), 2, squeeze=False, width_ratios=[1.35, 1.0])
     for (left, right), pair in zip(axes, found.pairs, strict=True):
@@ -148,16 +148,16 @@ def draw_alignment(
     names: Sequence[str] = (),
     title: str | None = None,
 ) -> None:
-    """Draw a record over the computed motion: history, lines, and what is left over the phase.
+    """Draw a record over the computed motion: history, spectral lines, and the residual over the phase.
 
     Parameters
     ----------
     found, figure
-        What, and where; several records one below the other, or a fit after its last step.
+        The alignment and the figure; several records are drawn one below the other, a fit after its last step.
     names
-        Of several records.
+        Names of several records.
     title
-        Above rms error and correlation.
+        Title above rms error and correlation.
     """
     if isinstance(found, (list, tuple)):
         write_heading(figure, title or "")
@@ -196,7 +196,7 @@ def _draw_record(ax: Axes, found: Alignment) -> None:
 
 
 def _draw_rest(ax: Axes, found: Alignment) -> None:
-    """Draw what is left over the phase in the period of the orbit: noise has no form, a fault of the model has."""
+    """Draw the residual over the phase in the period of the orbit: noise has no pattern there, a model error has."""
     phase = (found.theta / PERIOD) % found.orbit.period
     ax.axhline(0.0, **AXIS.options())
     ax.plot(phase, found.measured - found.computed, **dots(4.0))
@@ -217,20 +217,20 @@ def draw_comparison(
     names: tuple[str, str] = ("the first", "the second"),
     title: str | None = None,
 ) -> None:
-    """Draw two results over one another, and below them their distance over the parameter.
+    """Draw two results in one picture, and below them their distance over the parameter.
 
     Parameters
     ----------
     found, figure
-        What, and where.
+        The comparison and the figure.
     measure
-        What is drawn of branches, as in `draw_branches`; by default what the first study says. Maps show their loci.
+        The quantity for branches, as in `draw_branches`; by default that of the first study. Maps show their loci.
     tolerance
         Drawn as a line in the lower panel.
     names
-        Of the results.
+        Names of the results.
     title
-        Above the picture; by default that of the first study.
+        Title above the picture; by default that of the first study.
     """
     first, second = found.results
     units = first.system.units
@@ -249,7 +249,7 @@ def draw_comparison(
         above.set_ylabel(measure_words(full, units))
     _draw_distances(below, found, tolerance)
     below.set_xlabel(parameter_words(found.parameters[0], units))
-    below.set_ylabel("share of the ranges")
+    below.set_ylabel("distance / ranges")
     write_legend(figure, _comparison_entries(found, names, tolerance))
 
 
@@ -263,7 +263,7 @@ def _draw_branches(ax: Axes, result: Result, measure: str, is_first: bool) -> No
 
 
 def _symbol(kind: Kind, is_first: bool) -> dict[str, Any]:
-    """The symbol of a special point: large and pale of the first result, small and filled of the second."""
+    """Return the symbol of a special point: large and pale for the first result, small and filled for the second."""
     style = symbol_style(kind)
     if is_first:
         return symbols(style.marker, style.size + 4.0, edge=BLUE, width=1.2, zorder=4)
@@ -271,7 +271,7 @@ def _symbol(kind: Kind, is_first: bool) -> dict[str, Any]:
 
 
 def _ring_lone(ax: Axes, found: ResultComparison, measure: str) -> None:
-    """Ring the special points that one result has alone, and the middles of branches that one has alone."""
+    """Mark special points and the middles of branches that only one result has."""
     for side, (result, lone) in enumerate(zip(found.results, found.only, strict=True)):
         branches = dict(zip(result.names, result.branches, strict=True))
         for pair in found.pairs:
@@ -285,7 +285,7 @@ def _ring_lone(ax: Axes, found: ResultComparison, measure: str) -> None:
 
 
 def _draw_distances(ax: Axes, found: ResultComparison, tolerance: float | None) -> None:
-    """Draw the distance of each point from the other result, and of each special point from its partner."""
+    """Draw the distance of each point from the other result, and of each special point from its counterpart."""
     for pair in found.pairs:
         ax.plot(pair.places[:, 0], np.maximum(pair.distances, _ZERO), **dots(4.6, GREY, zorder=2))
         for shift in pair.shifts:

@@ -1,6 +1,6 @@
-"""Pictures of diagrams: a measure of the shortest motions, and stroboscopic states of all of them.
+"""Pictures of diagrams: a measure of the motions of shortest period, and stroboscopic states of all motions.
 
-In the stroboscopic picture a motion of period m is m curves, its states a forcing period apart.
+In the stroboscopic picture a motion of period m gives m curves, its states one forcing period apart.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from gapwalk.plot.words import full_measure, parameter_words, state_words
 
 Range = tuple[float, float]
 
-_NAMED = 16  # names that a picture may hold
-_MANY, _MOST = 8, 0.8  # births from which there may be a crowd, and the share of all that is in it
-_PART = 0.45  # of the whole range that a crowd covers at most
-_PAD = 0.06  # margin of a close-up, as a share of its width
+_NAMED = 16  # most names in a picture
+_MANY, _MOST = 8, 0.8  # fewest branch origins for a close-up, and the fraction of all origins that it must contain
+_PART = 0.45  # largest fraction of the whole range for a close-up
+_PAD = 0.06  # margin of a close-up, as a fraction of its width
 
 
 class Birth(NamedTuple):
@@ -45,7 +45,7 @@ class Birth(NamedTuple):
 
 
 def births_of(diagram: Diagram) -> Iterator[Birth]:
-    """The special points of a diagram at which other branches begin or end."""
+    """Yield the special points of a diagram at which other branches begin or end."""
     for limb in diagram.limbs:
         for index, special in enumerate(limb.branch.special_points):
             if diagram.attached(limb.name, index):
@@ -53,7 +53,7 @@ def births_of(diagram: Diagram) -> Iterator[Birth]:
 
 
 def crowded_range(values: Sequence[float], within: Range) -> Range | None:
-    """The range of the parameter in which most branches are born, if that is only a part of the whole."""
+    """Return the range of the parameter in which most branches begin, if it is only a part of the whole range."""
     births = np.sort(values)
     count = math.ceil(_MOST * len(births))
     if count < _MANY:
@@ -89,24 +89,24 @@ def draw_diagram(
 ) -> Finish:
     """Draw a diagram in two panels over its parameter, and a third one for a close-up.
 
-    The first shows a measure of the motions of the shortest period; the second the states of all motions, seen once
-    every forcing period: a motion of period m is m curves.
+    The first panel shows a measure of the motions of the shortest period; the second one shows the states of all
+    motions once per forcing period, so that a motion of period m gives m curves.
 
     Parameters
     ----------
     diagram, figure
-        What, and where.
+        The diagram and the figure.
     measure
-        What the first panel shows, as in `draw_branches`; the others show the same coordinate.
+        The quantity of the first panel, as in `draw_branches`; the others show the same coordinate.
     labels
-        Whether special points and branches have their names next to them.
+        True to write names next to special points and branches.
     legend
-        Whether to explain what is drawn.
+        True for a legend.
     closeup
-        Range of the parameter that a third panel enlarges; by default where most branches are born, if that is a small
-        part of the whole. False: no third panel.
+        Range of the parameter that a third panel enlarges; by default the one in which most branches begin, if it is a
+        small part of the whole. False: no third panel.
     title
-        Above the picture.
+        Title above the picture.
     """
     if not diagram.limbs:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
@@ -120,7 +120,7 @@ def draw_diagram(
     write_letters(panels)
     for panel in panels[1:]:
         strobes.draw(panel)
-    # panels a and b cover the same range, and c that of the close-up, which is shaded in b
+    # panels a and b cover the same range; panel c covers the close-up, which is shaded in b
     panels[1].margins(x=0.02, y=0.06)
     panels[1].autoscale_view()
     panels[0].sharex(panels[1])
@@ -154,18 +154,18 @@ def draw_strobes(
     legend: bool = True,
     within: Range | None = None,
 ) -> Finish:
-    """Draw the states of all motions of a diagram in one panel, seen once every forcing period.
+    """Draw the states of all motions of a diagram in one panel, once per forcing period.
 
     Parameters
     ----------
     diagram, ax
-        What, and where.
+        The diagram and the axes.
     measure
         A coordinate, or a measure of one: the coordinate of the states. By default the first one.
     labels
-        Whether branches have their names next to them.
+        True to write names next to branches.
     legend
-        Whether to explain the colours above the axes.
+        True for a legend of the colours above the axes.
     within
         Range of the parameter that is shown; by default that of the diagram.
     """
@@ -187,14 +187,14 @@ def draw_strobes(
 
 
 class Strobes:
-    """Curves of the states of a diagram, in the whole picture and in a close-up alike.
+    """Curves of the states of a diagram, for the whole picture and for a close-up.
 
     Parameters
     ----------
     diagram
         The diagram.
     coordinate
-        Which coordinate of the states is drawn; the first one if it is not a coordinate.
+        The coordinate to draw; the first one if this is not a coordinate.
     """
 
     def __init__(self, diagram: Diagram, coordinate: str) -> None:
@@ -207,7 +207,7 @@ class Strobes:
         self.births = list(births_of(diagram))
 
     def draw(self, ax: Axes) -> None:
-        """Draw all curves, short periods over long ones, where branches are born, and what is not explained."""
+        """Draw all curves (short periods over long ones), origins of branches, and unexplained steps."""
         for rank, period in reversed(list(enumerate(self.periods))):
             for stable in (False, True):
                 curves = [
@@ -231,7 +231,7 @@ class Strobes:
         ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
 
     def write_legend(self, ax: Axes, within: Range | None = None) -> None:
-        """Explain the colours of periods above the axes, up to the longest period within a range."""
+        """Write a legend of the colours of periods above the axes, up to the longest period within a range."""
         low, high = within or (-math.inf, math.inf)
         periods = {
             limb.period
@@ -247,7 +247,7 @@ class Strobes:
         write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above")
 
     def draw_names(self, ax: Axes, without: Range | None = None) -> None:
-        """Write the names of the branches of the two shortest periods next to them, but in a range of the parameter."""
+        """Write names next to the branches of the two shortest periods, outside of a given range of the parameter."""
         counts = Counter(limb.period for limb in self.diagram.limbs)
         named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
         labels = [
@@ -259,7 +259,7 @@ class Strobes:
             place_labels(ax, labels, self._curve, np.empty((0, 2)))
 
     def extent(self, left: float, right: float) -> Range:
-        """The least and the greatest state within a range of the parameter, with a margin."""
+        """Return the smallest and the largest state within a range of the parameter, with a margin."""
         inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
         low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
         pad = _PAD * ((high - low) or 1.0)
@@ -267,12 +267,12 @@ class Strobes:
 
     @cached_property
     def _curve(self) -> NDArray[np.float64]:
-        """All curves as one, with rows of nan between them, shape (points, 2)."""
+        """All curves joined, with rows of nan between them, shape (points, 2)."""
         curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
         return np.column_stack(joined(curves))
 
     def _label(self, limb: Limb, pieces: Sequence[Piece], shown: Range, without: Range | None) -> Label | None:
-        """The name of a branch next to the point that is farthest from the others; None if that is not shown."""
+        """Return the name of a branch at its point farthest from the other curves; None if that is not shown."""
         x, y = (np.concatenate(parts) for parts in zip(*((piece.x, piece.y[:, 0]) for piece in pieces), strict=True))
         inside = (x >= shown[0]) & (x <= shown[1])
         if without:

@@ -1,4 +1,4 @@
-"""Labels next to points of a picture and close-ups of crowded places, where they hide nothing."""
+"""Placement of labels next to points, and of close-ups of dense regions, in free places of a picture."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from gapwalk.plot.style import GREY, points, stroke
 
 _SIZE = 7.5  # points
 _DIRECTIONS = np.deg2rad(np.arange(0, 360, 22.5))
-_DISTANCES = np.array([8.0, 13.0, 19.0, 27.0])  # from the symbol, in points
+_DISTANCES = np.array([8.0, 13.0, 19.0, 27.0])  # of a label from its symbol, in points
 _SYMBOL = 4.0  # half the width of a symbol, in points
-_WORST = 18.0  # a label that would hide more than this is left out: the legend explains the symbol too
+_WORST = 18.0  # cost above which a label is omitted, because it would hide too much: the legend explains its symbol
 
-_NEAR = 20.0  # distance of two symbols that crowd, in points
-_CROWD = 4  # symbols from which a crowd is worth a close-up
-_GAIN = 1.6  # the least magnification that is
+_NEAR = 20.0  # distance of two symbols below which they are close together, in points
+_CROWD = 4  # fewest close symbols for a close-up
+_GAIN = 1.6  # smallest magnification of a close-up
 _SIZES = ((0.56, 0.6), (0.5, 0.55), (0.44, 0.5), (0.38, 0.44), (0.32, 0.38))  # of the close-up, in widths of the axes
-_MARGIN = (0.055, 0.075)  # for its numbers, left of it and below it
+_MARGIN = (0.055, 0.075)  # for the numbers left of the close-up and below it
 
 
 class Label(NamedTuple):
@@ -34,16 +34,16 @@ class Label(NamedTuple):
 
 
 def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symbols: NDArray[np.float64]) -> None:
-    """Write labels into a picture whose limits and layout are final.
+    """Write labels into a picture with final limits and layout.
 
     Parameters
     ----------
     ax
         The axes.
     labels
-        What to write, and next to which points.
+        The labels and their points.
     curve, symbols : shape (points, 2)
-        What should stay visible, in data coordinates; rows of nan break the curve.
+        Curves and symbols that should stay visible, in data coordinates; rows of nan separate curves.
     """
     unit = ax.figure.dpi / 72.0  # pixels in a point
     inside = ax.get_window_extent()
@@ -86,7 +86,7 @@ def _write(ax: Axes, label: Label, shift: NDArray[np.float64], leader: bool) -> 
 
 
 def _hits(points: NDArray[np.float64], low, high, margin: float) -> NDArray[np.float64]:
-    """Count the points in each box."""
+    """Count the points in each box, with a margin."""
     x, y = points[:, 0], points[:, 1]
     hit = (x > low[:, :1] - margin) & (x < high[:, :1] + margin)
     hit &= (y > low[:, 1:] - margin) & (y < high[:, 1:] + margin)
@@ -94,7 +94,7 @@ def _hits(points: NDArray[np.float64], low, high, margin: float) -> NDArray[np.f
 
 
 def _dense(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Points at even distances along a line through `points`, or along several with rows of nan between them."""
+    """Interpolate points at even distances along a line, or along several with rows of nan between them."""
     gaps = np.flatnonzero(np.isnan(points[:, 0]))
     if len(gaps):
         parts = [part[~np.isnan(part[:, 0])] for part in np.split(points, gaps)]
@@ -122,7 +122,7 @@ class Region(NamedTuple):
 
 
 def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
-    """Find the region in which most symbols crowd; None if they do not."""
+    """Find the region with the most symbols close together; None if there are too few."""
     if len(symbols) < _CROWD:
         return None
     pixels = ax.transData.transform(symbols)
@@ -139,16 +139,16 @@ def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
 
 
 def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes | None:
-    """Make empty axes for a region in the largest free place of the picture; None if there is none large enough.
+    """Create empty axes for a region in the largest free place of the picture; None if no place is large enough.
 
     Parameters
     ----------
     ax
         The axes of the whole picture.
     region
-        What will be drawn in the new ones.
+        The region of the new axes.
     curve : shape (points, 2)
-        What must not be covered, in data coordinates.
+        Curve that must not be covered, in data coordinates.
     """
     inside = ax.transAxes.inverted()
     line = inside.transform(ax.transData.transform(curve))
@@ -169,7 +169,7 @@ def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes |
 
 
 def _connect(ax: Axes, region: Region, closeup: Axes) -> None:
-    """Draw a frame round the region, and a line from it to the close-up between the corners that are nearest."""
+    """Draw a frame around the region, and a line between its nearest corner and that of the close-up."""
     size = (region.right - region.left, region.high - region.low)
     ax.add_patch(Rectangle((region.left, region.low), *size, fill=False, edgecolor=GREY, linewidth=0.6, zorder=4))
     corners = [(x, y) for x in (region.left, region.right) for y in (region.low, region.high)]

@@ -1,4 +1,4 @@
-"""Pictures over two parameters: loci of a map with its sections, and families with the paths of special points."""
+"""Pictures over two parameters: loci of a map with its sections, and families with the curves of special points."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ from gapwalk.study.family.joint import Fate, Joint
 from gapwalk.study.family.record import Family
 from gapwalk.study.map import Map
 
-_ONE = 6.0  # distance, in points, within which two symbols of one kind are one
+_ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
 
-# without its light end, which vanishes on white: even in grey, and for any form of colour vision
+# without its light end, which is invisible on white; perceptually uniform for any colour vision
 _COLOURS = LinearSegmentedColormap.from_list("members", mpl.colormaps["viridis"](np.linspace(0.0, 0.88, 128)))
-_SMALL = 0.62  # size of the symbols of special points, of which a family has many
-_THIN = 0.75  # width of the lines of members, of which there are several
+_SMALL = 0.62  # factor on the symbols of special points, of which a family has many
+_THIN = 0.75  # factor on the line width of members, of which there are several
 _MOST_TICKS = 12
 
 
 _SECTION = LineStyle("section", "#b9b1a0", "-", 0.7)
 _LOST = SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
-_TURN = SymbolStyle("two meet", "", "o", "white", 4.6, width=0.9)
+_TURN = SymbolStyle("two special points meet", "", "o", "white", 4.6, width=0.9)
 _NOWHERE = SymbolStyle("leads to no known branch", "", "s", "white", 4.0, GREY, 0.9)
-_GUESS = LineStyle("joined by nearness", GREY, (0, (1.0, 2.2)), 1.0)
+_GUESS = LineStyle("connected by proximity", GREY, (0, (1.0, 2.2)), 1.0)
 
 
 def _isola() -> dict[str, Any]:
@@ -65,16 +65,16 @@ def _isola() -> dict[str, Any]:
 def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) -> Finish:
     """Draw all loci of a map in the plane of its two parameters.
 
-    A thin line is a section, on which branches were followed; the isolas on it (closed branches) are bars.
+    A thin line is a section, on which branches were computed; the isolas on it (closed branches) are bars.
 
     Parameters
     ----------
     chart, ax
-        What, and where.
+        The map and the axes.
     labels
-        Whether points of codimension two and sections are named.
+        True to name points of codimension two and sections.
     legend
-        Whether to explain what is drawn.
+        True for a legend.
     """
     ax.set(xlim=chart.within[0], ylim=chart.within[1])
     units = chart.sections[0].branches[0].system.units if chart.branches else None
@@ -106,7 +106,7 @@ def _curve(locus: Locus) -> NDArray[np.float64]:
 
 
 def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
-    """Draw the sections, the isolas on them, and where something was missed on their branches."""
+    """Draw the sections, the isolas on them, and unexplained steps of their branches."""
     right = blended_transform_factory(ax.transAxes, ax.transData)
     style = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
     for section in chart.sections:
@@ -119,7 +119,7 @@ def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
 
 
 def _unexplained(branches: Sequence[Branch], value: float) -> list[tuple[float, float]]:
-    """Places where something was missed on branches at a value of the second parameter."""
+    """Return the places of unexplained steps of branches at a value of the second parameter."""
     return [place for branch in branches for place in unexplained_places(branch, lambda _: np.array([value]))]
 
 
@@ -132,7 +132,7 @@ def _isolas(chart: Map) -> Iterator[tuple[float, float, float]]:
 
 
 def _lost_ends(chart: Map) -> list[tuple[float, float]]:
-    """Return the ends of loci at which the numerics gave up."""
+    """Return the ends of loci at which the numerics failed."""
     return [end.values for locus in chart.loci for end in locus.ends if end.reason.is_failure]
 
 
@@ -176,21 +176,21 @@ def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
 def draw_family(
     family: Family, figure: AnyFigure, measure: str = "half", *, legend: bool = True, title: str = ""
 ) -> None:
-    """Draw a family in two panels: a measure of the motions of all members, and where their special points are.
+    """Draw a family in two panels: a measure of the motions of all members, and the positions of their special points.
 
-    In the first a colour is a member, and the style of a line tells stability. The second has the value of what differs
-    over the same parameter: lines lead from special points of one member to those of the next.
+    In the first panel the colour shows the member, and the line style shows stability. The second panel has the
+    parameter of the family on its vertical axis: lines connect special points of neighbouring members.
 
     Parameters
     ----------
     family, figure
-        What, and where.
+        The family and the figure.
     measure
-        What the first panel shows, as in `draw_branches`.
+        The quantity of the first panel, as in `draw_branches`.
     legend
-        Whether to explain what is drawn.
+        True for a legend.
     title
-        Above the picture.
+        Title above the picture.
     """
     colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)
     _check(family, measure)
@@ -204,7 +204,7 @@ def draw_family(
     panels[1].set_xlim(*family.within)
     panels[1].margins(y=0.05)
     write_letters(panels)
-    # the bar of colours is next to both panels, so that they stay of one width
+    # the colour bar is next to both panels, so that their widths are equal
     axis = sorted(family.over.axis)
     ticks = axis if len(axis) <= _MOST_TICKS else None
     text = parameter_words(family.over.name)
@@ -220,13 +220,13 @@ def _check(family: Family, measure: str) -> str:
     if not family.branches:
         raise ModelError("the family has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, family.system.coordinates)
-    family.branches[0].points[0].measure(measure)  # refuses what is not a measure
+    family.branches[0].points[0].measure(measure)  # raises an error if it is not a measure
     return measure
 
 
 @draws(Family)
 def draw_members(family: Family, ax: Axes, measure: str = "half") -> None:
-    """Draw a measure of the motions of all members in one panel, each in a colour of its own."""
+    """Draw a measure of the motions of all members in one panel, each member in its own colour."""
     measure, ranks = _check(family, measure), _ranks(family)
     norm = Normalize(min(family.over.axis), max(family.over.axis))
     for member in family.members:
@@ -251,7 +251,7 @@ def _height(measure: str, point: Any) -> NDArray[np.float64]:
 
 
 def _draw_joints(ax: Axes, family: Family) -> None:
-    """Draw the paths of special points from member to member, and what happens on the way."""
+    """Draw the curves of special points from member to member, and the events along them."""
     ranks = _ranks(family)
     for member in family.members:
         ax.axhline(member.value, zorder=1.5, **_SECTION.options())
@@ -273,12 +273,12 @@ def _draw_joints(ax: Axes, family: Family) -> None:
 
 
 def _leads_nowhere(joint: Joint) -> bool:
-    """Return True if a path leads to a member, but to none of the branches that are known there."""
+    """Return True if a curve leads to a member, but to none of its known branches."""
     return joint.fate is Fate.OUTSIDE or (joint.fate is Fate.MET and joint.end is None)
 
 
 def _turns(joint: Joint) -> bool:
-    """Return True if two special points meet, and what happens has no symbol of its own."""
+    """Return True if two special points meet in an event without a symbol of its own."""
     known = joint.event in list(Codim2) and bool(CODIM2[Codim2(joint.event)].label)
     return joint.fate is Fate.MET and not known
 
@@ -315,7 +315,7 @@ def _small(kind: Kind) -> dict[str, Any]:
 
 
 def _ranks(family: Family) -> dict[int, int]:
-    """The periods that occur, the shortest first, with their ranks."""
+    """Rank the periods that occur, the shortest first."""
     return {period: rank for rank, period in enumerate(sorted({branch.period for branch in family.branches}))}
 
 

@@ -1,4 +1,4 @@
-"""Pictures of motions: history, loop of a contact, spectrum, section; loops of laws, waterfalls and mode shapes."""
+"""Pictures of motions: time history, contact loop, spectrum, section; hysteresis loops, waterfalls and mode shapes."""
 
 from __future__ import annotations
 
@@ -38,38 +38,38 @@ from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GUIDE, PURPLE, VERMILLI
 from gapwalk.plot.words import line_words, order_words, pace_words, parameter_words, signal_words
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
-_NAMED, _NOTABLE = 5, 0.03  # lines that have their names next to them, and their least height, relative to the largest
-_FEW = 33  # points of a section from which on they are drawn as dots
+_NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
+_FEW = 33  # number of points of a section from which they are drawn as dots
 
-_LONG = 24  # forcing periods of a time history, at least, where the motion does not repeat sooner
-_POINTS = 2000  # of the section of a motion without period
-_SMOOTH = 512  # samples a forcing period
+_LONG = 24  # forcing periods of a time history of a motion without period
+_POINTS = 2000  # points in the section of a motion without period
+_SMOOTH = 512  # samples per forcing period
 
 _LOOPS = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
 
-_WATERFALL_DEPTH = 1e-3  # smallest amplitude that has a colour, relative to the largest
+_WATERFALL_DEPTH = 1e-3  # smallest amplitude with a colour, relative to the largest
 _TICKS = 8
-_COLOURS = "viridis_r"  # even in grey, and for any form of colour vision
+_COLOURS = "viridis_r"  # perceptually uniform for any colour vision
 
-_MODES = 6  # modes that are shown
-_PLACES = 40  # places along a train, or coordinates, that have their names below
+_MODES = 6  # most modes that are shown
+_PLACES = 40  # most inertias of a train, or coordinates, with names below
 
 
 @draws(Motion, Orbit, Settled, Attractor)
 def draw_history(
     motion: Motion | Orbit | Settled | Attractor, ax: Axes, signal: str | None = None, *, contact: str | None = None
 ) -> None:
-    """Draw a signal of a motion over time, and the breakpoints of the contacts that it meets; or a contact's loop.
+    """Draw a signal of a motion over time with the breakpoints of contacts; or the force-deflection loop of a contact.
 
     Parameters
     ----------
     motion, ax
-        What, and where.
+        The motion and the axes.
     signal
         As in `Motion.signal`; by default the first coordinate.
     contact
-        Name of a contact whose force is drawn over its deflection instead: the area of the loop is the energy that it
-        costs. The motion should last a whole period if it has one.
+        Name of a contact whose force is drawn over its deflection instead: the area of the loop is the dissipated
+        energy. The motion should last a whole period if it has one.
     """
     if isinstance(motion, Attractor):
         motion = _as_settled(motion)
@@ -107,7 +107,7 @@ def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
 
 
 def breakpoints(system: System, signal: str) -> list[float]:
-    """Values of a coordinate at which a contact of that coordinate alone opens or closes."""
+    """Return the values of a coordinate at which a contact of this coordinate alone opens or closes."""
     if signal not in system.coordinates:
         return []
     place = system.coordinates.index(signal)
@@ -131,16 +131,16 @@ def _levels(system: System, contact: ContactForm) -> list[float]:
 def draw_section(
     found: Section, ax: Axes, first: str | None = None, second: str | None = None, *, heading: bool = True
 ) -> None:
-    """Draw a section of a motion: a few points for an orbit, curves for a torus, a cloud for chaos.
+    """Draw a section of a motion: a few points for an orbit, closed curves for a torus, a point cloud for chaos.
 
     Parameters
     ----------
     found, ax
-        What, and where.
+        The section and the axes.
     first, second
         The signals, such as ``"q1"`` and ``"q1'"``; by default the first coordinate and its velocity.
     heading
-        Whether to say what the section is taken at.
+        True for a heading with the plane or phase of the section.
     """
     first = first or found.system.coordinates[0]
     second = second or f"{first}'"
@@ -159,16 +159,16 @@ def draw_section(
 
 @draws(Spectrum)
 def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels: bool = True) -> Finish:
-    """Draw the amplitudes of a spectrum over its orders: exact lines of periodic motions, curves of all others.
+    """Draw the amplitudes of a spectrum over its orders: exact lines for periodic motions, curves for all others.
 
     Parameters
     ----------
     found, ax
-        What, and where.
+        The spectrum and the axes.
     top
-        The highest order; by default as far as lines are notable.
+        The highest order; by default that of the last significant line.
     labels
-        Whether the highest lines are named (``2Ω``, ``Ω/3``).
+        True to name the highest lines (``2Ω``, ``Ω/3``).
     """
     heights = found.amplitudes.copy()
     heights[0] = abs(heights[0])
@@ -217,22 +217,22 @@ def draw_settled(
 ) -> Finish:
     """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force.
 
-    The arrangement is that of figures 17 to 19 of Padmanabhan and Singh (1995), and the loop of their figures 5 and 6.
+    The layout follows figures 17 to 19 of Padmanabhan and Singh (1995), and the loop follows their figures 5 and 6.
 
     Parameters
     ----------
     motion, figure
-        What, and where.
+        The motion and the figure.
     signal
         The signal of history and spectrum; by default the first coordinate.
     phase
-        Phase of the excitation at which the section is taken, in radians.
+        Phase of the excitation for the section, in radians.
     contact
-        The contact whose loop is drawn; by default the one that the signal names, else one that touches.
+        The contact of the loop; by default the one that the signal names, otherwise one that closes.
     options
-        Of the spectrum.
+        Options of the spectrum.
     title
-        Above the picture; by default what kind of motion it is, and at which frequency.
+        Title above the picture; by default the kind of motion and its frequency.
     """
     write_heading(figure, _settled_title(motion) if title is None else title)
     settled = _as_settled(motion)
@@ -273,14 +273,14 @@ def _settled_title(motion: Settled | Attractor) -> str:
 
 @draws(Hysteresis, size=(6.0, 4.4), several=True)
 def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: Sequence[str] = ()) -> None:
-    """Draw loops of contact force over deflection, one or several: the area is the energy that a cycle costs.
+    """Draw one or several loops of contact force over deflection: the area is the energy dissipated per cycle.
 
     Parameters
     ----------
     loops, ax
-        What, and where.
+        The loops and the axes.
     names
-        Of the loops; by default their laws.
+        Names of the loops; by default their damping laws.
     """
     loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
     entries = []
@@ -288,7 +288,7 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
         options = stroke(_LOOPS[place % len(_LOOPS)][0], 1.3, _LOOPS[place % len(_LOOPS)][1])
         ax.plot(loop.deflection, loop.force, **options)
         name = names[place] if place < len(names) else loop.law.value
-        entries.append((f"{name}: loss {loop.loss:.4g} a cycle", options))
+        entries.append((f"{name}: loss {loop.loss:.4g} per cycle", options))
     ax.axhline(0.0, **AXIS.options(zorder=1))
     for level in sorted({level for loop in loops for level in loop.breakpoints}):
         if any(loop.deflection.min() < level < loop.deflection.max() for loop in loops):
@@ -302,14 +302,14 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
 def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPTH) -> None:
     """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale.
 
-    Where the branch turns round, there is a dashed line, and the parameter goes back: the axis is the path along it.
+    The horizontal axis is the path along the branch; a dashed line marks each fold, where the parameter reverses.
 
     Parameters
     ----------
     found, ax
-        What, and where.
+        The waterfall and the axes.
     depth
-        Smallest amplitude that has a colour, relative to the largest.
+        Smallest amplitude with a colour, relative to the largest.
     """
     steps = np.diff(found.values)
     places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(steps), 1e-12))))  # along the branch
@@ -340,7 +340,7 @@ def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPT
 def _marks(
     values: NDArray[np.float64], places: NDArray[np.float64], turns: NDArray[np.intp]
 ) -> list[tuple[float, str]]:
-    """Ticks with the parameter's values: round ones between the turns, none too near to another."""
+    """Return ticks with the parameter's values: round numbers between the folds, not too close to each other."""
     rounds = MaxNLocator(_TICKS).tick_values(float(values.min()), float(values.max()))
     marks: list[tuple[float, str]] = []
     for first, last in pairwise([0, *turns.tolist(), len(values) - 1]):
@@ -363,16 +363,16 @@ def _modes_size(modes: Modes, **_: object) -> Inches:
 
 @draws(Modes, panels=True, size=_modes_size)
 def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = "") -> None:
-    """Draw the slowest modes, one panel each: of a drive train along its inertias, else by the coordinates.
+    """Draw the modes of lowest frequency, one panel each: along the inertias of a drive train, or by coordinates.
 
     Parameters
     ----------
     modes, figure
-        What, and where.
+        The modes and the figure.
     system
-        The system that they are of.
+        The system of the modes.
     title
-        Above the picture.
+        Title above the picture.
     """
     write_heading(figure, title)
     panels = figure.subplots(min(len(modes), _MODES), 1, sharex=True, squeeze=False)[:, 0]
@@ -398,7 +398,7 @@ def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = 
 def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int) -> None:
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
-        # The angles as they are felt at the first inertia, the largest of them 1: across gears the line continues.
+        # Angles referred to the first inertia, the largest of them 1, so that the line is continuous across gears.
         heights = modes.angles[:, number] / geometry.speeds(assembly.form, assembly.form.ratios(system.values))
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
         for link in assembly.form.links:

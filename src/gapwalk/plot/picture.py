@@ -1,4 +1,4 @@
-"""Pictures of all records: what draws each type, found in one registry; on a screen, in given axes, or into files."""
+"""Pictures of all records: a registry of drawing functions by type; on screen, in given axes, or in files."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from gapwalk.study.export import write_whole
 from gapwalk.study.result import Result
 
 Finish = Callable[[], None] | None
-"""Draws what is placed by hand, when the layout is final; None if there is nothing."""
+"""Function that draws what needs the final layout (labels, close-ups); None if there is nothing."""
 
 Draw = TypeVar("Draw", bound=Callable[..., Any])
 
 FORMS = ("png", "svg", "pdf")
-"""Forms of files, and their endings."""
+"""File formats and their file extensions."""
 
-# Modules of this package that draw the types of gapwalk, imported when such a record is drawn first.
+# Modules of this package that draw the types of gapwalk, imported when such a record is first drawn.
 _MODULES = {
     "branches": ("Branch",),
     "cells": ("Basins", "Regimes", "Sweep"),
@@ -59,21 +59,21 @@ _HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
 
 @dataclass(frozen=True)
 class Drawing:
-    """Drawing of records of one type: in one axes, or in the panels of a figure.
+    """The drawing of records of one type: in one axes, or in the panels of a figure.
 
     Parameters
     ----------
     draw
-        Called with the record, the place, and the options of the picture. It may return a function that draws what is
-        placed by hand, for which it waits until the layout of the whole sheet is final.
+        Called with the record, the axes or figure, and the options of the picture. It may return a function that draws
+        labels and close-ups; this is called when the layout of the whole sheet is final.
     size
-        Of a sheet, in inches; or a function of the record and the options that returns it.
+        Size of a sheet, in inches; or a function of the record and the options that returns it.
     shows
-        What it shows in place of a measure, in words.
+        What it shows instead of a measure, in words.
     alone
-        Options by default where it has a sheet of its own.
+        Default options on a separate sheet.
     several
-        Whether it is called with a list of records too.
+        True if it also accepts a list of records.
     """
 
     draw: Callable[..., Finish]
@@ -84,11 +84,11 @@ class Drawing:
 
     @cached_property
     def options(self) -> tuple[str, ...]:
-        """The names of its options."""
+        """Names of its options."""
         return tuple(inspect.signature(self.draw).parameters)[2:]
 
     def named(self, arguments: tuple[Any, ...], options: Mapping[str, Any], record: Any) -> dict[str, Any]:
-        """All options by their names; a TypeError that lists them if there is no such option."""
+        """Collect all options by name; raise a TypeError that lists the options if one does not exist."""
         kind = type(record).__name__
         found = dict(zip(self.options, arguments, strict=False)) | dict(options)
         if found.get("measure") is not None and "measure" not in self.options:
@@ -101,7 +101,7 @@ class Drawing:
         return {name: value for name, value in found.items() if name in self.options and value is not None}
 
     def sheet(self, record: Any, options: Mapping[str, Any]) -> Inches:
-        """The size of its sheet."""
+        """Return the size of its sheet."""
         return self.size(record, **options) if callable(self.size) else self.size
 
 
@@ -117,21 +117,21 @@ def draws(
     alone: Mapping[str, Any] | None = None,
     several: bool = False,
 ) -> Callable[[Draw], Draw]:
-    """Register a function that draws records of some types.
+    """Register a function that draws records of given types.
 
     Parameters
     ----------
     *kinds
         The types.
     panels
-        Whether it is called with a figure, in which it makes panels, and not with axes. A type may have both: the
-        axes are for a card, or for a panel of your own.
+        True if it is called with a figure and creates panels in it; otherwise it is called with axes. A type may have
+        both: the axes are used for a card, or for a panel in another figure.
     size, shows, alone, several
         As in `Drawing`.
 
     Examples
     --------
-    A record of your own is drawn and saved like all others::
+    A record type of your own is drawn and saved like all others::
 
         @gw.plot.draws(Ramp)
         def draw_ramp(ramp, ax, *, color="k"):
@@ -150,7 +150,7 @@ def draws(
 
 
 def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
-    """Find what draws a record, and whether in one axes; a ModelError if nothing does."""
+    """Find the drawing of a record, and whether it uses one axes; raise a ModelError if there is none."""
     first = record[0] if isinstance(record, (list, tuple)) and record else record
     for kind in type(first).__mro__:
         if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
@@ -186,18 +186,18 @@ def draw(
     *arguments, **options
         Options of its picture: see the list below `gapwalk.plot`, or the `plot` of its type.
     ax
-        Axes to draw in. A record that is otherwise drawn in several panels shows the first thing of them.
+        Axes to draw in. For a record with several panels, only the first kind of panel is drawn.
     figure
         A figure, or a part of one, to draw in; by default a new figure of pyplot.
     title
-        Plain text above the picture; by default what the record says of itself.
+        Plain text above the picture; by default taken from the record.
     size
         Size of a new figure: ``"column"``, ``"page"``, ``"slide"`` or ``"screen"``; see `sized`.
 
     Returns
     -------
     Axes or Figure
-        What was drawn in: axes, or a figure where there are several panels.
+        The axes that contain the picture, or a figure if there are several panels.
 
     Raises
     ------
@@ -217,23 +217,23 @@ def draw(
 
 @contextmanager
 def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
-    """Make a figure of several panels in the style of all pictures, to be written by `save`.
+    """Create a figure of several panels in the common style, to be written by `save`.
 
-    `draw` draws into its axes and subfigures, and so may matplotlib. The layout is made once, at the end of the block.
-    Only then are the labels of special points and branches placed: until then the panels change their sizes, and a
-    label that was clear of the curves would come to lie on them.
+    `draw` draws into its axes and subfigures, and so may matplotlib. The layout is computed once, at the end of the
+    block. The labels of special points and branches are placed only then, because panels change their sizes until then
+    and labels would come to lie on the curves.
 
     Parameters
     ----------
     width, height
-        Size in inches on a screen; `sized` makes it that of a column, a page or a slide.
+        Size in inches on a screen; `sized` converts it to that of a column, a page or a slide.
     title
         Title above all panels; it is wrapped.
 
     Yields
     ------
     Figure
-        A figure of matplotlib without pyplot: no window shows it, and nothing is left of it when it has been written.
+        A figure of matplotlib without pyplot: no window shows it, and it is freed when it has been written.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
 
 
 def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[], None]:
-    """Draw a record in one panel of a figure of your own, but for what is placed by hand.
+    """Draw a record in one panel of your own figure, except for labels and close-ups.
 
     Parameters
     ----------
@@ -268,8 +268,8 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
     Returns
     -------
     Callable
-        Draws the rest (labels, close-ups). Call it when all panels are drawn and laid out, so that a figure of several
-        panels is laid out once.
+        Draws the labels and close-ups. Call it when all panels are drawn and laid out, so that a figure of several
+        panels is laid out only once.
     """
     record, options, _ = _unpacked(record, options, None, in_axes=True)
     drawing, _ = drawing_of(record, in_axes=True)
@@ -279,7 +279,7 @@ def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[]
 
 
 def picture_of(record: Any, *arguments: Any, title: str | None = None, **options: Any) -> Figure:
-    """Draw a record on a sheet of its own, without pyplot; parameters as `draw`."""
+    """Draw a record on a separate sheet, without pyplot; parameters as in `draw`."""
     return _draw(record, arguments, options, title, new_sheet).figure
 
 
@@ -291,16 +291,16 @@ def save(
     size: SizeName | None = None,
     **options: Any,
 ) -> None:
-    """Draw a record into files.
+    """Draw a record and write it to files.
 
     Parameters
     ----------
     record
-        What to draw, as in `draw`; or a figure of matplotlib, which is laid out and written as it is.
+        The record, as in `draw`; or a figure of matplotlib, which is laid out and written as it is.
     *paths
-        The files. They end in ``.png``, ``.svg`` or ``.pdf``; in the latter two lines are lines, and text is text.
+        The files. They end in ``.png``, ``.svg`` or ``.pdf``; in SVG and PDF, lines and text are not rasterised.
     form
-        ``"png"``, ``"svg"`` or ``"pdf"`` for other endings.
+        ``"png"``, ``"svg"`` or ``"pdf"`` for other file extensions.
     title, size, **options
         As in `draw`; the title is by default that of the study.
 
@@ -337,7 +337,7 @@ def _draw(
     ax: Axes | None = None,
     figure: AnyFigure | None = None,
 ) -> Any:
-    """Draw a record into axes, a figure, or a new figure that is made in the size that suits it."""
+    """Draw a record into axes, a figure, or a new figure of the appropriate size."""
     record, options, title = _unpacked(record, options, title, in_axes=ax is not None)
     drawing, in_axes = drawing_of(record, in_axes=ax is not None)
     if title is not None and "title" in drawing.options:
@@ -361,7 +361,7 @@ def _draw(
                 finish()
     except BaseException:
         if opened is not None:
-            close_window(opened)  # or pyplot would show it empty
+            close_window(opened)  # otherwise pyplot would show an empty window
         raise
     return place
 
@@ -378,13 +378,13 @@ def _in_style(finish: Finish) -> Callable[[], None]:
 def _unpacked(
     record: Any, options: dict[str, Any], title: str | None, in_axes: bool
 ) -> tuple[Any, dict[str, Any], str | None]:
-    """Take from a result what is drawn, with the options of its study that are options of the picture too."""
+    """Extract from a result the record to draw, with those options of its study that the picture has too."""
     if not isinstance(record, Result):
         return record, dict(options), title
     finding = record.finding
     if finding is not None and not finding.can_be_drawn:
         raise ModelError(f"there is nothing to draw: {'; '.join(finding.failures) or finding.stored}")
-    # an attractor says more of a settled motion than the record does, which is where it came to
+    # an attractor contains more about a settled motion than the record, which is only its last part
     shown = record.diagram or record.map or record.branches if finding is None else finding.record
     shown = getattr(finding, "attractor", shown)
     if isinstance(shown, tuple):

@@ -1,4 +1,4 @@
-"""Sheets and windows that pictures are drawn on, their headings and legends, and their files."""
+"""Sheets and windows for pictures, their headings and legends, and their files."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from gapwalk.plot.style import DPI, GREY, in_style, points, rc, sheet_size
 AnyFigure = Figure | SubFigure
 
 Inches = tuple[float, float]
-"""Width and height in inches, as on a screen; see `gapwalk.plot.style.sized` for others."""
+"""Width and height in inches on a screen; see `gapwalk.plot.style.sized` for other sizes."""
 
 WIDE: Inches = (8.0, 4.8)
 """The size of a picture of one panel."""
 
-_PACKED = 3  # of 9: as small as at 6, for a picture without opacity, in two thirds of the time
-_BESIDE = 7.5  # letters as wide as the line and the space next to each text of a legend
-_FILL_COLUMNS = 6  # of a legend of fills, at most
+_PACKED = 3  # compression level, of 9: without opacity files are as small as at 6, in two thirds of the time
+_BESIDE = 7.5  # width of the line and the space next to each text of a legend, in letters
+_FILL_COLUMNS = 6  # most columns of a legend of fills
 
 
 def stacked(panels: int) -> Inches:
-    """The size of a picture of some panels, one above the other."""
+    """Return the size of a picture of several panels, one above the other."""
     return WIDE[0], 4.3 * panels
 
 
 def new_sheet(size: Inches = WIDE) -> Figure:
-    """Open a figure without pyplot: nothing is left of it when it has been written."""
+    """Create a figure without pyplot, which is freed when it has been written."""
     with in_style():
         figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)  # what measures texts for the layout draws them, too
+    FigureCanvasAgg(figure)  # the same renderer measures texts for the layout and draws them
     return figure
 
 
 def open_window(size: Inches = WIDE) -> Figure:
-    """Open a figure of pyplot: it is shown in a window, or in a notebook below its cell.
+    """Open a figure of pyplot: it is shown in a window, or below the cell of a notebook.
 
-    It is opened outside of `in_style`: the first one loads what shows figures, with settings of its own.
+    It must be opened outside of `in_style`, because the first one loads the display backend, which changes settings.
     """
-    import matplotlib.pyplot as plt  # only here: it chooses how to show windows, which costs time
+    import matplotlib.pyplot as plt  # imported late: it selects the display backend, which takes long
 
     return plt.figure(figsize=sheet_size(*size), layout="constrained")
 
@@ -60,9 +60,9 @@ def close_window(figure: Figure) -> None:
 
 
 def make_layout(ax: Axes) -> None:
-    """Bring the picture of some axes into its layout, so that what is placed by hand stays in its place.
+    """Compute the layout of the picture of some axes, so that labels placed afterwards stay in place.
 
-    Where matplotlib has an engine for it, nothing is drawn for that.
+    If matplotlib has a layout engine, nothing is drawn for this.
     """
     figure = ax.get_figure(root=True)
     assert figure is not None
@@ -75,7 +75,7 @@ def make_layout(ax: Axes) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Make the layout once and for all: with its engine each file would make it again, and draw everything twice."""
+    """Compute the layout once and remove its engine, which would repeat it, and all drawing, for each file."""
     engine = figure.get_layout_engine()
     if engine is not None:
         with in_style():
@@ -101,16 +101,16 @@ def write_legend(
     where: Literal["below", "above", "inside"] = "below",
     note: str = "",
 ) -> None:
-    """Explain lines, symbols and fills.
+    """Write a legend of lines, symbols and fills.
 
     Parameters
     ----------
     place
-        The axes, or the figure that all its panels share a legend in.
+        The axes, or the figure whose panels share the legend.
     entries
-        Texts, and the options of a matplotlib line, or the colour of a fill.
+        Texts, each with the options of a matplotlib line or the colour of a fill.
     where
-        Above the axes, inside them where it hides least, or below a picture that has no other panel near.
+        Above the axes, inside them where it hides least, or below a picture without another panel nearby.
     note
         A line above the entries, in small grey letters.
     """
@@ -140,7 +140,7 @@ def write_legend(
 
 
 def _columns(figure: AnyFigure, handles: Sequence[Artist], fills: bool = False) -> int:
-    """Columns of a legend: in one row or two, or as many as the width of the sheet takes."""
+    """Return the number of columns of a legend: one row or two, or as many columns as fit the width of the sheet."""
     count = len(handles)
     wanted = min(count, _FILL_COLUMNS) if fills else -(-count // (1 if count < 5 else 2))
     letter = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0] * 0.58 * rc()["legend.fontsize"]
@@ -150,7 +150,7 @@ def _columns(figure: AnyFigure, handles: Sequence[Artist], fills: bool = False) 
 
 
 def sheet_bytes(figure: Figure, form: str) -> bytes:
-    """A figure as the content of a file: ``png``, ``svg`` (the same figure gives the same bytes) or ``pdf``."""
+    """Render a figure as the content of a file: ``png``, ``svg`` (reproducible byte for byte) or ``pdf``."""
     lay_out(figure)
     with in_style():
         if form == "png":
@@ -162,8 +162,8 @@ def sheet_bytes(figure: Figure, form: str) -> bytes:
 
 
 def png_bytes(figure: Figure, dpi: int = DPI) -> bytes:
-    """What `savefig` writes, but for the opacity: paper is white, and without it a picture is packed twice as fast."""
-    from PIL import Image  # only now: it is part of matplotlib
+    """Render a PNG as `savefig` does but without opacity: paper is white, and compression is twice as fast."""
+    from PIL import Image  # imported late: it is installed with matplotlib
 
     content = io.BytesIO()
     figure.set_dpi(dpi)

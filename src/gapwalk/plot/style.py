@@ -1,8 +1,8 @@
-"""The one style of all pictures: sizes, colours, and what a line and a symbol mean.
+"""The common style of all pictures: sizes, colours, line styles and symbols.
 
 Settings of matplotlib are in `gapwalk.mplstyle`; the rest is here. The colours are those of Okabe and Ito (2008), which
-people with any form of colour vision tell apart. Nothing is said by colour alone: every kind has a line style and a
-marker of its own, so a grey print can be read as well.
+people with any form of colour vision can distinguish. No information depends on colour alone: every kind has its own
+line style and marker, so a grey print can be read as well.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ SizeName = Literal["screen", "column", "page", "slide"]
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """The size of a picture where it will be seen.
+    """The size of a picture in its final medium.
 
     Parameters
     ----------
     width
-        In mm; None: as wide as the picture itself wants.
+        Width in mm; None: the natural width of the picture.
     scale
-        Of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
+        Scale of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
     tall
         Height relative to the width, compared with that on a screen.
     """
@@ -64,13 +64,13 @@ CARD = Size(115.0, 8.0 / 9.5, 1.05)
 """The small picture on the card of a notebook."""
 
 _INCH = 25.4  # mm
-_ROOMY = 160.0  # mm, at the letters of a screen, from which labels need not be broken
+_ROOMY = 160.0  # mm at the letter size of a screen; labels on wider sheets need not be broken
 _now: ContextVar[Size] = ContextVar("gapwalk_size", default=SIZES["screen"])
 
 
 @contextmanager
 def sized(size: SizeName | Size | None) -> Iterator[None]:
-    """Draw all pictures at a size, as in ``with gw.plot.sized("column"): branch.plot()``.
+    """Draw all pictures of a block at a size, as in ``with gw.plot.sized("column"): branch.plot()``.
 
     Parameters
     ----------
@@ -93,12 +93,12 @@ def sized(size: SizeName | Size | None) -> Iterator[None]:
 
 
 def points(length: float) -> float:
-    """Scale a length in points to the present size: of letters, lines or symbols."""
+    """Scale a length in points (of letters, lines or symbols) to the present size."""
     return length * _now.get().scale
 
 
 def broken(label: str) -> str:
-    """Break the label of an upright axis into two lines, at a comma or bracket, where a sheet has little room."""
+    """Break the label of a vertical axis into two lines, at a comma or bracket, if the sheet is small."""
     size = _now.get()
     if size.width is None or size.width / size.scale > _ROOMY:
         return label
@@ -120,14 +120,14 @@ def sheet_size(width: float, height: float) -> tuple[float, float]:
 
 @cache
 def _settings() -> Any:
-    """The style file at the size of a screen."""
+    """Return the settings of the style file, for the size of a screen."""
     with as_file(files("gapwalk.plot") / "gapwalk.mplstyle") as path:
         return {**mpl.rc_params_from_file(path, use_default_template=False)}
 
 
 def rc() -> dict[str, Any]:
-    """Settings of matplotlib at the present size, for `in_style`."""
-    lengths = ("size", "width", "pad")  # ends of the names of what is measured in points
+    """Return the settings of matplotlib at the present size, for `in_style`."""
+    lengths = ("size", "width", "pad")  # endings of the names of settings in points
     return {
         name: points(value) if name.endswith(lengths) and isinstance(value, float) else value
         for name, value in _settings().items()
@@ -136,10 +136,10 @@ def rc() -> dict[str, Any]:
 
 @contextmanager
 def in_style() -> Iterator[None]:
-    """Draw in the style; afterwards its settings are again those of the user.
+    """Draw in the style; afterwards restore the user's values of its settings.
 
-    No other setting is put back, as `matplotlib.rc_context` does it: the first figure in a notebook loads what shows
-    figures there, and this sets `interactive` for the figures to come. So a window is opened before the style is set.
+    No other setting is restored, unlike in `matplotlib.rc_context`: the first figure in a notebook loads the display
+    backend, and this sets `interactive` for later figures. For this reason windows are opened before the style is set.
     """
     style: Any = rc()
     before: Any = {name: mpl.rcParams[name] for name in style}
@@ -154,14 +154,14 @@ def in_style() -> Iterator[None]:
 
 
 def stroke(color: Any, width: float, dashes: Any = "-", **more: Any) -> dict[str, Any]:
-    """Options of a matplotlib line without symbols; the width is in points at the size of a screen."""
+    """Return the options of a matplotlib line without symbols; the width is in points at the size of a screen."""
     return {"color": color, "linestyle": dashes, "linewidth": points(width), **more}
 
 
 def symbols(
     marker: str, size: float, face: str = "white", edge: str = BLACK, width: float = 0.8, **more: Any
 ) -> dict[str, Any]:
-    """Options of a matplotlib line that is symbols only; size and width of their edge as in `stroke`."""
+    """Return the options of a matplotlib line of symbols only; size and width of their edge as in `stroke`."""
     return {
         "linestyle": "none",
         "marker": marker,
@@ -174,7 +174,7 @@ def symbols(
 
 
 def dots(size: float, color: str = BLACK, **more: Any) -> dict[str, Any]:
-    """Options of a matplotlib line that is a cloud of dots."""
+    """Return the options of a matplotlib line drawn as dots."""
     return symbols(".", size, color, color, 0.0, **more)
 
 
@@ -187,9 +187,9 @@ class LineStyle:
     text
         Its name in a legend.
     color, line, width
-        Of the line: colour, dashes, and width in points at the size of a screen.
+        Colour, dashes, and width in points at the size of a screen.
     marker
-        Sparse, open and small; empty for none.
+        Marker, drawn sparsely, open and small; empty for none.
     """
 
     text: str
@@ -199,13 +199,13 @@ class LineStyle:
     marker: str = ""
 
     def options(self, width: float = 1.0, **more: Any) -> dict[str, Any]:
-        """Options of a matplotlib line, wider or thinner by a factor."""
+        """Return the options of a matplotlib line, wider or thinner by a factor."""
         marker = symbols(self.marker, 3.4, edge=self.color) if self.marker else {}
         return marker | stroke(self.color, width * self.width, self.line, solid_capstyle="butt", **more)
 
     @property
     def entry(self) -> tuple[str, dict[str, Any]]:
-        """Its entry in a legend."""
+        """Legend entry: text and options."""
         return self.text, self.options()
 
 
@@ -218,9 +218,9 @@ class SymbolStyle:
     text
         Its name in a legend.
     label
-        What is written next to it; empty for nothing.
+        Text next to it; empty for none.
     marker, color, size
-        Of the symbol.
+        Marker, colour and size of the symbol.
     edge, width
         Colour and width of its edge.
     """
@@ -235,16 +235,16 @@ class SymbolStyle:
 
     @property
     def legend(self) -> str:
-        """Its name in a legend, with its label."""
+        """Name in a legend, with the label."""
         return self.text if not self.label or self.label in self.text else f"{self.text} ({self.label})"
 
     def options(self, scale: float = 1.0, **more: Any) -> dict[str, Any]:
-        """Options of a matplotlib line for the symbol, larger or smaller by a factor."""
+        """Return the options of a matplotlib line for the symbol, larger or smaller by a factor."""
         return symbols(self.marker, scale * self.size, self.color, self.edge, self.width, **more)
 
     @property
     def entry(self) -> tuple[str, dict[str, Any]]:
-        """Its entry in a legend."""
+        """Legend entry: text and options."""
         return self.legend, self.options()
 
 
@@ -254,13 +254,13 @@ LINES = {
     "above": LineStyle("unstable, beyond +1", BLUE, (0, (1.3, 1.3)), 1.5, "s"),
     "pair": LineStyle("unstable, complex pair", GREEN, (0, (6, 1.5, 1.3, 1.5)), 1.4, "o"),
 }
-"""By the label of an instability, see `Instability.label`."""
+"""Line styles by the label of an instability, see `Instability.label`."""
 
 _COLORS = {"blue": BLUE, "vermillion": VERMILLION, "green": GREEN, "purple": PURPLE, "grey": GREY}
 
 
 def symbol_style(kind: Kind) -> SymbolStyle:
-    """The style of the special points of a kind, also of an event of the user's own."""
+    """Return the style of special points of a kind, including user-defined events."""
     symbol = kind.symbol
     edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
     text = symbol.label or str(kind)
@@ -268,17 +268,17 @@ def symbol_style(kind: Kind) -> SymbolStyle:
 
 
 SYMBOLS = {kind: symbol_style(kind) for kind in Kind.known()}
-"""The special points of all kinds, in the order of legends."""
+"""Symbols of special points of all kinds, in the order of legends."""
 
 
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:
-    """Kinds in the order of legends, each once; events of the user's own are last."""
+    """Sort kinds into the order of legends, each once; user-defined events are last."""
     found = dict.fromkeys(kinds)
     return [*(kind for kind in SYMBOLS if kind in found), *(kind for kind in found if kind not in SYMBOLS)]
 
 
 UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
-"""The question mark where something was missed on a branch."""
+"""The question mark at an unexplained step of a branch."""
 
 _GRAZES = SymbolStyle("a contact grazes too", "", "o", GREY, 2.6, GREY, 0.8)
 
@@ -302,28 +302,28 @@ CODIM2 = {
     Codim2.NEIMARK_SACKER_GRAZING: _GRAZES,
     Codim2.DEGENERATE_GRAZING: SymbolStyle("grazing points meet", "", "d", "white", 3.4, width=0.8),
 }
-"""The symbols of points of codimension two."""
+"""Symbols of points of codimension two."""
 
 AXIS, GUIDE = LineStyle("", GREY, "-", 0.8), LineStyle("", GREY, (0, (4, 2)), 0.8)
-"""Lines that only guide the eye: zero; breakpoints, and folds of a waterfall."""
+"""Guide lines: zero; breakpoints, and folds of a waterfall."""
 
 _PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
 
 
 def period_color(rank: int) -> str:
-    """Colour of the shortest period (rank 0), the next (1), and so on: told apart by any eye, and ever lighter."""
+    """Return the colour of the period with a rank (0: the shortest): distinct for any colour vision, ever lighter."""
     return _PERIODS[min(rank, len(_PERIODS) - 1)]
 
 
 def period_options(rank: int, stable: bool) -> dict[str, Any]:
-    """Options of a matplotlib line for motions of the shortest period (rank 0), the next (1), and so on."""
+    """Return the options of a matplotlib line for motions of the period with a rank (0: the shortest)."""
     width = (1.8, 1.4, 1.1, 0.9, 0.7)[min(rank, 4)]
     dashes = "-" if stable else (0, (3.2, 1.6))
     return stroke(period_color(rank), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
 
 
 def birth_options(rank: int) -> dict[str, Any]:
-    """Options of a matplotlib line for the symbol where branches begin on one of the period of that rank."""
+    """Return the options of a matplotlib line for the origins of branches on a branch of the period of that rank."""
     size, width = ((4.0, 0.9), (3.0, 0.7), (2.0, 0.5), (1.4, 0.4))[min(rank, 3)]
     return symbols(SYMBOLS[Kind.FLIP].marker, size, edge=period_color(rank), width=width)
 
@@ -333,18 +333,18 @@ LOCI = {
     for kind, style in SYMBOLS.items()
     if not kind.no_locus
 }
-"""The loci, in the order in which they are drawn, the last ones first."""
+"""Line styles of loci, in drawing order from top to bottom."""
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
-    """Options of a matplotlib line for a locus of motions of the shortest period (rank 0), the next (1), and so on."""
+    """Return the options of a matplotlib line for a locus of motions of the period with a rank (0: the shortest)."""
     return LOCI[kind].options((1.0, 0.55, 0.38)[min(rank, 2)])
 
 
 # ------------------------------------------------------------------------------------------------------- regimes
 
 NAMED_PERIODS = 8
-"""Periods with a colour of their own."""
+"""Number of periods with a colour of their own."""
 
 _REGIMES = {
     Regime.QUASI_PERIODIC.text: "#e8702a",
@@ -355,13 +355,13 @@ _REGIMES = {
 
 
 def period_of(word: str) -> int | None:
-    """M of the regime ``period m``; None for other regimes."""
+    """Return m of the regime ``period m``; None for other regimes."""
     digits = word.removeprefix("period ")
     return int(digits) if word.startswith("period ") and digits.isdigit() else None
 
 
 def regime_color(word: str) -> str:
-    """The colour of a regime, given in words: ``period 3``, ``chaotic``, ..."""
+    """Return the colour of a regime, given in words: ``period 3``, ``chaotic``, ..."""
     m = period_of(word)
     if m is None:
         return _REGIMES.get(word, "#4d4d4d")
@@ -371,7 +371,7 @@ def regime_color(word: str) -> str:
 
 
 def regime_entries(words: set[str]) -> dict[str, str]:
-    """The entries of a legend of some regimes, in their order: text, and a regime that has its colour."""
+    """Return the legend entries of some regimes, in order: text, and a regime with the same colour."""
     periods = {m: word for word in words if (m := period_of(word)) is not None}
     entries = {periods[m]: periods[m] for m in sorted(periods) if m <= NAMED_PERIODS}
     if periods and max(periods) > NAMED_PERIODS:

@@ -1,4 +1,4 @@
-"""Systems of many degrees of freedom as systems of few, with an estimate of what that changes."""
+"""Reduction of systems with many degrees of freedom to few, with an estimate of the error."""
 
 from gapwalk.reduction.reduce import reduce
 from gapwalk.reduction.reduction import Reduction

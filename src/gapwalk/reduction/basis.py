@@ -1,16 +1,16 @@
-"""The basis of a reduction: Craig and Bampton's, with the static response to spread forces beside the modes.
+"""The basis of a reduction: Craig and Bampton's, with static responses to distributed forces in addition to the modes.
 
-With q_b the coordinates that are kept and q_i the others,
+With q_b the retained coordinates and q_i the others,
 
     [ q_b ]   [  I    0  ] [ q_b ]
     [ q_i ] = [ Psi  Phi ] [ eta ]
 
-where Psi are the shapes in which the interior follows the kept coordinates at rest, and Phi its lowest modes with
-these held (Craig and Bampton 1968, AIAA Journal 6, 1313-1319). So the reduced system is exact at rest, under every
-contact force and every load, and the error of its flexibility grows with the square of the frequency over that of the
-first mode that is left out. Forces that act on many coordinates bring their static response, made orthogonal to the
-modes, instead of kept coordinates. Where much accuracy is asked for, the response to the inertia of the shapes Psi
-serves better than as many modes more: the error then grows with the fourth power.
+where Psi are the static shapes in which the interior follows the retained coordinates, and Phi its lowest modes with
+these coordinates fixed (Craig and Bampton 1968, AIAA Journal 6, 1313-1319). So the reduced system is exact in static
+equilibrium, under all contact forces and loads, and the error of its flexibility grows with the square of the frequency
+over that of the first omitted mode. For forces that act on many coordinates, their static response (made orthogonal to
+the modes) is included instead of retained coordinates. For high accuracy, the response to the inertia of the shapes Psi
+is more effective than the same number of additional modes: the error then grows with the fourth power.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from gapwalk.reduction.matrices import Matrices
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The vectors in which motions are looked for.
+    """The vectors that span the motions of a reduced system.
 
     Attributes
     ----------
     kept : shape (kept,)
-        Places of the coordinates that are kept.
+        Indices of the retained coordinates.
     squares : shape (modes,)
-        Squares of the frequencies of the modes, with the kept coordinates held.
+        Squares of the frequencies of the modes, with the retained coordinates fixed.
     vectors : shape (n, kept + modes)
-        ``q = vectors z``, z being the kept coordinates and the amplitudes of the modes.
+        ``q = vectors z``, z being the retained coordinates and the amplitudes of the modes.
     """
 
     kept: NDArray[np.intp]
@@ -47,11 +47,11 @@ class Basis:
 
     @property
     def size(self) -> int:
-        """How many vectors there are."""
+        """The number of vectors."""
         return self.vectors.shape[1]
 
     def reduce(self, matrices: Matrices) -> Matrices:
-        """The system in this basis; what is zero or one by construction is just that."""
+        """Project the system on this basis; entries that are zero or one by construction are set exactly."""
         small = matrices.projected(self.vectors)
         b = len(self.kept)
         mass, stiffness = small.mass.toarray(), small.stiffness.toarray()
@@ -74,7 +74,7 @@ class Bases:
     matrices
         The full system.
     kept
-        What is kept of it.
+        The coordinates and forces that are retained.
     """
 
     matrices: Matrices
@@ -82,14 +82,14 @@ class Bases:
 
     @cached_property
     def interior(self) -> Interior:
-        """The system with the kept coordinates held, and more of them where it could still move as a whole."""
+        """The system with the retained coordinates fixed, including any in which it could still move rigidly."""
         interior = Interior(self.matrices, self.kept.places)
         while (loose := interior.loose_coordinate()) is not None:
             interior = Interior(self.matrices, np.sort(np.append(interior.kept, loose)))
         return interior
 
     def with_modes(self, count: int, *, inertia: bool = False) -> Basis:
-        """The basis with the lowest modes; with the response to the inertia of the shapes Psi, if that is wanted."""
+        """Return the basis with the lowest modes and, if `inertia`, the response to the inertia of the shapes Psi."""
         interior = self.interior
         forces = np.hstack((self.kept.spread, interior.inertial_forces)) if inertia else self.kept.spread
         squares, shapes = interior.enriched(count, forces)
@@ -101,7 +101,7 @@ class Bases:
         return Basis(interior.kept, squares, vectors)
 
     def modes_up_to(self, frequency: float) -> int:
-        """How many modes lie below a frequency."""
+        """Count the modes below a frequency."""
         interior, wanted = self.interior, 40
         while True:
             squares, _ = interior.modes(wanted)

@@ -1,4 +1,4 @@
-"""How far a branch of a reduced system, and its special points, are from those of the full one."""
+"""Error of a branch of a reduced system and of its special points, compared with the full system."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from gapwalk.reduction.twin import Twin, find_special, test_of
 if TYPE_CHECKING:
     from gapwalk.reduction.reduction import Reduction
 
-_POINTS = 12  # of the branch that are checked besides
-_MARGIN = 1.1  # what is estimated is told with a tenth more: the truncation changes the difference a little
-_ROUNDING = 1e-10  # of a located value, in ranges of the parameter
-_OTHER = 1.0  # change of a motion, relative to its size, from which it is another one
+_POINTS = 12  # ordinary points of the branch that are checked as well
+_MARGIN = 1.1  # factor on estimates in reports: the truncation of harmonics changes the difference slightly
+_ROUNDING = 1e-10  # error of a located value, in ranges of the parameter
+_OTHER = 1.0  # change of a motion, relative to its size, above which it counts as another motion
 
 
 @dataclass(frozen=True)
 class SpecialCheck:
-    """Where the full system has a special point of the reduced one.
+    """The special point of the full system that corresponds to one of the reduced system.
 
     Attributes
     ----------
     special
         The special point of the reduced system.
     shift
-        What is to be added to its parameter value; nan if the full system has no such point near by.
+        Correction to be added to its parameter value; nan if the full system has no such point nearby.
     error
-        Estimated error of its parameter value; inf if the full system has no such point near by.
+        Estimated error of its parameter value; inf if the full system has no such point nearby.
     motion
-        How far the motions there are apart, as `OrbitCheck.error`.
+        Difference of the two motions, as in `OrbitCheck.error`.
     """
 
     special: SpecialPoint
@@ -46,30 +46,30 @@ class SpecialCheck:
 
     @property
     def corrected(self) -> float:
-        """The parameter value that the full system has it at."""
+        """The parameter value of the special point in the full system."""
         return self.special.value + self.shift
 
     def __repr__(self) -> str:
         what = f"{self.special.kind.value} at {self.special.value:.8g}"
         if not np.isfinite(self.error):
-            return f"SpecialCheck({what}: none was found near by in the full system)"
-        return f"SpecialCheck({what}, within {self.error:.1e} of the full system's)"
+            return f"SpecialCheck({what}: not found nearby in the full system)"
+        return f"SpecialCheck({what}, within {self.error:.1e} of that of the full system)"
 
 
 @dataclass(frozen=True)
 class BranchCheck:
-    """What the full system's equation says of a branch of the reduced one.
+    """The comparison of a branch of the reduced system with the full system's equation.
 
     Attributes
     ----------
     branch
         The branch.
     special
-        Its special points.
+        Checks of its special points.
     motions
-        Estimated errors of the motions at some points of the branch, as `OrbitCheck.error`.
+        Estimated errors of the motions at some points of the branch, as in `OrbitCheck.error`.
     harmonics
-        Harmonics with which it was checked.
+        Number of harmonics of the check.
     """
 
     branch: Branch
@@ -92,19 +92,19 @@ class BranchCheck:
         found = [each.error for each in self.special if np.isfinite(each.error)]
         text = f"{len(found)} special points within {max(found, default=0.0):.1e}"
         if lost:
-            text += f", {lost} not found near by in the full system"
-        return f"BranchCheck({text}; motions within {self.motion:.2g}, by {self.harmonics} harmonics)"
+            text += f", {lost} not found nearby in the full system"
+        return f"BranchCheck({text}; motions within {self.motion:.2g}, with {self.harmonics} harmonics)"
 
 
 def check_branch(reduction: Reduction, branch: Branch, method: Balance | None = None) -> BranchCheck:
     """Check a branch; see `Reduction.check`."""
     if not isinstance(branch, Branch):
-        raise ModelError(f"{branch!r} can not be checked; give an orbit or a branch of reduction.system")
+        raise ModelError(f"{branch!r} cannot be checked; give an orbit or a branch of reduction.system")
     first = branch.points[0].orbit
     pair = Pair(reduction, first.system, branch.parameter, branch.period, method_for(first, method))
     width = float(np.ptp(branch.values)) or abs(branch.values[0]) or 1.0
     twin = Twin(pair, first, width)
-    _ = twin.offset  # a system that is none of the reduction's is refused here
+    _ = twin.offset  # raises an error if the system is not the reduced one
     chosen = np.unique(np.linspace(0, len(branch.points) - 1, _POINTS).astype(int))
     motions = tuple(_motion(twin, branch.points[place]) for place in chosen.tolist())
     special = tuple(_special(twin, each) for each in branch.special_points)
@@ -112,7 +112,7 @@ def check_branch(reduction: Reduction, branch: Branch, method: Balance | None = 
 
 
 def _motion(twin: Twin, point: BranchPoint) -> float:
-    """The error of the motion at one point."""
+    """Return the error of the motion at one point."""
     start = twin.start(point.orbit, point)
     image = None if start is None else twin.image(start)
     if start is None or image is None:
@@ -136,6 +136,6 @@ def _special(twin: Twin, special: SpecialPoint) -> SpecialCheck:
     motion = _MARGIN * twin.change(ours[0], theirs[0])
     if motion > _OTHER:
         return lost
-    # both are located anew, and what is neglected is common to both, so the point's own error is no part of this
+    # Both are located again, and the truncation is common to both, so the error of the point itself does not enter.
     rest = (_ROUNDING + ours[1] + theirs[1]) * float(twin.scales[-1])
     return SpecialCheck(special, shift, _MARGIN * abs(shift) + rest, motion)

@@ -1,4 +1,4 @@
-"""How contacts deflect under harmonic forces, and how far a reduced system is off in that."""
+"""Flexibility of contacts under harmonic forces, and its error in a reduced system."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from scipy.sparse.linalg import splu
 
 from gapwalk.reduction.matrices import Matrices
 
-_SMALL = 60  # degrees of freedom up to which no matrix is factored as a sparse one
+_SMALL = 60  # degrees of freedom up to which matrices are factored as dense ones
 _AT_ONCE = 1_000_000  # entries of matrices that are factored together
-_ASIDE = 0.005  # share of the frequency by which an undamped system is looked at beside its resonances
+_ASIDE = 0.005  # relative shift of the frequency into the complex plane, for resonances of an undamped system
 _FINE, _COARSE = 48, 16  # frequencies up to the highest excitation, and above it
 Complex = NDArray[np.complex128]
 HARMONICS = 10
-"""Harmonics of the highest frequency of the excitation that are looked at; the k-th counts 1/k^2."""
+"""Harmonics of the highest excitation frequency that are considered; the k-th has the weight 1/k^2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +29,16 @@ class Flexibility:
     Attributes
     ----------
     contacts : shape (frequencies, contacts, contacts)
-        Under a force of each contact.
+        Deflections under a force of each contact.
     loads : shape (frequencies, contacts, loads)
-        Under each load.
+        Deflections under each load.
     """
 
     contacts: NDArray[np.complex128]
     loads: NDArray[np.complex128]
 
     def closed(self, springs: NDArray[np.float64]) -> Flexibility:
-        """The same while contacts hold with these stiffnesses: ``(1 + G s)^-1 G``."""
+        """Return the flexibility with contacts closed with these stiffnesses: ``(1 + G s)^-1 G``."""
         matrix = np.eye(len(springs)) + self.contacts * springs
         contacts, loads = (
             np.asarray(np.linalg.solve(matrix, each), dtype=np.complex128) for each in (self.contacts, self.loads)
@@ -46,12 +46,12 @@ class Flexibility:
         return Flexibility(contacts, loads)
 
     def blocks(self) -> list[NDArray[np.complex128]]:
-        """The contacts, and each load: what is set against its own size."""
+        """Return the flexibility of the contacts, and that of each load; each is compared with its own size."""
         return [self.contacts, *np.split(self.loads, self.loads.shape[2], axis=2)]
 
 
 def flexibility_of(matrices: Matrices, frequencies: NDArray[np.float64]) -> Flexibility:
-    """The flexibility of a system with open contacts."""
+    """Compute the flexibility of a system with open contacts."""
     s = frequencies * (1j + (0.0 if matrices.damping.nnz else _ASIDE))
     forces = np.hstack((matrices.forces, matrices.loads)).astype(complex)
     solve = _by_dense_matrices if matrices.size <= _SMALL or not matrices.is_sparse else _by_sparse_matrices
@@ -61,7 +61,7 @@ def flexibility_of(matrices: Matrices, frequencies: NDArray[np.float64]) -> Flex
 
 
 def _by_sparse_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Complex:
-    """Deflections under the forces, one frequency after the other."""
+    """Compute deflections under the forces, one frequency after the other."""
     found = np.empty((len(s), len(matrices.deflections), forces.shape[1]), dtype=np.complex128)
     for index, at in enumerate(s.tolist()):
         dynamic = matrices.stiffness + at * matrices.damping + at**2 * matrices.mass
@@ -70,7 +70,7 @@ def _by_sparse_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Comp
 
 
 def _by_dense_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Complex:
-    """The same, many frequencies at a time."""
+    """Compute deflections under the forces, many frequencies at a time."""
     stiffness, damping, mass = (each.toarray() for each in (matrices.stiffness, matrices.damping, matrices.mass))
     parts = []
     for some in np.array_split(s, -(-len(s) * matrices.size**2 // _AT_ONCE)):
@@ -81,7 +81,7 @@ def _by_dense_matrices(matrices: Matrices, s: Complex, forces: Complex) -> Compl
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """How far the flexibility of reduced systems is from that of the full one.
+    """The error of the flexibility of reduced systems, compared with the full one.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Accuracy:
     highest
         The highest frequency of the excitation.
     resonances : shape (any,)
-        Frequencies at which it is looked at besides, where errors are largest.
+        Additional frequencies, at which errors are largest.
     """
 
     full: Matrices
@@ -99,18 +99,18 @@ class Accuracy:
 
     @cached_property
     def frequencies(self) -> NDArray[np.float64]:
-        """Where the two are compared: up to the highest excitation, then up to its harmonics."""
+        """Frequencies of the comparison: up to the highest excitation, then up to its harmonics."""
         below = np.linspace(0.0, self.highest, _FINE + 1)[1:]
         above = np.geomspace(self.highest, HARMONICS * self.highest, _COARSE + 1)[1:]
         within = self.resonances[(self.resonances > 0.0) & (self.resonances <= above[-1])]
         return np.unique(np.concatenate((below, above, within)))
 
     def error(self, reduced: Matrices) -> float:
-        """Largest error of the flexibility, contacts open or closed, relative to its size.
+        """Compute the largest error of the flexibility, contacts open or closed, relative to its size.
 
-        The size at that frequency, or the median over the range of the excitation where that is larger: between two
-        resonances the flexibility may vanish. Above the range, at its k-th multiple, an error counts 1/k^2: forces of
-        springs that close fall off so, or faster.
+        The size is that at the same frequency, or the median over the excitation range if that is larger, because the
+        flexibility may vanish between two resonances. Above the range, at its k-th multiple, an error has the weight
+        1/k^2: the forces of springs that close decrease like this, or faster.
         """
         if not len(self.full.deflections):
             return 0.0
@@ -134,7 +134,7 @@ class Accuracy:
 
 
 def resonances_of(reduced: Matrices) -> NDArray[np.float64]:
-    """Undamped natural frequencies with all contacts open, and with all closed; sorted within each."""
+    """Return the undamped natural frequencies with all contacts open, then with all closed; sorted within each."""
     mass, stiffness = reduced.mass.toarray(), reduced.stiffness.toarray()
     held = stiffness + (reduced.deflections.T * reduced.springs) @ reduced.deflections
     squares = [scipy.linalg.eigvalsh(each, mass) for each in (stiffness, held)]

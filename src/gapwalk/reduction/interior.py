@@ -1,4 +1,4 @@
-"""The interior of a system whose kept coordinates are held: its static responses and its modes."""
+"""The interior of a system with fixed retained coordinates: its static responses and its modes."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from gapwalk.reduction.matrices import Matrices
 
 _DENSE = 1500  # degrees of freedom up to which all modes are computed at once
 _LOOSE = 1e-12  # square of a frequency, relative to the largest, that counts as zero
-_AGAIN = 1e-8  # share of a static response that is left beside the modes, below which it is no new vector
+_AGAIN = 1e-8  # fraction of a static response outside the modes below which it adds no new vector
 _ASIDE = 1e-6  # shift of an iterative solver below the lowest mode, relative to the mean stiffness per inertia
 
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """The system with its kept coordinates held.
+    """The system with its retained coordinates fixed.
 
     Parameters
     ----------
     matrices
         The full system.
     kept : shape (kept,)
-        Places of the coordinates that are held.
+        Indices of the fixed coordinates.
     """
 
     matrices: Matrices
@@ -37,36 +37,36 @@ class Interior:
 
     @cached_property
     def places(self) -> NDArray[np.intp]:
-        """Places of the coordinates that can move."""
+        """Indices of the coordinates that can move."""
         return np.setdiff1d(np.arange(self.matrices.size), self.kept)
 
     @property
     def size(self) -> int:
-        """How many of them there are."""
+        """Number of coordinates that can move."""
         return self.matrices.size - len(self.kept)
 
     @cached_property
     def constraint_shapes(self) -> NDArray[np.float64]:
-        """How they follow at rest when each kept coordinate moves by one, shape (size, kept)."""
+        """Static shapes of the interior for a unit displacement of each retained coordinate, shape (size, kept)."""
         coupling = self.matrices.stiffness[:, self.kept][self.places]
         return -self.response(coupling.toarray())
 
     def response(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Static response to forces of shape (size, any)."""
+        """Compute the static response to forces of shape (size, any)."""
         if not self.size or not forces.shape[1]:
             return np.zeros(forces.shape)
         return np.asarray(self._factors.solve(np.ascontiguousarray(forces)))
 
     @cached_property
     def inertial_forces(self) -> NDArray[np.float64]:
-        """How the inertia acts on the interior while the kept coordinates move, to first order; shape (n, kept)."""
+        """Inertial forces on the interior due to the retained coordinates, to first order; shape (n, kept)."""
         forces = np.zeros((self.matrices.size, len(self.kept)))
         coupling = self.matrices.mass[:, self.kept][self.places]
         forces[self.places] = coupling.toarray() + self._mass @ self.constraint_shapes
         return forces
 
     def modes(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Squares of the lowest frequencies, and the modes, of unit modal mass, in columns."""
+        """Return the squares of the lowest frequencies, and the modes (unit modal mass) in columns."""
         count = min(count, self.size)
         if self.size <= _DENSE:
             squares, shapes = self._all_modes
@@ -75,7 +75,7 @@ class Interior:
         return squares[:count], shapes[:, :count]
 
     def loose_coordinate(self) -> int | None:
-        """The coordinate that moves most while the interior moves without stiffness; None if it cannot."""
+        """Return the coordinate that moves most if the interior can move without stiffness; None if it cannot."""
         if not self.size:
             return None
         squares, shapes = self.modes(1)
@@ -84,17 +84,17 @@ class Interior:
         return int(self.places[np.argmax(np.abs(shapes[:, 0]))])
 
     def enriched(self, count: int, spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The lowest modes with the static responses to spread forces: frequencies squared, and vectors.
+        """Return the lowest modes and the static responses to distributed forces: squared frequencies, and vectors.
 
-        The responses are made orthogonal to the modes and to one another, so that all are alike: unit modal mass, no
-        coupling.
+        The responses are made orthogonal to the modes and to one another, so that all vectors have unit modal mass and
+        no coupling.
         """
         squares, shapes = self.modes(count)
         mass, stiffness = self._mass, self._stiffness
         rest = self.response(spread[self.places])
         sizes = np.sqrt(np.einsum("ij,ij->j", rest, mass @ rest))
         rest = rest[:, sizes > 0.0] / sizes[sizes > 0.0]
-        for _ in range(2):  # twice is enough
+        for _ in range(2):  # twice suffices for orthogonality to rounding
             rest = rest - shapes @ (shapes.T @ (mass @ rest))
         norms, mixed = np.linalg.eigh(rest.T @ (mass @ rest))
         new = norms > _AGAIN
@@ -123,12 +123,12 @@ class Interior:
         return squares, shapes
 
     def _few_modes(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """By Lanczos' method, from just below zero upwards."""
+        """Compute modes by the Lanczos method, from just below zero upwards."""
         known = self._found.get("modes")
         if known is None or len(known[0]) < count:
             shift = -_ASIDE * float(self._stiffness.diagonal().sum() / self._mass.diagonal().sum())
             wanted = min(self.size - 1, max(count, 20))
-            start = np.random.default_rng(0).normal(size=self.size)  # the same each time
+            start = np.random.default_rng(0).normal(size=self.size)  # the same in every run
             known = eigsh(sp.csc_array(self._stiffness), wanted, self._mass, sigma=shift, v0=start)
             order = np.argsort(known[0])
             known = self._found["modes"] = (known[0][order], known[1][:, order])

@@ -1,4 +1,4 @@
-"""Which coordinates a reduction keeps: those at which contacts and loads act, and those asked for."""
+"""Retained coordinates of a reduction: those of contacts and loads, and those that the user names."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from gapwalk.errors import ModelError
 from gapwalk.model.problem import did_you_mean
 from gapwalk.reduction.matrices import Matrices
 
-_FEW = 2  # coordinates at most of a contact or a load that are kept; of more, its static response is
+_FEW = 2  # most coordinates of a contact or load that are retained; for more, its static response is used instead
 
 
 class Kept(NamedTuple):
-    """What is kept.
+    """The coordinates and forces that are retained.
 
     Attributes
     ----------
     places : shape (kept,)
-        Places of the coordinates, in the order of the full system.
+        Indices of the coordinates, in the order of the full system.
     spread : shape (n, spread)
-        Forces that act on more than a few coordinates: their static response is kept instead.
+        Forces that act on more than a few coordinates: their static response is included instead.
     """
 
     places: NDArray[np.intp]
@@ -31,18 +31,18 @@ class Kept(NamedTuple):
 
 
 def kept_of(matrices: Matrices, coordinates: Sequence[str], names: Sequence[str] = ()) -> Kept:
-    """What is kept of a system with these coordinates, where those of some `names` are asked for.
+    """Select what is retained of a system with these coordinates, including those of the given `names`.
 
     Raises
     ------
     ModelError
-        If a name is that of no coordinate.
+        If a name is not that of a coordinate.
     """
     if isinstance(names, str):
         raise ModelError(f'keep is {names!r}; it must be a list of coordinates: write keep=["{names}"]')
     for name in names:
         if name not in coordinates:
-            raise ModelError(f"keep names {name!r}, which is no coordinate; {did_you_mean(str(name), coordinates)}")
+            raise ModelError(f"keep names {name!r}, which is not a coordinate; {did_you_mean(str(name), coordinates)}")
     ports = matrices.ports
     counts = np.count_nonzero(ports, axis=0)
     near = np.flatnonzero(ports[:, counts <= _FEW].any(axis=1)).tolist()

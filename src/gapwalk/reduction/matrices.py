@@ -1,4 +1,4 @@
-"""The linear part of a system in sparse matrices, with the places at which contacts and loads act on it."""
+"""The linear part of a system in sparse matrices, with the vectors by which contacts and loads act on it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
-_SPARSE = 0.1  # share of entries that are not zero, below which a matrix counts as sparse
-_ROUNDING = 1e-10  # relative size of what counts as a rounding error in a symmetric matrix
+_SPARSE = 0.1  # fraction of nonzero entries below which a matrix counts as sparse
+_ROUNDING = 1e-10  # relative asymmetry of a matrix that counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +26,11 @@ class Matrices:
     mass, damping, stiffness : sparse, shape (n, n)
         M, C and K; M and K are symmetric.
     deflections : shape (contacts, n)
-        The e_k.
+        Deflection vectors e_k.
     forces : shape (n, contacts)
-        The d_k.
+        Force vectors d_k.
     loads : shape (n, loads)
-        The constant load, and the shape of each harmonic, as far as they are not zero.
+        The constant load, and the shape of each harmonic, unless they are zero.
     springs : shape (contacts,)
         Stiffness of each contact with all stages of one side closed.
     """
@@ -50,7 +50,7 @@ class Matrices:
 
     @cached_property
     def ports(self) -> NDArray[np.float64]:
-        """Everything by which contacts and loads act, shape (n, ports)."""
+        """All vectors by which contacts and loads act, shape (n, ports)."""
         return np.hstack((self.deflections.T, self.forces, self.loads))
 
     @cached_property
@@ -60,11 +60,11 @@ class Matrices:
 
     @cached_property
     def is_sparse(self) -> bool:
-        """Whether it pays to factor the matrices as sparse ones."""
+        """True if sparse factorisation is faster."""
         return max(self.mass.nnz, self.damping.nnz, self.stiffness.nnz) < _SPARSE * self.size**2
 
     def projected(self, basis: NDArray[np.float64]) -> Matrices:
-        """The same for motions ``q = basis z``."""
+        """Project the matrices on motions ``q = basis z``."""
         mass, damping, stiffness = (
             sp.csc_array(basis.T @ (each @ basis)) for each in (self.mass, self.damping, self.stiffness)
         )
@@ -73,7 +73,7 @@ class Matrices:
 
 
 def matrices_of(system: System) -> Matrices:
-    """The linear part of a system.
+    """Extract the linear part of a system.
 
     Raises
     ------
@@ -85,8 +85,8 @@ def matrices_of(system: System) -> Matrices:
         matrix = system.matrix(which)
         if not np.allclose(matrix, matrix.T, rtol=0.0, atol=_ROUNDING * np.abs(matrix).max()):
             raise ModelError(
-                f"the {which} matrix is not symmetric, and a modal reduction rests on its symmetry; write the "
-                "equations of motion as Lagrange's equations give them, or solve the system as it is, with "
+                f"the {which} matrix is not symmetric, but a modal reduction requires symmetry; write the equations "
+                "of motion in Lagrange's form, or solve the system without reduction, with "
                 "method=Balance()"
             )
 
@@ -116,7 +116,7 @@ def _shapes(system: System) -> list[str]:
 
 
 def _spring(system: System, index: int) -> float:
-    """Stiffness of one contact with all stages of its stiffer side closed."""
+    """Return the stiffness of one contact with all stages of its stiffer side closed."""
     contact = system.structure.contacts[index]
     sides = {1: 0.0, -1: 0.0}
     for stage in contact.stages:

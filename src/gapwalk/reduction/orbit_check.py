@@ -1,4 +1,4 @@
-"""How far an orbit of a reduced system is from that of the full one."""
+"""Error of an orbit of a reduced system, compared with the full system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OrbitCheck:
-    """What the full system's equation says of an orbit of the reduced one.
+    """The comparison of an orbit of the reduced system with the full system's equation.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class OrbitCheck:
         The orbit.
     error
         Estimated error of the deflections of the contacts: the largest sum of the errors of the amplitudes of all
-        harmonics, relative to the largest sum of amplitudes. inf where the full system has no such motion near by.
+        harmonics, relative to the largest sum of amplitudes. inf if the full system has no such motion nearby.
     harmonics
-        Harmonics with which it was checked.
+        Number of harmonics of the check.
     """
 
     orbit: Orbit
@@ -37,13 +37,13 @@ class OrbitCheck:
     harmonics: int
 
     def __repr__(self) -> str:
-        return f"OrbitCheck(deflections within {self.error:.2g} of the full system's, by {self.harmonics} harmonics)"
+        return f"OrbitCheck(deflections within {self.error:.2g} of the full system's, with {self.harmonics} harmonics)"
 
 
 def check_orbit(reduction: Reduction, orbit: Orbit, method: Balance | None = None) -> OrbitCheck:
     """Check an orbit; see `Reduction.check`."""
     pair = Pair(reduction, orbit.system, None, orbit.period, method_for(orbit, method))
-    full = pair.full  # a system that is none of the reduction's is refused here
+    full = pair.full  # raises an error if the system is not the reduced one
     unknowns, _ = solve(pair.reduced, pair.reduced.unknowns(orbit), 0.0)
     try:
         error = pair.correct(unknowns).change

@@ -1,4 +1,4 @@
-"""The balance equations of a full system and of its reduced one: the same unknowns, the deflections of the contacts."""
+"""Harmonic balance equations of the full and of the reduced system; the unknowns of both are contact deflections."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from gapwalk.reduction.reduction import Reduction
 
 _HARMONICS = 15
-_CONTRACTION = 0.5  # of two Newton corrections, the share of the first that the second may have
+_CONTRACTION = 0.5  # largest ratio of the second of two Newton corrections to the first
 
 
 class Correction(NamedTuple):
-    """What two steps of Newton's method on the full system's equation change of a motion.
+    """The result of two steps of Newton's method on the full system's equation from a motion of the reduced one.
 
     Attributes
     ----------
     unknowns : shape (N,)
         The motion after the steps.
     change : float
-        Bound on how far the full system's motion is, relative to the size of the motion; inf where the steps do not
-        converge, so nothing is known.
+        Bound on the distance of the full system's motion, relative to the size of the motion; inf if the steps do not
+        converge, because then nothing is known.
     """
 
     unknowns: NDArray[np.float64]
@@ -40,11 +40,11 @@ class Correction(NamedTuple):
 
 @dataclass(frozen=True)
 class Pair:
-    """The two equations.
+    """The equations of both systems.
 
-    In harmonic balance all coordinates but the deflections of the contacts are eliminated, exactly, so equations of
-    systems of different size have the same unknowns. Their difference at a motion is all that the reduction changes:
-    the truncation is common to both.
+    In harmonic balance all coordinates except the deflections of the contacts are eliminated, exactly, so equations of
+    systems of different size have the same unknowns. Their difference at a motion is the effect of the reduction alone,
+    because the truncation of harmonics is common to both.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class Pair:
     system
         The reduced system, at its parameter values.
     parameter
-        The named parameter that varies, or None.
+        Name of the parameter that varies, or None.
     period
-        m, forcing periods.
+        Period m in forcing periods.
     method
-        How to balance.
+        Options of the harmonic balance.
     """
 
     reduction: Reduction
@@ -68,19 +68,19 @@ class Pair:
 
     @cached_property
     def reduced(self) -> BalanceEquation:
-        """That of the reduced system."""
+        """The equation of the reduced system."""
         return self.method.pose(self.system, self.parameter, self.period)
 
     @cached_property
     def full(self) -> BalanceEquation:
-        """That of the full system."""
+        """The equation of the full system."""
         return self.method.pose(self.reduction.full_at(self.system), self.parameter, self.period)
 
     def correct(self, unknowns: NDArray[np.float64], value: float = 0.0) -> Correction:
-        """What the full system makes of a motion of the reduced one.
+        """Correct a motion of the reduced system towards that of the full one.
 
-        By Newton and Kantorovich: with corrections of lengths a and theta a, ``theta < 1/2``, the solution is within
-        ``a / (1 - theta)``.
+        By Newton and Kantorovich: after corrections of lengths a and theta a, with ``theta < 1/2``, the solution is
+        within ``a / (1 - theta)``.
         """
         size = self.size(unknowns)
         lengths: list[float] = []
@@ -98,15 +98,15 @@ class Pair:
         return Correction(unknowns, first / (1.0 - theta) / size if theta < _CONTRACTION else np.inf)
 
     def size(self, unknowns: NDArray[np.float64], *, mean: bool = False) -> float:
-        """The largest sum of amplitudes of a deflection, with its mean or without."""
-        from gapwalk.orbit.balance.kernels import from_real_form  # loads numba, which takes time
+        """Return the largest sum of amplitudes of a deflection, with its mean or without."""
+        from gapwalk.orbit.balance.kernels import from_real_form  # imported late: it loads numba, which takes long
 
         lines = np.abs(from_real_form(unknowns.reshape(len(self.system.structure.contacts), -1)))
         return float(lines[:, 0 if mean else 1 :].sum(axis=1).max())
 
 
 def method_for(orbit: Orbit, method: Balance | None) -> Balance:
-    """How to balance an orbit: as asked, or with as many harmonics as it was found with."""
+    """Return the harmonic balance for an orbit: the given one, or with as many harmonics as the orbit has."""
     if method is not None and not isinstance(method, Balance):
         raise ModelError(f"method is {method!r}; it must be a Balance, as in Balance(harmonics=20)")
     if method is None:

@@ -1,4 +1,4 @@
-"""Reduce a system of many degrees of freedom to a few: those at its contacts, and its lowest modes."""
+"""Reduction of a system with many degrees of freedom to those at its contacts and its lowest modes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gapwalk.reduction.reduction import Reduction
 from gapwalk.reduction.translation import reduced_system
 
 _ERROR = 1e-2
-_REFERENCE = 2.0  # frequency, in highest harmonics, of the modes that tell where the resonances are
+_REFERENCE = 2.0  # highest frequency, in highest harmonics, of the modes that approximate the resonances
 
 
 def reduce(
@@ -27,39 +27,39 @@ def reduce(
     up_to: float | None = None,
     keep: Sequence[str] = (),
 ) -> Reduction:
-    """Reduce a system by Craig and Bampton's method, its contact coordinates kept.
+    """Reduce a system by Craig and Bampton's method, retaining its contact coordinates.
 
-    The reduced system is an ordinary one: it can be shot, walked, swept, and mapped in basins and regimes. Kept are the
-    coordinates at which contacts act, and loads that act on one or two of them, under their own names; of all others
-    ``mode1``, ``mode2``, ... are left.
+    The reduced system is an ordinary system: shooting, continuation, sweeps, basins and regime maps apply to it. The
+    coordinates at which contacts act, and loads on one or two coordinates, are retained under their own names. All
+    other coordinates are replaced by ``mode1``, ``mode2``, ...
 
     Parameters
     ----------
     system
-        The system; its mass and stiffness matrices are symmetric, its damping is any.
+        The system; its mass and stiffness matrices are symmetric, its damping is arbitrary.
     modes
-        How many modes; or None for as many as the `error` takes.
+        The number of modes; or None for as many as the `error` requires.
     error
         Largest relative error of the deflections of contacts under harmonic forces; 0.01 by default. See
         `Reduction.error`.
     up_to
-        The highest frequency W of the excitation that the reduced system is to serve; by default that of the system.
+        The highest excitation frequency W for which the reduced system is intended; by default that of the system.
     keep
-        Further coordinates to keep, which are to be measured or loaded.
+        Further coordinates to retain, for example for measurements or loads.
 
     Raises
     ------
     ModelError
-        If the matrices are not symmetric, or an option makes no sense.
+        If the matrices are not symmetric, or an option is invalid.
     NumericalError
         If the modes cannot be computed.
 
     Notes
     -----
-    Craig and Bampton (1968), AIAA Journal 6, 1313-1319. At rest the reduced system is exact.
+    Craig and Bampton (1968), AIAA Journal 6, 1313-1319. The reduced system is exact in static equilibrium.
     """
     _check(system, modes, error, up_to)
-    system = system.equations  # of a drive train; its parts have no part in what is left
+    system = system.equations  # of a drive train: its machine elements do not exist in the reduced system
     highest = system.frequency if up_to is None else float(up_to)
     matrices = matrices_of(system)
     bases = Bases(matrices, kept_of(matrices, system.coordinates, keep))
@@ -71,13 +71,13 @@ def reduce(
 def _check(system: System, modes: int | None, error: float | None, up_to: float | None) -> None:
     problems = []
     if not isinstance(system, System):
-        raise ModelError(f"{system!r} is no System; write reduce(gw.System(...), ...)")
+        raise ModelError(f"{system!r} is not a System; write reduce(gw.System(...), ...)")
     if modes is not None and error is not None:
         problems.append("modes and error are both given; give one of them: the error decides the number of modes")
     if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 0):
-        problems.append(f"modes is {modes!r}; it must be an integer >= 0, or None for as many as the error takes")
+        problems.append(f"modes is {modes!r}; it must be an integer >= 0, or None for as many as the error requires")
     if error is not None and not (isinstance(error, int | float) and 1e-8 <= error <= 1.0):
-        problems.append(f"error is {error!r}; it must lie between 1e-8 and 1 (a share of the deflections)")
+        problems.append(f"error is {error!r}; it must lie between 1e-8 and 1 (a fraction of the deflections)")
     if up_to is not None and not (isinstance(up_to, int | float) and 0.0 < up_to < np.inf):
         problems.append(
             f"up_to is {up_to!r}; it must be a frequency > 0: the highest of the excitation, as in up_to=2.0"
@@ -87,7 +87,7 @@ def _check(system: System, modes: int | None, error: float | None, up_to: float 
 
 
 def _accuracy(matrices: Matrices, bases: Bases, highest: float) -> Accuracy:
-    """The comparison at the resonances of a reference with many modes."""
+    """Prepare the comparison at the resonances of a reference with many modes."""
     reference = bases.with_modes(bases.modes_up_to(_REFERENCE * HARMONICS * highest) + 2)
     return Accuracy(matrices, highest, resonances_of(reference.reduce(matrices)))
 
@@ -98,13 +98,13 @@ def _of(bases: Bases, modes: int, *, inertia: bool = False) -> tuple[Basis, Matr
 
 
 def _best(bases: Bases, accuracy: Accuracy, error: float) -> tuple[Basis, Matrices]:
-    """The smallest basis whose error is small enough: of modes alone, or with the response to inertia."""
+    """Return the smallest basis whose error is small enough: modes alone, or modes and the response to inertia."""
     found = [_fewest(bases, accuracy, error, inertia=inertia) for inertia in (False, True)]
     return min(found, key=lambda each: each[0].size)
 
 
 def _fewest(bases: Bases, accuracy: Accuracy, error: float, *, inertia: bool) -> tuple[Basis, Matrices]:
-    """The fewest modes, found by bisection, whose error is small enough."""
+    """Find the fewest modes whose error is small enough, by bisection."""
 
     def is_enough(modes: int) -> bool:
         return accuracy.error(_of(bases, modes, inertia=inertia)[1]) <= error

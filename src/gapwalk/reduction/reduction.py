@@ -1,4 +1,4 @@
-"""A reduction: the full system, the reduced one, and the way back."""
+"""The record of a reduction: the full system, the reduced one, and the conversion back."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Reduction:
-    """A system of many degrees of freedom as one of few; `reduce` makes it.
+    """A system of many degrees of freedom reduced to few, as returned by `reduce`.
 
-    Every parameter of contacts and of the excitation is one of the reduced system, under its own name, and so are those
-    of the kept coordinates. Of the parameters of other coordinates (``stiffness.q7.q8``, ``mean.q7``) none is left. A
-    matrix entry of kept coordinates contains what the others give at rest, so its value is another, but a change of it
-    is the same change in both.
+    The reduced system has every parameter of contacts and of the excitation, and those of the retained coordinates,
+    under their own names. It has no parameters of other coordinates (``stiffness.q7.q8``, ``mean.q7``). A matrix entry
+    of retained coordinates includes the static contribution of the others. So its value differs from that in the full
+    system, but a change of it is the same change in both.
 
     Attributes
     ----------
     full, system
         The full system, and the reduced one.
     basis
-        The vectors in which motions are looked for.
+        The vectors that span the motions.
     up_to
         Highest frequency of the excitation for which it was made.
     error
         Largest relative error of the deflections of contacts under harmonic forces of the contacts and under the loads:
-        up to that frequency, and, the k-th multiple weighted by 1/k^2, up to ten times that. `check` says what it
-        means for a motion, and for special points.
+        up to that frequency, and, with the k-th multiple weighted by 1/k^2, up to ten times that. `check` estimates the
+        resulting error of a motion and of special points.
     """
 
     full: System
@@ -54,7 +54,7 @@ class Reduction:
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """The coordinates that are kept; they are those of the reduced system too."""
+        """The retained coordinates, which belong to the reduced system too."""
         return self.system.coordinates[: len(self.basis.kept)]
 
     @property
@@ -64,11 +64,11 @@ class Reduction:
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
-        """Natural frequencies (angular) of the modes, with the kept coordinates held; shape (modes,)."""
+        """Natural frequencies (angular) of the modes, with the retained coordinates fixed; shape (modes,)."""
         return np.sqrt(np.maximum(self.basis.squares, 0.0))
 
     def full_at(self, reduced: System) -> System:
-        """The full system with the parameter values of the reduced one, such as `orbit.system`.
+        """Return the full system with the parameter values of the reduced one, such as `orbit.system`.
 
         Raises
         ------
@@ -78,26 +78,26 @@ class Reduction:
         return self._translation.full_at(reduced)
 
     def expand(self, motion: Orbit | Motion, samples: int | None = None) -> Motion:
-        """A motion of the reduced system in all coordinates.
+        """Expand a motion of the reduced system to all coordinates.
 
         Parameters
         ----------
         motion
-            An orbit, of which one period is taken, or a sampled motion.
+            An orbit (one period is used) or a sampled motion.
         samples
-            Samples a forcing period, of an orbit.
+            Samples per forcing period, for an orbit.
         """
         sampled = motion.motion(samples) if isinstance(motion, Orbit) else motion
         full, back = self.full_at(sampled.system), self.basis.vectors.T
         return Motion(full, sampled.theta, sampled.q @ back, sampled.v @ back, sampled.events)
 
     def expand_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """A state of the reduced system, shape (..., 2 r), in all coordinates, shape (..., 2 n).
+        """Expand a state of the reduced system, shape (..., 2 r), to all coordinates, shape (..., 2 n).
 
         Raises
         ------
         ModelError
-            If it is none of the reduced system.
+            If it is not a state of the reduced system.
         """
         given, r = np.asarray(state, dtype=float), self.system.size
         if given.ndim == 0 or given.shape[-1] != 2 * r:
@@ -108,24 +108,24 @@ class Reduction:
         return np.concatenate((given[..., :r] @ back, given[..., r:] @ back), axis=-1)
 
     def check(self, found: Orbit | Branch, method: Balance | None = None) -> OrbitCheck | BranchCheck:
-        """How far an orbit, or a branch with its special points, is from that of the full system.
+        """Estimate the error of an orbit, or of a branch with its special points, compared with the full system.
 
-        Both are put to the full system's own equations, in harmonic balance, where its linear part is exact.
+        Both are inserted in the full system's own equations, in harmonic balance, where its linear part is exact.
 
         Parameters
         ----------
         found
             An orbit or a branch of the reduced system, by shooting or by harmonic balance.
         method
-            How to balance; by default 15 harmonics, or as many as the orbits were found with.
+            Options of the harmonic balance; by default 15 harmonics, or as many as the orbits were found with.
 
         Raises
         ------
         ModelError
-            If it is no orbit or branch of the reduced system, or the parameter of the branch has no meaning in the full
-            one.
+            If it is not an orbit or branch of the reduced system, or the parameter of the branch has no meaning in the
+            full one.
         NumericalError
-            If the motion cannot be balanced with so few harmonics.
+            If so few harmonics do not suffice for the motion.
         """
         if isinstance(found, Orbit):
             from gapwalk.reduction.orbit_check import check_orbit
@@ -141,6 +141,6 @@ class Reduction:
 
     def __repr__(self) -> str:
         return (
-            f"Reduction({self.full.size} degrees of freedom to {self.system.size}: {len(self.kept)} kept, "
+            f"Reduction({self.full.size} degrees of freedom to {self.system.size}: {len(self.kept)} retained, "
             f"{self.modes} modes; contacts deflect within {self.error:.2g} up to frequency {self.up_to:.6g})"
         )

@@ -1,4 +1,4 @@
-"""Between a full system and its reduced one: which parameter stands for which, and systems from one to the other."""
+"""Translation between a full system and its reduced one: corresponding parameters, and conversion of systems."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from gapwalk.reduction.basis import Basis
 from gapwalk.reduction.matrices import Matrices
 
 _MODES = "mode"
-_ROUNDING = 1e-13  # of a change of a parameter that stands for a difference
+_ROUNDING = 1e-13  # relative change of a parameter below which it is only rounding
 MATRICES = ("mass", "damping", "stiffness")
 
 
 def structure_of(full: Structure, basis: Basis) -> Structure:
-    """The structure of the reduced system: the kept coordinates by their names, then mode1, mode2, ..."""
+    """Return the structure of the reduced system: the retained coordinates by name, then mode1, mode2, ..."""
     kept = tuple(full.coordinates[place] for place in basis.kept)
     taken = {*kept, *(contact.name for contact in full.contacts), *(harmonic.name for harmonic in full.harmonics)}
     prefix, count = _MODES, basis.size - len(kept)
@@ -31,7 +31,7 @@ def structure_of(full: Structure, basis: Basis) -> Structure:
 
 
 def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
-    """The reduced system with all values of the full one.
+    """Build the reduced system with all values of the full one.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
     basis
         The basis.
     small
-        Its matrices in the basis.
+        The matrices of the full system in the basis.
     """
     structure = structure_of(full.structure, basis)
     n, r = full.size, basis.size
@@ -59,7 +59,7 @@ def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
 
 
 def vectors_of(structure: Structure) -> list[str]:
-    """What the names of parameters that belong to one coordinate each begin with."""
+    """Return the prefixes of the names of parameters that belong to one coordinate each."""
     found = ["mean", *(f"{harmonic.name}.acts_on" for harmonic in structure.harmonics)]
     for contact in structure.contacts:
         found += [f"{contact.name}.deflection"] + [f"{contact.name}.force"] * (not contact.reciprocal)
@@ -67,7 +67,7 @@ def vectors_of(structure: Structure) -> list[str]:
 
 
 def scalars_of(structure: Structure) -> list[str]:
-    """The names of the parameters that belong to no coordinate: they are the same in both systems."""
+    """Return the names of the parameters that belong to no coordinate: they are the same in both systems."""
     found = ["frequency"]
     for harmonic in structure.harmonics:
         found += [f"{harmonic.name}.amplitude", f"{harmonic.name}.phase"]
@@ -80,14 +80,14 @@ def scalars_of(structure: Structure) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Translation:
-    """From the reduced system with other values to the full one with the same.
+    """Converts parameter values of the reduced system to the full one.
 
     Parameters
     ----------
     full, reduced
-        Both systems as they were when one was made of the other.
+        The two systems at the time of the reduction.
     kept : shape (kept,)
-        Places of the kept coordinates in the full system.
+        Indices of the retained coordinates in the full system.
     """
 
     full: System
@@ -95,12 +95,12 @@ class Translation:
     kept: NDArray[np.intp]
 
     def full_at(self, reduced: System) -> System:
-        """The full system with the values of a reduced one.
+        """Return the full system with the values of a reduced one.
 
         Raises
         ------
         ModelError
-            If that is not the reduced system at other values, or differs by what has no meaning in the full one.
+            If that is not the reduced system at other values, or a changed parameter has no meaning in the full one.
         """
         if reduced.structure != self.reduced.structure:
             raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
@@ -116,14 +116,14 @@ class Translation:
         if change.any():
             name = reduced.structure.names[int(np.flatnonzero(change)[0])]
             raise ModelError(
-                f"{name} has been changed, and concerns a mode: the full system has no such parameter; change it there "
-                "and reduce again"
+                f"{name} was changed, but belongs to a mode: the full system has no such parameter; change the full "
+                "system and reduce it again"
             )
         return System.from_values(self.full.structure, values)
 
     @cached_property
     def _scalars(self) -> tuple[list[int], list[int]]:
-        """Places of the parameters that belong to no coordinate, in the reduced and in the full system."""
+        """Indices of the parameters that belong to no coordinate, in the reduced and in the full system."""
         names = scalars_of(self.reduced.structure)
         return [self.reduced.structure.place(name) for name in names], [
             self.full.structure.place(name) for name in names
@@ -131,7 +131,7 @@ class Translation:
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Places of the parameters of kept coordinates alone, in both; a change of one is that of the other."""
+        """Indices of the parameters of retained coordinates alone, in both systems; a change is the same in both."""
         sides = []
         for structure, at in ((self.reduced.structure, np.arange(len(self.kept))), (self.full.structure, self.kept)):
             n = structure.size

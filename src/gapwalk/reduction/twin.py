@@ -1,4 +1,4 @@
-"""A branch in two systems, the reduced and the full one: points and special points of one near those of the other."""
+"""Paired equations of the reduced and the full system along a branch: points and special points of both."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.reduction.pair import Pair
 
 _FIRST = 1e-5  # first step of the secant method, in arclength
-_FARTHEST = 0.1  # a special point farther off is not the same one
+_FARTHEST = 0.1  # distance in arclength above which a special point counts as another one
 _SHARP = 1e-9  # last step of the secant method
 _STEPS = 12
-_ASIDE = 2e-3  # arclength beside a branch point, at which the Jacobian is regular
+_ASIDE = 2e-3  # arclength from a branch point at which the Jacobian is regular
 
 Test = Callable[[BranchPoint], float]
 
@@ -39,7 +39,7 @@ class Twin:
     orbit
         An orbit of the reduced system, whose size gives the scales.
     width
-        Range of the parameter that counts as one.
+        Range of the parameter that is scaled to one.
     """
 
     pair: Pair
@@ -48,7 +48,7 @@ class Twin:
 
     @cached_property
     def offset(self) -> float:
-        """What the parameter of the full system is more; entries of matrices contain what the others give at rest."""
+        """Parameter of the full system minus that of the reduced one; matrix entries include static contributions."""
         name = self.pair.parameter or ""
         return self.pair.full.system[name] - self.pair.system[name]
 
@@ -59,16 +59,16 @@ class Twin:
 
     @cached_property
     def reduced(self) -> Corrector:
-        """Corrects onto the branch of the reduced system."""
+        """Corrector onto the branch of the reduced system."""
         return Corrector(self.pair.reduced, self.scales, iterations=15)
 
     @cached_property
     def full(self) -> Corrector:
-        """Corrects onto the branch of the full system."""
+        """Corrector onto the branch of the full system."""
         return Corrector(self.pair.full, self.scales, iterations=15)
 
     def start(self, orbit: Orbit, along: BranchPoint) -> BranchPoint | None:
-        """An orbit as a point of the reduced system's branch in harmonic balance; None if it is not balanced so."""
+        """Convert an orbit to a point of the reduced system's branch in harmonic balance; None if that fails."""
         equation = self.pair.reduced
         x = np.append(equation.unknowns(orbit), along.value) / self.scales
         border = np.zeros(len(x))
@@ -80,32 +80,32 @@ class Twin:
         return onto(self.reduced, x, tangent)
 
     def image(self, point: BranchPoint) -> BranchPoint | None:
-        """The point of the full system's branch across one of the reduced system's; None if there is none."""
+        """Correct a point of the reduced system's branch onto that of the full system; None if that fails."""
         return onto(self.full, self.shifted(point.x), point.tangent)
 
     def shifted(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A point of the reduced system's branch with the full system's value of the parameter."""
+        """Convert a point of the reduced system's branch to the full system's value of the parameter."""
         moved = x.copy()
         moved[-1] += self.offset / self.scales[-1]
         return moved
 
     def change(self, one: BranchPoint, other: BranchPoint) -> float:
-        """How far two motions are apart, relative to the size of the first."""
+        """Return the difference of two motions, relative to the size of the first."""
         u, v = (point.x[:-1] * self.scales[:-1] for point in (one, other))
         return self.pair.size(v - u, mean=True) / self.pair.size(u)
 
 
 def onto(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64]) -> BranchPoint | None:
-    """The point of a branch on the plane through x with that normal."""
+    """Return the point of a branch on the plane through x with that normal."""
     correction = corrector.correct(x, normal)
     return None if correction is None else corrector.point(correction, normal, 0.0)
 
 
 def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64], test: Test, kind: Kind):
-    """The zero of a test function on a branch near x, and its last step in arclength; None if there is none.
+    """Find the zero of a test function on a branch near x, and the last step in arclength; None if there is none.
 
-    By the secant method along the normal. By a branch point the planes are not cut at one place; there the zero is
-    interpolated between points on either side.
+    The secant method is used along the normal. Near a branch point a plane does not intersect the branch uniquely, so
+    the zero is interpolated between points on both sides.
     """
 
     def at(s: float) -> tuple[BranchPoint, float]:
@@ -148,7 +148,7 @@ def _between(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPo
 
 
 def test_of(special: SpecialPoint, point: BranchPoint) -> Test | None:
-    """The test function of a special point, as a function of a point of either branch; None if it has none.
+    """Return the test function of a special point for points of either branch; None if it has none.
 
     Parameters
     ----------

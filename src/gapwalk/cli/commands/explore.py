@@ -21,20 +21,21 @@ def explore(
     browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
     debug: Flag = False,
 ) -> int:
-    """Open a model or a result in the browser: its diagram grows while it is computed, any point shows its motion.
+    """Open a model or a result in the browser: its diagram grows during the computation, any point shows its motion.
 
-    Results are kept in a folder beside the file, such as model.explorer for model.toml. Ctrl-C ends it.
+    Results are stored in a folder next to the file, such as model.explorer for model.toml. Ctrl-C ends the command.
 
     Parameters
     ----------
     file
         The model file, the result, or a folder of them; by default the current folder.
     port
-        Where to listen; 0 for any port that is free.
+        The port of the server; 0 for any free port.
     host
-        The address to listen at. Beyond this machine, the page asks for a token, which is in the address printed.
+        The address of the server. For other addresses than this machine's, the page requires a token, which is part of
+        the printed address.
     browser
-        Whether to open the page.
+        Open the page in the browser.
     debug
         Show the traceback of an error.
     """

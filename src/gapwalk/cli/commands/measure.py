@@ -1,4 +1,4 @@
-"""``gapwalk measure``: a record beside the computed motion."""
+"""``gapwalk measure``: comparison of a measured record with the computed motion."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def measure(
     json: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Put a measured record beside the computed motion, and fit parameters to it.
+    """Compare a measured record with the computed motion, and fit parameters to it.
 
-    The table [measurement] of the model file says what the record measures. Pictures (PNG and SVG) and tables (CSV) are
-    written, over earlier ones.
+    The table [measurement] of the model file defines the measured signal. Pictures (PNG and SVG) and tables (CSV) are
+    written; existing ones are overwritten.
 
     Parameters
     ----------
     file
         The model file.
     record
-        The record: a CSV or MAT file with the columns time, acceleration and perhaps speed.
+        The record: a CSV or MAT file with the columns time, acceleration and optionally speed.
     fit
-        A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those that the file names.
+        A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those named in the file.
     changes
-        Another value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
+        A changed value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
     output
         The picture to write; by default named after the record. The tables are named after it.
     json

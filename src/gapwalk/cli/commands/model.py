@@ -10,7 +10,7 @@ from gapwalk.cli.outcome import guard
 
 @app.command(sort_key=1)
 def new(file: Path, /, *, debug: Flag = False) -> int:
-    """Write a model file to begin with; its comments explain every key.
+    """Write a template of a model file; its comments explain every key.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def new(file: Path, /, *, debug: Flag = False) -> int:
 
 @app.command(sort_key=2)
 def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: Flag = False) -> int:
-    """Check a model file, and say what it describes or everything that is wrong with it.
+    """Check a model file; print a summary, or everything that is wrong with it.
 
     Parameters
     ----------
     file
         The model file.
     changes
-        Another value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+        A changed value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
     json
         Print one JSON document.
     debug
@@ -62,16 +62,16 @@ def modes(
     json: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Show where a system rests under its mean load, which clearances are open there, and its natural vibrations.
+    """Show the static equilibria of a system under its mean load, its open clearances there, and its natural modes.
 
     Parameters
     ----------
     file
-        The model file; a study in it is not looked at.
+        The model file; a study in it is ignored.
     changes
-        Another value, as in --set stage2.clearance=0.5; may be repeated.
+        A changed value, as in --set stage2.clearance=0.5; may be repeated.
     picture
-        Draw the slowest modes into this file, PNG, SVG or PDF.
+        Draw the modes of the lowest frequencies into this file, PNG, SVG or PDF.
     json
         Print one JSON document.
     debug

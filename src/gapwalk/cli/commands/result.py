@@ -11,14 +11,14 @@ from gapwalk.cli.outcome import guard
 
 @app.command(sort_key=5)
 def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
-    """Show what a result file holds: branches, why they end, and special points; or what else its study found.
+    """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
 
     Parameters
     ----------
     result
         The result file.
     points
-        Show the special points of a diagram or a map too.
+        Also show the special points of a diagram or a map.
     json
         Print one JSON document.
     debug
@@ -44,23 +44,23 @@ def export(
     size: Literal["screen", "column", "page", "slide"] | None = None,
     debug: Flag = False,
 ) -> int:
-    """Write the tables or the picture of a result file; or a page with its diagram and motions (html).
+    """Write the tables or the picture of a result file, or a web page with its diagram and motions (html).
 
-    The page is one file: it opens in any browser, without a network. A click on a point shows its motion.
+    The page is a single file that opens in any browser without a network. A click on a point shows its motion.
 
     Parameters
     ----------
     result
         The result file.
     format
-        What to write; by default what the ending of the output says, or else csv.
+        The format; by default that of the file extension of the output, otherwise csv.
     output
-        The file to write, over an earlier one; by default named after the result. For csv, the special points stand in
-        a second file beside it, and so do further tables.
+        The file to write, replacing an earlier one; by default named after the result. For csv, the special points and
+        further tables are written to other files next to it.
     measure
-        What the picture shows, as in max.q1; by default what the study says. Only branches have one.
+        The quantity on the vertical axis, as in max.q1; by default that of the study. Only for branches.
     size
-        Where a picture goes: a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
+        Size of a picture: for a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
         slide (250 mm), or a screen.
     debug
         Show the traceback of an error.
@@ -87,23 +87,23 @@ def compare(
     json: Flag = False,
     debug: Flag = False,
 ) -> int:
-    """Compare two results, found by two methods perhaps: how far apart they are, and what only one of them has.
+    """Compare two results, for example of two methods: their distance, and what only one of them contains.
 
     The exit code is 0 if they agree within the tolerance, and 4 if they do not.
 
     Parameters
     ----------
     first, second
-        Result files; or model files, whose study is then run (name one of several as in model.toml:light).
+        Result files, or model files whose study is then run (select one of several as in model.toml:light).
     tolerance
-        The largest distance, location of a special point, or missing part of a range that counts as agreement: a share
+        The largest distance, shift of a special point, or missing part of a range that counts as agreement: a fraction
         of the range of the parameter and of the motions' measures.
     output
         A picture to write, PNG or SVG, with both results overlaid and their distance.
     measure
-        What the picture shows, as in max.q1; by default what the first study says.
+        The quantity on the vertical axis of the picture, as in max.q1; by default that of the first study.
     changes
-        Another value in model files, as in --set stage2.clearance=0.5; may be repeated.
+        A changed value in model files, as in --set stage2.clearance=0.5; may be repeated.
     json
         Print one JSON document.
     debug
@@ -121,9 +121,9 @@ def compare(
 
 @app.command(sort_key=6)
 def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
-    """Check a result by other means than those that found it: orbits, gaps between them, special points, and counts.
+    """Check a result by independent means: orbits, gaps between them, special points, and counts.
 
-    The exit code is 0 if all of it stands, and 5 if something is wrong.
+    The exit code is 0 if all checks pass, and 5 if one fails.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ def run(
 ) -> int:
     """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
 
-    Ctrl-C stops it with everything stored; --resume goes on from there, as if nothing had happened.
+    Ctrl-C stops the run with everything stored; --resume continues as if it had not been interrupted.
 
     Parameters
     ----------
@@ -37,23 +37,23 @@ def run(
         The model file.
     output
         The result file, by default named after the model file, ending in .gapwalk; names of several studies are added.
-        Picture and tables are written beside it, over earlier ones.
+        Picture and tables are written next to it and replace earlier ones.
     study
-        Run the study of this name only; may be repeated.
+        Run only the study of this name; may be repeated.
     changes
-        Another value: --set stage2.clearance=0.5, --set study.to=0.3, --set study.light.to=0.3; may be repeated.
+        A changed value: --set stage2.clearance=0.5, --set study.to=0.3, --set study.light.to=0.3; may be repeated.
     units
         none: run a drive train that has units in non-dimensional form; its tables and pictures are then in that form.
     resume
-        Go on with the results of an interrupted run; what is complete is not computed again.
+        Continue an interrupted run; parts that are complete are not computed again.
     force
-        Write over an existing result.
+        Overwrite an existing result.
     scheduler
-        Scheduler of a Dask cluster (gapwalk[cluster]) that does the work: tcp://node7:8786, say, or its scheduler file.
+        Scheduler of a Dask cluster (gapwalk[cluster]) for the work, such as tcp://node7:8786, or its scheduler file.
     json
         Print one JSON document.
     quiet
-        Print nothing but errors.
+        Print only errors.
     debug
         Show the traceback of an error.
     """

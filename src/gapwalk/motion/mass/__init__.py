@@ -1,4 +1,4 @@
-"""Many motions at once: a compiled kernel whose lanes are trajectories, checked beside the exact flow."""
+"""The batch integrator: many motions at once, one per lane of a compiled kernel, checked against the exact flow."""
 
 from gapwalk.motion.mass.flow import MassFlow, mass_flow_of
 from gapwalk.motion.mass.options import MassOptions

@@ -1,4 +1,4 @@
-"""Blocks of trajectories: what the kernel works on, carried over forcing periods by threads."""
+"""Blocks of trajectories: the data of the kernel, advanced over forcing periods by several threads."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from gapwalk.motion.mass.scheme import Linear, Scheme, scheme_of
 from gapwalk.motion.mass.start import history_of
 
 LIMIT = 1e12
-"""Size of a state from which a motion has run away, as for the exact flow."""
+"""Size of a state above which a motion has diverged, as in the exact flow."""
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """Systems of equal structure and the number of steps by which their trajectories go: all that a kernel needs.
+    """Systems of equal structure and the number of steps for their trajectories: the input of a kernel.
 
     Parameters
     ----------
     linear
-        The systems, one for each trajectory, or one for all.
+        The systems: one for each trajectory, or one for all.
     pattern
-        Which coefficients may differ from zero.
+        Coefficients that may differ from zero.
     steps
-        Steps a forcing period.
+        Number of steps per forcing period.
     """
 
     linear: Linear
@@ -42,41 +42,41 @@ class Fleet:
 
     @property
     def shared(self) -> bool:
-        """Whether all trajectories have the same coefficients."""
+        """True if all trajectories have the same coefficients."""
         return len(self.linear.coefficients) == 1
 
     def kernel(self, survey: bool) -> Kernel:
-        """The kernel for these systems."""
+        """Return the kernel for these systems."""
         structure = self.linear.layout.structure
         return kernel_of(Form(structure, self.pattern, self.linear.basis is not None, self.shared, survey))
 
     @cached_property
     def scheme(self) -> Scheme:
-        """The step."""
+        """The matrices and weights of one step."""
         return scheme_of(self.linear, self.steps)
 
     def some(self, lanes: NDArray[np.intp]) -> Fleet:
-        """The part of a fleet, of a system for each trajectory, with these; their steps are not made a second time."""
+        """Select the systems of some trajectories; the steps are reused, not computed again."""
         part = Fleet(self.linear.some(lanes), self.pattern, self.steps)
         part.__dict__["scheme"] = self.scheme.some(lanes)
         return part
 
 
 class Blocks:
-    """Trajectories in blocks of lanes; the last one is filled up with copies.
+    """Trajectories in blocks of lanes; the last block is padded with copies.
 
     Parameters
     ----------
     fleet
         The systems and the steps.
     states : shape (N, 2n)
-        Where the trajectories are at theta = 0.
+        States of the trajectories at theta = 0.
     noted, every
-        How often the states will be noted, and how many forcing periods from one time to the next.
+        Number of times at which the states are recorded, and forcing periods between them.
     survey
-        Whether a survey will be wanted.
+        True if a survey will be requested.
     threads
-        How many blocks are worked on at a time.
+        Number of blocks that are processed at the same time.
     """
 
     def __init__(
@@ -100,12 +100,12 @@ class Blocks:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """Where the trajectories are now, shape (N, 2n); NaN where one ran away."""
+        """The present states of the trajectories, shape (N, 2n); NaN for those that diverged."""
         return self._physical(self._data[:, : self._size])
 
     @property
     def strobes(self) -> NDArray[np.float64] | None:
-        """The states that were noted, shape (noted, N, 2n)."""
+        """The recorded states, shape (noted, N, 2n)."""
         if not self._every:
             return None
         noted = [self._physical(self._record[:, row]) for row in range(self._record.shape[1])]
@@ -113,16 +113,16 @@ class Blocks:
 
     @property
     def left(self) -> NDArray[np.int64]:
-        """In which forcing period each trajectory ran away, or -1."""
+        """The forcing period in which each trajectory diverged, or -1."""
         return self._left.reshape(-1)[: self.count]
 
     @property
     def last(self) -> NDArray[np.float64]:
-        """Where each trajectory was at the start of the last forcing period in which it had not run away."""
+        """State of each trajectory at the start of the last forcing period in which it had not diverged."""
         return self._physical(self._last)
 
     def begin_survey(self) -> None:
-        """From now on note extremes, contacts and largest forces."""
+        """Start recording extremes, contacts and largest forces."""
         self._surveys = True
         rows = self.fleet.kernel(True).source.tally_rows
         self._data[:, rows["low"] : rows["end"]] = 0.0
@@ -130,7 +130,7 @@ class Blocks:
         self._data[:, rows["high"] : rows["peak"]] = -np.inf
 
     def survey(self, periods: int) -> MassSurvey:
-        """What was noted since the survey began, that many forcing periods ago."""
+        """Return the record of the survey, which began that many forcing periods ago."""
         source = self.fleet.kernel(True).source
         values = self._data.transpose(0, 2, 1).reshape(-1, source.height)[: self.count].copy()
         values[self.left >= 0] = np.nan
@@ -139,7 +139,7 @@ class Blocks:
         return MassSurvey(periods, low, high, peak, contacts.reshape(self.count, -1, 2) / periods)
 
     def advance(self, periods: int) -> None:
-        """Carry all trajectories over some forcing periods."""
+        """Advance all trajectories over some forcing periods."""
         kernel = self.fleet.kernel(self._surveys)
         numbers = kernel.source.numbers(self.fleet.scheme, self.fleet.linear)
         times = kernel.source.times(self.fleet.scheme, self.fleet.steps).ravel()
@@ -156,7 +156,7 @@ class Blocks:
         self._first += periods
 
     def _share_out(self, work: Callable[[int], None]) -> None:
-        """Do all blocks, several at a time. Ctrl-C stops them within a forcing period."""
+        """Process all blocks, several at a time. Ctrl-C stops them within a forcing period."""
         with ThreadPoolExecutor(min(self.threads, len(self._data))) as pool:
             try:
                 list(pool.map(work, range(len(self._data))))
@@ -165,11 +165,11 @@ class Blocks:
                 raise
 
     def _in_blocks(self, rows: NDArray) -> NDArray[np.float64]:
-        """Rows of N numbers as blocks, shape (blocks, rows, LANES)."""
+        """Arrange rows of N numbers in blocks, shape (blocks, rows, LANES)."""
         return rows[:, self._lanes].reshape(len(rows), len(self._lanes) // LANES, LANES).transpose(1, 0, 2)
 
     def _physical(self, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """States in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
+        """Return the states in the user's coordinates, shape (N, 2n), from blocks of shape (blocks, 2n, LANES)."""
         states = blocks.transpose(0, 2, 1).reshape(-1, self._size)[: self.count]
         basis = self.fleet.linear.basis
         return states.copy() if basis is None else (basis @ states[:, :, None])[:, :, 0]

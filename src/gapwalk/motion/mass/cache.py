@@ -1,7 +1,7 @@
-"""Machine code of kernels, kept on disk: the next process, and each worker, need not compile them again.
+"""A cache of compiled kernels on disk, so that the next process, and each worker, need not compile them again.
 
-numba does the keeping, beside a file with the kernel's text; it knows the processor and its own version. The files are
-loaded as code, so only a folder that nobody else can write to is trusted, and only what is still as it was written.
+numba stores the machine code next to a file with the kernel's text; it checks the processor and its own version. The
+cache is loaded as code. So only a folder that nobody else can write to is trusted, and only files that are unchanged.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from pathlib import Path
 from gapwalk.motion.cache_folder import cache_folder, is_private, write_whole
 
 _MOST = 200
-"""Kernels that are kept; beyond that those that were made longest ago go."""
+"""Largest number of kernels in the cache; above it the oldest ones are removed."""
 
 
 def kernel_file(text: str, *, folder: Path | None = None) -> Path | None:
-    """A file with the text of a kernel, in the user's cache; None where no folder can be trusted or written to.
+    """Return a file with the text of a kernel in the user's cache; None if no folder can be trusted or written to.
 
     Parameters
     ----------
     text
         The text; its hash is the name of the file.
     folder
-        Where; by default ``gapwalk/kernels`` in ``$XDG_CACHE_HOME`` or ``~/.cache``.
+        The folder; by default ``gapwalk/kernels`` in ``$XDG_CACHE_HOME`` or ``~/.cache``.
     """
     try:
         folder = cache_folder("kernels") if folder is None else folder
@@ -44,14 +44,14 @@ def kernel_file(text: str, *, folder: Path | None = None) -> Path | None:
 
 
 def seal(file: Path) -> None:
-    """Note what the machine code of a kernel is; without that, or if it changes, it is not loaded any more."""
+    """Store the checksum of a kernel's machine code; without it, or after a change, the code is not loaded again."""
     with suppress(OSError):  # then it will be compiled again
         if not _is_sealed(file):
             write_whole(_seal_of(file), _checksum(file).encode())
 
 
 def forget(file: Path) -> None:
-    """Remove a kernel with all its machine code."""
+    """Remove a kernel and all its machine code."""
     with suppress(OSError):
         for each in (_seal_of(file), file, *_machine_code(file)):
             each.unlink(missing_ok=True)
@@ -71,7 +71,7 @@ def _is_sealed(file: Path) -> bool:
 
 
 def _checksum(file: Path) -> str:
-    """Of all machine code of a kernel: that of several processors, in a home that several machines share."""
+    """Compute the checksum of all machine code of a kernel, for every processor if several machines share a home."""
     digest = hashlib.sha256()
     for each in _machine_code(file):
         digest.update(each.name.encode() + each.read_bytes())

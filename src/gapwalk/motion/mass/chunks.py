@@ -1,7 +1,7 @@
-"""Long straight-line code cut into loops: a compiler takes seconds for one loop of thousands of lines, and spills.
+"""Straight-line code cut into loops: one loop of thousands of lines compiles for seconds and spills registers.
 
-The pieces of a step that belong together are *atoms*. Consecutive atoms share a loop over the lanes until it is full;
-what one loop computes and a later one needs goes through rows of scratch.
+The lines of a step that belong together form an *atom*. Consecutive atoms share a loop over the lanes until it is full.
+Values that one loop computes and a later one needs are stored in rows of scratch memory.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gapwalk.motion.mass.frame import LANES
 
 Atom = Sequence[str]
 
-_FULL = 64  # products in a loop
+_FULL = 64  # largest number of products in a loop
 _NAME = re.compile(r"\b(?:[zufy]\d+|h\d+_\d+|c\d+)\b")
 _TARGET = re.compile(r"^([zufy]\d+|h\d+_\d+) = ")
 
@@ -26,13 +26,13 @@ class Chunk:
     Attributes
     ----------
     lines
-        Of the atoms.
+        Lines of the atoms.
     needs
         Names that the lines use and do not define, in order of appearance.
     gives
-        Names that they define.
+        Names that the lines define.
     keeps
-        Those of them that later chunks need.
+        Defined names that later chunks need.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Chunk:
     keeps: list[str] = field(default_factory=list)
 
     def add(self, atom: Atom) -> None:
-        """Put an atom at the end."""
+        """Append an atom."""
         for line in atom:
             target = _TARGET.match(line)
             for name in _NAME.findall(line[target.end() :] if target else line):
@@ -53,20 +53,20 @@ class Chunk:
 
     @property
     def numbers(self) -> list[str]:
-        """The scheme's numbers among what it needs."""
+        """Names of the scheme's numbers that the lines use."""
         return [name for name in self.needs if name.startswith("c")]
 
     def loads(self, rows: Mapping[str, int]) -> list[str]:
-        """Lines that fetch the rest from its rows."""
+        """Return the lines that load the other names from their rows."""
         return [f"{name} = S[{rows[name] * LANES} + l]" for name in self.needs if not name.startswith("c")]
 
     def stores(self, rows: Mapping[str, int]) -> list[str]:
-        """Lines that put what is kept into its rows."""
+        """Return the lines that store names for later chunks in their rows."""
         return [f"S[{rows[name] * LANES} + l] = {name}" for name in self.keeps]
 
 
 def chunks_of(atoms: Sequence[Atom]) -> list[Chunk]:
-    """Consecutive atoms in chunks that are not much larger than is good."""
+    """Group consecutive atoms in chunks of limited size."""
     chunks, size = [Chunk()], 0
     for atom in atoms:
         cost = sum(line.count("*") for line in atom)

@@ -1,4 +1,4 @@
-"""A crowd: many states, each with its system."""
+"""A batch of states, each with its system."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gapwalk.motion.mass.scheme import Linear
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """Many states, each with its system.
+    """A batch of states, each with its system.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Crowd:
     systems
         The different systems, of equal structure.
     places : shape (N,)
-        Which of them each state has.
+        Index of the system of each state.
     """
 
     states: NDArray[np.float64]
@@ -44,7 +44,7 @@ class Crowd:
 
     @cached_property
     def linear(self) -> Linear:
-        """The linear part: one for all if all have the same system, otherwise one for each state."""
+        """The linear part: one for all if all states have the same system, otherwise one for each state."""
         shared = len(self.systems) == 1
         return Linear(
             layout_of(self.systems[0].structure), self._coefficients if shared else self._coefficients[self.places]
@@ -52,25 +52,25 @@ class Crowd:
 
     @cached_property
     def pattern(self) -> bytes:
-        """Which coefficients differ from zero in any of the systems."""
+        """Coefficients that differ from zero in any of the systems, as bytes of an array of bool."""
         return (self._coefficients != 0).any(axis=0).tobytes()
 
     def system(self, lane: int) -> System:
-        """The system of one state."""
+        """Return the system of one state."""
         return self.systems[self.places[lane]]
 
     def some(self, lanes: NDArray[np.intp]) -> Crowd:
-        """The part of the crowd with these states."""
+        """Select some of the states."""
         return Crowd(self.states[lanes], self.systems, self.places[lanes])
 
 
 def crowd_of(system: System, states: ArrayLike, parameters: Mapping[str, ArrayLike]) -> Crowd:
-    """The crowd of some states of a system, with parameters that may differ from state to state.
+    """Create a batch from states of a system, with parameters that may differ from state to state.
 
     Raises
     ------
     ModelError
-        If the states or the parameters have the wrong shape, or a system can not have such values.
+        If the states or the parameters have the wrong shape, or a system cannot have such values.
     """
     array = _states(system, states)
     columns = {name: _column(system, name, values, len(array)) for name, values in parameters.items()}

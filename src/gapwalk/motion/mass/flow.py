@@ -1,4 +1,4 @@
-"""The mass flow: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps."""
+"""The batch integrator: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from gapwalk.motion.mass.run import MassRun
 from gapwalk.motion.mass.steps import first_guess, revised
 from gapwalk.motion.mass.trial import Trial, judge
 
-_PILOT = 64  # forcing periods of the few trajectories by which the steps are chosen
-_PAYS = 4 * LANES  # trajectories from which such a pilot is cheaper than running all of them a second time
-_PLENTY = 0.2  # share of the allowed error from which fewer steps would do
-_SEED = 1995  # which trajectories are compared is drawn at random, the same in every run
+_PILOT = 64  # forcing periods of the pilot run of a few trajectories that chooses the steps
+_PAYS = 4 * LANES  # number of trajectories above which a pilot run is cheaper than running all of them again
+_PLENTY = 0.2  # fraction of the allowed error below which fewer steps are tried
+_SEED = 1995  # of the random choice of trajectories for comparison, the same in every run
 
 
 @dataclass(frozen=True)
 class MassFlow:
-    """Carries many trajectories of one system, or of as many systems of its structure; see `mass_flow_of`."""
+    """Integrates many trajectories of one system, or of several systems of its structure; see `mass_flow_of`."""
 
     system: System
     options: MassOptions = MassOptions()
@@ -41,27 +41,27 @@ class MassFlow:
         every: int = 0,
         survey: int = 0,
     ) -> MassRun:
-        """Carry trajectories from theta = 0 over some forcing periods.
+        """Integrate trajectories from theta = 0 over some forcing periods.
 
         Parameters
         ----------
         states : array_like, shape (N, 2n)
             Positions, then velocities, of each trajectory.
         periods
-            How many forcing periods.
+            Number of forcing periods.
         parameters
-            Values by parameter name, one for each trajectory, where they differ from the system's.
+            Parameter values by name, one for each trajectory, if they differ from those of the system.
         every
-            If not 0, the states are noted every so many forcing periods.
+            If not 0, the states are recorded every so many forcing periods.
         survey
-            If not 0, extremes, contacts and largest forces are noted over that many last periods.
+            If not 0, extremes, contacts and largest forces are recorded over that many last periods.
 
         Raises
         ------
         ModelError
-            If the request makes no sense.
+            If the request is invalid.
         FlowError
-            If the error that is asked for cannot be held within 20,000 steps a forcing period.
+            If the requested error cannot be reached with 20,000 steps per forcing period.
         """
         crowd = crowd_of(self.system, states, parameters or {})
         plan = _Plan(periods, every, survey)
@@ -71,13 +71,13 @@ class MassFlow:
         if crowd.count >= _PAYS:
             steps = self._pilot(crowd, periods, steps)
         run = self._carry(crowd, plan, steps)
-        while run.error > self.options.error:  # never for nan, where nothing could be compared: all ran away at once
+        while run.error > self.options.error:  # false for nan: no comparison was possible, all diverged at once
             steps = self._finer(steps, run.error)
             run = self._carry(crowd, plan, steps)
         return run
 
     def _pilot(self, crowd: Crowd, periods: int, steps: int) -> int:
-        """Steps that hold the error on a few of the trajectories, and not many more than they need."""
+        """Choose steps that keep the error within its limit on a few trajectories, but not many more than needed."""
         lanes = np.random.default_rng(_SEED).choice(crowd.count, LANES, replace=False)
         few, plan, too_few = crowd.some(np.sort(lanes)), _Plan(min(periods, _PILOT)), 0
         while True:
@@ -91,7 +91,7 @@ class MassFlow:
             steps = fewer
 
     def _carry(self, crowd: Crowd, plan: _Plan, steps: int) -> MassRun:
-        """All trajectories over all periods, with looks at some of them on the way."""
+        """Integrate all trajectories over all periods, and compare some of them with the exact flow meanwhile."""
         fleet = Fleet(crowd.linear, crowd.pattern, steps)
         blocks = Blocks(fleet, crowd.states, plan.noted, plan.every, bool(plan.survey), self.options.hands)
         random = np.random.default_rng(_SEED + 1)
@@ -122,19 +122,20 @@ class MassFlow:
         )
 
     def _finer(self, steps: int, error: float) -> int:
-        """More steps than those that left this error."""
+        """Return a larger number of steps than the one that left this error."""
         if steps < MOST_STEPS:
             return max(revised(steps, error, self.options.error), steps + 4)
         raise FlowError(
-            f"the mass flow's error is {error:.2g} with {steps} steps a forcing period, where {self.options.error:g} "
-            "was asked for: the system is too stiff for it, or a state is so large that its impact damping is. Ask for "
-            "less (MassOptions(error=...)), or use the exact flow (gapwalk.integrate), which is faster there"
+            f"the batch integrator's error is {error:.2g} with {steps} steps per forcing period, but "
+            f"{self.options.error:g} was requested: the system is too stiff for it, or a state is so large that its "
+            "impact damping is. Allow a larger error (MassOptions(error=...)), or use the exact flow "
+            "(gapwalk.integrate), which is faster in this case"
         )
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """What a run does when.
+    """The schedule of a run.
 
     Parameters
     ----------
@@ -155,21 +156,21 @@ class _Plan:
 
     @property
     def noted(self) -> int:
-        """How many times all states are noted."""
+        """Number of times at which all states are recorded."""
         return self.periods // self.every if self.every else 0
 
     def stretches(self) -> list[tuple[int, int, bool]]:
-        """Start, stop, and whether to look: at the first period, the last one, and two in between."""
+        """Return start, stop, and True for a comparison: in the first period, the last one, and two in between."""
         looks = {0, self.periods // 8, self.periods // 2, self.periods - 1}
         bounds = sorted({0, self.periods, self.periods - self.survey, *looks, *(look + 1 for look in looks)})
         return [(start, stop, start in looks and stop == start + 1) for start, stop in pairwise(bounds)]
 
 
 def mass_flow_of(system: System, options: MassOptions = MassOptions()) -> MassFlow:
-    """The mass flow of a system.
+    """Create the batch integrator of a system.
 
-    Where the exact flow takes one trajectory after the other to rounding, this one takes many side by side, as exactly
-    as asked, checks that on each run beside the exact flow, and is a hundred times faster.
+    The exact flow integrates one trajectory after the other to rounding. The batch integrator integrates many at once
+    to a chosen accuracy, compares a sample of each run with the exact flow, and is a hundred times faster.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The form of a kernel: all that its source text depends on."""
+"""The form of a kernel: all data on which its source text depends."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gapwalk.motion.mass.scheme import Linear
 
 @dataclass(frozen=True)
 class Form:
-    """All that the source text depends on.
+    """The data on which the source text of a kernel depends.
 
     Parameters
     ----------
     structure
-        Of the system.
+        Structure of the system.
     pattern
-        Which coefficients of the flow may differ from zero: bytes of an array of bool.
+        Coefficients of the flow that may differ from zero: bytes of an array of bool.
     modal
-        Whether the lanes hold modal coordinates, two by two.
+        True if the lanes hold modal coordinates, in pairs.
     shared
-        Whether all lanes have the same coefficients.
+        True if all lanes have the same coefficients.
     survey
-        Whether extremes, contacts and largest forces are noted.
+        True if extremes, contacts and largest forces are recorded.
     """
 
     structure: Structure
@@ -38,11 +38,11 @@ class Form:
 
 
 def patterns_of(form: Form) -> dict[str, NDArray[np.bool_]]:
-    """Which entries of a scheme's arrays may differ from zero."""
+    """Mark the entries of a scheme's arrays that may differ from zero."""
     layout, n = layout_of(form.structure), form.structure.size
     linear = Linear(layout, np.frombuffer(form.pattern, dtype=bool).astype(float)[None])
     push, loads, rows = linear.push[0] != 0, linear.loads[0] != 0, linear.deflections[0] != 0
-    loads[:, 1:] |= loads[:, 1:].reshape(2 * n, -1, 2)[:, :, ::-1].reshape(2 * n, -1)  # over a step they mix
+    loads[:, 1:] |= loads[:, 1:].reshape(2 * n, -1, 2)[:, :, ::-1].reshape(2 * n, -1)  # cosine and sine mix over a step
     reach = np.eye(2 * n, dtype=bool) | (linear.matrix[0] != 0)
     for _ in range(2 * n):
         reach = reach @ reach

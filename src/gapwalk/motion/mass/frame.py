@@ -1,10 +1,10 @@
-"""The frame of a kernel: the loops around the lines of one step of one lane."""
+"""The frame of a kernel: the loops around the lines for one step of one lane."""
 
 LANES = 64
-"""Trajectories in a block: they go through the same instructions side by side."""
+"""Trajectories per block: all of them execute the same instructions (SIMD)."""
 
-# S: states, force history (and tally), one row of lanes after the other.  C: numbers of the scheme.  T: the excitation
-# step by step.  A lane whose state leaves the limit is noted with its last state within it, and goes on as NaN.
+# S: states, force history (and survey), one row of lanes after the other.  C: numbers of the scheme.  T: the excitation
+# step by step.  If the state of a lane exceeds the limit, the period and its last state are recorded; it becomes NaN.
 FRAME = """\
 def advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop):
 {outside}

@@ -1,4 +1,4 @@
-"""Kernels: the source text compiled to machine code, once for each form, and kept: in this process, and on disk."""
+"""Kernels: source text compiled to machine code once for each form, and cached in this process and on disk."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gapwalk.motion.mass.cache import forget, kernel_file, seal
 from gapwalk.motion.mass.form import Form
 from gapwalk.motion.mass.source import Source
 
-# No assumption that there is no NaN: a motion that ran away must be seen. Otherwise terms may be reordered and fused.
+# NaN must be respected, because it marks a diverged motion. Apart from that, terms may be reordered and fused.
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 _SIGNATURE = "boolean(f8[::1], f8[::1], f8[::1], i8, i8, i8, i8, f8[:, :, ::1], i8[::1], f8[:, ::1], f8, i8[::1])"
 _compiling = Lock()
@@ -23,15 +23,15 @@ _compiling = Lock()
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled code that carries a block of lanes over forcing periods; see `Source` for its arrays.
+    """Compiled code that advances a block of lanes over forcing periods; see `Source` for its arrays.
 
     Attributes
     ----------
     source
-        Its text, and the layout of its arrays.
+        Its source text, and the layout of its arrays.
     advance
-        ``advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop)``; it holds no interpreter
-        lock. False if it was stopped.
+        ``advance(S, C, T, first, periods, steps, every, record, left, last, limit, stop)``; it releases the
+        interpreter lock. It returns False if it was stopped.
     """
 
     source: Source
@@ -39,7 +39,7 @@ class Kernel:
 
 
 def kernel_of(form: Form) -> Kernel:
-    """The kernel of a form, compiled when it is first asked for ever (about a second), or loaded from the cache."""
+    """Return the kernel of a form: compiled on first use (about a second), later loaded from the cache."""
     with _compiling:
         return _compile(form)
 
@@ -54,14 +54,14 @@ def _compile(form: Form) -> Kernel:
         code = _machine_code(source.text, file)
         seal(file)
         return Kernel(source, code)
-    except Exception:  # whatever damaged files lead to: they are made again when they are next asked for
+    except Exception:  # damaged files may raise anything; the next request writes them again
         forget(file)
         return Kernel(source, _machine_code(source.text))
 
 
 def _machine_code(text: str, file: Path | None = None) -> Callable[..., bool]:
-    """Compile a kernel; or load it, if it is kept beside a file with its text."""
-    import numba  # takes longer to load than all the rest
+    """Compile a kernel, or load its machine code if that is stored next to a file with its text."""
+    import numba  # imported late: it takes longer to load than all other packages
 
     names: dict[str, Any] = {"np": np, "__name__": __name__}
     exec(compile(text, "<mass flow>" if file is None else str(file), "exec"), names)

@@ -1,4 +1,4 @@
-"""What a user can ask of the mass flow: how exact it is, and how many threads it takes."""
+"""Options of the batch integrator: accuracy and number of threads."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from dataclasses import dataclass
 from gapwalk.errors import ModelError
 
 MOST_STEPS = 20_000
-"""Steps a forcing period, beyond which the exact flow is the faster one."""
+"""Steps per forcing period above which the exact flow is faster."""
 
 
 @dataclass(frozen=True, slots=True)
 class MassOptions:
-    """Accuracy and threads of a mass flow.
+    """Accuracy and threads of the batch integrator.
 
     Parameters
     ----------
     error
-        The error that is allowed over one forcing period: the root mean square, over the trajectories and periods that
-        are compared with the exact flow, of the largest difference in any component of the state, in units of the
-        largest value of that component.
+        The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
+        compared with the exact flow, of the largest difference in any component of the state, in units of the largest
+        value of that component.
     steps
-        Steps a forcing period. By default they are chosen for `error`; if they are given, the error is only told.
+        Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
     sample
-        How many trajectories are compared with the exact flow, at several times of each run.
+        Number of trajectories that are compared with the exact flow, at several times of each run.
     threads
-        How many threads work; all local cores by default. The result does not depend on it.
+        Number of threads; by default all local cores. The result does not depend on it.
     """
 
     error: float = 1e-4
@@ -49,7 +49,7 @@ class MassOptions:
 
     @property
     def hands(self) -> int:
-        """Number of threads that will work."""
+        """Number of threads."""
         if self.threads is not None:
             return self.threads
         if hasattr(os, "sched_getaffinity"):  # not on macOS

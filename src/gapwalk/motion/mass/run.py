@@ -1,4 +1,4 @@
-"""What a mass flow brings back."""
+"""Results of the batch integrator."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class MassSurvey:
-    """What the trajectories did over the last forcing periods of a run; NaN where one ran away.
+    """Extremes, forces and impacts of trajectories over the last forcing periods of a run; NaN if one diverged.
 
     Attributes
     ----------
     periods
-        How many forcing periods were surveyed.
+        Number of surveyed forcing periods.
     low, high : shape (N, n)
         Smallest and largest value of each coordinate.
     peak_force : shape (N, contacts)
-        Largest size of each contact force.
+        Largest magnitude of each contact force.
     impacts : shape (N, contacts, 2)
-        Contacts a forcing period: how often the innermost stage of each contact is entered on the positive and on the
-        negative side. A touch that is over within a step may be missed.
+        Contacts per forcing period: entries into the innermost stage of each contact on the positive and on the
+        negative side. A contact that lasts less than a step may be missed.
     """
 
     periods: int
@@ -39,21 +39,22 @@ class MassRun:
     Attributes
     ----------
     states : shape (N, 2n)
-        Positions, then velocities, at the end; NaN where a trajectory ran away.
+        Positions, then velocities, at the end; NaN for trajectories that diverged.
     ran_away : shape (N,), bool
-        Which trajectories ran away to infinity.
+        True for trajectories that diverged.
     strobes : shape (noted, N, 2n), or None
-        The states every so many forcing periods, if they were asked for.
+        States every so many forcing periods, if requested.
     survey
-        Extremes, contacts and largest forces, if they were asked for.
+        Extremes, contacts and largest forces, if requested.
     error
-        The error over one forcing period, as seen beside the exact flow on trajectories of this run; see `MassOptions`.
+        Error over one forcing period, from comparison with the exact flow on trajectories of this run; see
+        `MassOptions`.
     worst
-        The largest error of any trajectory and period that was compared: near-grazing and unstable motions amplify it.
+        The largest error of a compared trajectory and period: near-grazing and unstable motions amplify it.
     trials
-        How many trajectories and periods were compared.
+        Number of comparisons (one trajectory over one period each).
     steps
-        Steps a forcing period.
+        Steps per forcing period.
     """
 
     states: NDArray[np.float64]

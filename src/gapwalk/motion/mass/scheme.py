@@ -1,9 +1,9 @@
-"""The step of the mass flow as numbers: exact linear propagation, and weights for the contact forces.
+"""The step of the batch integrator in numbers: exact linear propagation, and weights for the contact forces.
 
-Over one step the linear part (stiffness, damping, mean load, harmonics) is carried exactly by a matrix exponential.
+Over one step the linear part (stiffness, damping, mean load, harmonics) is propagated exactly by a matrix exponential.
 The contact forces enter by Duhamel's integral over a polynomial through their values at the end of the step and at
-three earlier ones: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
-the polynomial through the three earlier values as its predictor, and one evaluation of each force a step.
+three earlier times: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
+the polynomial through the three earlier values as its predictor, and one evaluation of each force per step.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from scipy.linalg import expm
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
-"""Earlier values of each contact force that a step uses."""
+"""Number of earlier values of each contact force that a step uses."""
 
-_MODAL_FROM = 3  # degrees of freedom from which two numbers a mode are fewer than a full matrix
-_LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost, which leaves more than are asked for
+_MODAL_FROM = 3  # degrees of freedom from which the two numbers per mode are fewer than those of a full matrix
+_LARGEST_CONDITION = 1e9  # of the modal basis: nine of sixteen digits may be lost; the others exceed the accuracy
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class Linear:
     Parameters
     ----------
     layout
-        Where the coefficients stand.
+        Positions of the coefficients in an array.
     coefficients : shape (lanes, number of coefficients)
-        Of each system.
+        Coefficients of each system.
     """
 
     layout: CoefficientLayout
@@ -48,7 +48,7 @@ class Linear:
 
     @property
     def rate(self) -> NDArray[np.float64]:
-        """Time by theta, ``1/W``, shape (lanes,)."""
+        """Time per angle theta, ``1/W``, shape (lanes,)."""
         return self.coefficients[:, 0]
 
     @cached_property
@@ -67,7 +67,7 @@ class Linear:
 
     @cached_property
     def push(self) -> NDArray[np.float64]:
-        """How a unit of each contact force accelerates the state, shape (lanes, 2n, contacts)."""
+        """Acceleration of the state by a unit of each contact force, shape (lanes, 2n, contacts)."""
         n, count = self.n, len(self.layout.contacts)
         push = np.zeros((len(self.coefficients), 2 * n, count))
         push[:, n:] = -self.table[:, :, 2 * n : 2 * n + count]
@@ -75,7 +75,7 @@ class Linear:
 
     @cached_property
     def loads(self) -> NDArray[np.float64]:
-        """How ``1, cos h theta, sin h theta, ...`` accelerate the state, shape (lanes, 2n, 1 + 2 orders)."""
+        """Acceleration of the state by ``1, cos h theta, sin h theta, ...``, shape (lanes, 2n, 1 + 2 orders)."""
         n, first, count = self.n, 2 * self.n + len(self.layout.contacts), len(self.layout.orders)
         loads = np.zeros((len(self.coefficients), 2 * n, 1 + 2 * count))
         loads[:, n:, 0] = self.table[:, :, first]
@@ -85,7 +85,7 @@ class Linear:
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:
-        """Rows that give each contact's deflection, then each one's rate, shape (lanes, 2, contacts, 2n)."""
+        """Rows that map a state to each contact's deflection, then to its rate, shape (lanes, 2, contacts, 2n)."""
         n, count = self.n, len(self.layout.contacts)
         rows = np.zeros((len(self.coefficients), 2, count, 2 * n))
         for index, slots in enumerate(self.layout.contacts):
@@ -94,13 +94,13 @@ class Linear:
 
     @cached_property
     def basis(self) -> NDArray[np.float64] | None:
-        """Real modal basis, shape (lanes, 2n, 2n), pairs of columns side by side; None where it does not pay."""
+        """Real modal basis, shape (lanes, 2n, 2n), in pairs of adjacent columns; None if it does not save work."""
         if self.n < _MODAL_FROM:
             return None
         values: NDArray[np.complex128]
         vectors: NDArray[np.complex128]
         values, vectors = (part.astype(complex) for part in np.linalg.eig(self.matrix))
-        order = np.argsort(values.imag != 0, axis=1, kind="stable")  # real ones first: pairs stay together
+        order = np.argsort(values.imag != 0, axis=1, kind="stable")  # real ones first: complex pairs stay adjacent
         values = np.take_along_axis(values, order, axis=1)
         vectors = np.take_along_axis(vectors, order[:, None, :], axis=2)
         columns = np.where(values.imag[:, None, :] < 0, vectors.imag, vectors.real)
@@ -109,7 +109,7 @@ class Linear:
         return columns if good else None
 
     def some(self, lanes: NDArray[np.intp]) -> Linear:
-        """That of some of the systems, in the same basis."""
+        """Select some of the systems, in the same basis."""
         part = Linear(self.layout, self.coefficients[lanes])
         part.__dict__["basis"] = None if self.basis is None else self.basis[lanes]
         return part
@@ -117,20 +117,20 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """What one step of a given length does, for each lane.
+    """The matrices of one step of a given length, for each lane.
 
     Attributes
     ----------
     transition : shape (lanes, 2n, 2n)
-        Carries the state over the step.
+        Propagates the state over the step.
     loads : shape (lanes, 2n, 1 + 2 orders)
-        What ``1, cos h theta, sin h theta, ...`` at the start of the step add.
+        Contribution of ``1, cos h theta, sin h theta, ...`` at the start of the step.
     weights : shape (lanes, 1 + HISTORY, 2n, contacts)
-        What the contact forces add: that at the end of the step, that at its start, and so on back.
+        Contribution of the contact forces: at the end of the step, at its start, and at earlier steps.
     rows : shape (lanes, 2, contacts, 2n)
-        Deflections and their rates from the state.
+        Maps the state to deflections and their rates.
     forecast : shape (lanes, HISTORY, 2, contacts, contacts)
-        What earlier contact forces add to the deflections and rates at the end of the step.
+        Contribution of earlier contact forces to the deflections and rates at the end of the step.
     span : shape (lanes,)
         Length of the step, in time.
     """
@@ -143,12 +143,12 @@ class Scheme:
     span: NDArray[np.float64]
 
     def some(self, lanes: NDArray[np.intp]) -> Scheme:
-        """That of some of the lanes."""
+        """Select some of the lanes."""
         return Scheme(*(getattr(self, field.name)[lanes] for field in fields(self)))
 
 
 def scheme_of(linear: Linear, steps: int) -> Scheme:
-    """The scheme of `steps` steps a forcing period, in the basis of `linear`."""
+    """Compute the scheme of `steps` steps per forcing period, in the basis of `linear`."""
     span = linear.rate * (2.0 * math.pi / steps)
     n2, n_loads, n_contacts = 2 * linear.n, linear.loads.shape[2], linear.push.shape[2]
     carried = expm(_augmented(linear, span))
@@ -170,7 +170,7 @@ def scheme_of(linear: Linear, steps: int) -> Scheme:
 
 
 def _augmented(linear: Linear, span: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The linear part over one step, with its loads, and with polynomials of growing degree on each contact."""
+    """Build the matrix of the linear part over one step, with its loads and polynomials for each contact."""
     lanes, n2, n_contacts = len(span), 2 * linear.n, linear.push.shape[2]
     first = n2 + linear.loads.shape[2]
     matrix = np.zeros((lanes, first + n_contacts * (1 + HISTORY), first + n_contacts * (1 + HISTORY)))
@@ -188,6 +188,6 @@ def _augmented(linear: Linear, span: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def _interpolating(moments: list[NDArray[np.float64]], nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights of the values at the nodes (in steps), from integrals of powers; shape (lanes, nodes, 2n, contacts)."""
+    """Compute weights of values at nodes (in steps) from integrals of powers, shape (lanes, nodes, 2n, contacts)."""
     powers = np.linalg.inv(np.vander(nodes, increasing=True))
     return np.einsum("jlzk,ji->lizk", np.array(moments), powers)

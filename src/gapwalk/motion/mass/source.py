@@ -1,7 +1,7 @@
-"""The source text of a kernel, written for one structure: straight-line code over lanes that a compiler turns to SIMD.
+"""Source text of a kernel for one structure: straight-line code over lanes that a compiler vectorises (SIMD).
 
-Every coefficient that is always zero is left out, every loop over coordinates, contacts and stages is written out, and
-there is no branch. What differs from lane to lane is an array, what all lanes share is a number.
+Coefficients that are always zero are omitted, loops over coordinates, contacts and stages are unrolled, and there are
+no branches. Values that differ from lane to lane are arrays; values that all lanes share are scalars.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _TINY = "1e-300"  # keeps the inverse of a vanishing speed finite
 
 
 class Source:
-    """The source text of one kernel, and what goes into its arrays."""
+    """The source text of one kernel, and the contents of its arrays."""
 
     def __init__(self, form: Form) -> None:
         self.form, self.layout = form, layout_of(form.structure)
@@ -33,7 +33,7 @@ class Source:
 
     @cached_property
     def text(self) -> str:
-        """The kernel, a function `advance`."""
+        """The text of the kernel, a function `advance`."""
         times = [f"t{column} = T[i * {self.columns} + {column}]" for column in range(self.columns)]
         loops, outside = [], []
         for chunk in self._chunks:
@@ -59,7 +59,7 @@ class Source:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        """Row of each name that outlives a loop: states, force history, and behind the tally what is kept."""
+        """Row of each name that outlives a loop: states, force history, then (after the survey) stored values."""
         names = [f"z{i}" for i in range(2 * self.n)]
         names += [f"h{j}_{k}" for j in range(HISTORY) for k in range(self.contacts)]
         rows = {name: row for row, name in enumerate(names)}
@@ -69,14 +69,14 @@ class Source:
 
     @cached_property
     def columns(self) -> int:
-        """Numbers a step in the table of the excitation."""
+        """Numbers per step in the table of the excitation."""
         if self.form.shared:
             return int(self._patterns["loads"].any(axis=1).sum())
         return 1 + 2 * len(self.layout.orders)
 
     @cached_property
     def tally_rows(self) -> dict[str, int]:
-        """First row of each kind of what a survey notes, behind states and history, and the row behind all."""
+        """First row of each quantity of a survey, after states and history, and the row after all of them."""
         if not self.form.survey:
             return {}
         first, rows = 2 * self.n + HISTORY * self.contacts, {}
@@ -92,12 +92,12 @@ class Source:
 
     @cached_property
     def height(self) -> int:
-        """Rows of a block."""
+        """Number of rows of a block."""
         return len(self._rows) + self._tallies
 
     def numbers(self, scheme: Scheme, linear: Linear) -> NDArray[np.float64]:
-        """The numbers for the kernel's array ``C``, shape (numbers, lanes of the scheme)."""
-        assert self._chunks  # the slots are known once they are written
+        """Return the numbers for the kernel's array ``C``, shape (numbers, lanes of the scheme)."""
+        assert self._chunks  # the slots are assigned while the chunks are written
         parts = {
             "transition": scheme.transition,
             "loads": scheme.loads,
@@ -112,7 +112,7 @@ class Source:
         return np.array(numbers).reshape(len(numbers), len(scheme.span))
 
     def times(self, scheme: Scheme, steps: int) -> NDArray[np.float64]:
-        """The table ``T`` of the excitation over one forcing period, shape (steps, columns)."""
+        """Return the table ``T`` of the excitation over one forcing period, shape (steps, columns)."""
         theta = 2.0 * np.pi * np.arange(steps) / steps
         angles = np.multiply.outer(theta, np.array(self.layout.orders, dtype=float))
         basis = np.ones((steps, 1 + 2 * angles.shape[1]))
@@ -122,13 +122,13 @@ class Source:
         return basis @ scheme.loads[0, self._patterns["loads"].any(axis=1)].T
 
     def _atoms(self) -> Iterable[list[str]]:
-        """The lines of one step of one lane, in pieces that belong together."""
+        """Yield the lines of one step of one lane, in groups of dependent lines."""
         size = 2 * self.n
         yield from ([f"u{i} = {self._drift(i)}"] for i in range(size))
         yield from ([*self._forecast(k), *self._force(k)] for k in range(self.contacts))
         kicks = [f"y{i} = {_sum([f'u{i}', *self._kick(i)])}" for i in range(size)]
         stores = [f"S[{i * LANES} + l] = y{i}" for i in range(size)]
-        if self.form.survey:  # it needs the old states beside the new ones
+        if self.form.survey:  # it needs both the old and the new states
             yield from ([kick] for kick in kicks)
             yield from self._survey()
             yield stores
@@ -160,7 +160,7 @@ class Source:
         return _sum([f"{self._slot('rows', which, k, i)} * {symbol}{i}" for i in present])
 
     def _forecast(self, k: int) -> list[str]:
-        """Deflection and rate of a contact at the end of the step, foreseen."""
+        """Write the lines that predict deflection and rate of a contact at the end of the step."""
         lines = []
         for which, name in enumerate(("x", "r")):
             known = [
@@ -172,12 +172,12 @@ class Source:
         return lines
 
     def _force(self, k: int) -> list[str]:
-        """The contact force at the end of the step.
+        """Write the lines for the contact force at the end of the step.
 
-        A kink of the force between two steps leaves an error of second order in the sum over steps, ``B2(s) / 2`` times
-        the jump of the slope (Euler and Maclaurin), where ``s`` tells where in the step it lies. The bump
-        ``(1 - a)(1 - 3a) / 12``, ``a`` the distance from the breakpoint in steps, adds up to just that over the steps
-        beside the kink.
+        A kink of the force between two steps causes an error of second order in the sum over steps: ``B2(s) / 2`` times
+        the jump of the slope (Euler and Maclaurin), where ``s`` is the position of the kink in the step. The bump
+        ``(1 - a)(1 - 3a) / 12``, with ``a`` the distance from the breakpoint in steps, adds up to this error over the
+        steps next to the kink and so cancels it.
         """
         slots, law = self.layout.contacts[k], self.form.structure.contacts[k].damping
         lines = [
@@ -210,7 +210,7 @@ class Source:
                 return [*lines, f"f{k} = g + {c} * r * g"]
 
     def _pieces(self, k: int) -> Iterable[tuple[StageSlots, bool]]:
-        """The stages of a contact; one that acts on both sides of a gap is folded into one, by symmetry."""
+        """Yield the stages of a contact; a stage on both sides of a gap is folded into one, by symmetry."""
         stages = iter(self.layout.contacts[k].stages)
         for form in self.form.structure.contacts[k].stages:
             mine = [next(stages) for _ in form.side.signs]
@@ -236,7 +236,7 @@ class Source:
         return [*lines, f"{name} = {_sum(terms)}"]
 
     def _survey(self) -> Iterable[list[str]]:
-        """Extremes of the coordinates, largest contact forces, and how often each side is entered."""
+        """Yield the lines for extremes of the coordinates, largest contact forces, and entries on each side."""
         rows = self.tally_rows
 
         def keep(row: int, value: str, which: str) -> str:
@@ -249,7 +249,7 @@ class Source:
                     f"q{symbol} = {self._physical(i, symbol)}",
                     f"v{symbol} = {self._physical(self.n + i, symbol)}",
                 ]
-            # where the velocity changes sign, it is taken as linear over the step
+            # if the velocity changes sign, it is assumed linear over the step
             lines += [
                 "turn = vz * vy < 0.0",
                 "fall = (vz - vy) if turn else 1.0",
@@ -259,7 +259,7 @@ class Source:
             ]
             yield lines
         for k, slots in enumerate(self.layout.contacts):
-            # the tip of the parabola through three values
+            # vertex of the parabola through three values
             lines = [
                 f"middle, before, after = abs(h0_{k}), abs(h1_{k}), abs(f{k})",
                 "over = middle > before and middle > after",
@@ -278,7 +278,7 @@ class Source:
             yield lines
 
     def _physical(self, i: int, symbol: str) -> str:
-        """A component of the state in the user's coordinates."""
+        """Write a component of the state in the user's coordinates."""
         if not self.form.modal:
             return f"{symbol}{i}"
         return _sum([f"{self._slot('basis', i, j)} * {symbol}{j}" for j in range(2 * self.n)])
@@ -294,7 +294,7 @@ class Source:
 
 
 def _first_stages(slots: ContactSlots) -> list[tuple[int, StageSlots]]:
-    """The innermost stage on each side that has one."""
+    """Return the innermost stage on each side that has one."""
     first = {}
     for stage in slots.stages:
         first.setdefault(stage.sign, stage)

@@ -1,4 +1,4 @@
-"""How a mass flow starts: the contact forces at the start of a motion and at the two steps before it."""
+"""Start of the batch integrator: contact forces at the start of a motion and at the two steps before it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gapwalk.motion.mass.scheme import HISTORY, Linear
 
 
 def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
-    """Contact forces at theta 0 and at the steps before it, shape (HISTORY, contacts, lanes).
+    """Compute the contact forces at theta = 0 and at the steps before it, shape (HISTORY, contacts, lanes).
 
-    The motion is followed backwards by the classical Runge-Kutta method, which for two steps is exact enough.
+    The motion is integrated backwards by the classical Runge-Kutta method, which is accurate enough for two steps.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
     states : shape (lanes, 2n)
         Positions, then velocities, at theta = 0.
     steps
-        Steps a forcing period.
+        Steps per forcing period.
     """
     turn = -2.0 * np.pi / steps
     h = (turn * linear.rate)[:, None]
@@ -38,7 +38,7 @@ def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArr
 
 
 def contact_forces(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Contact forces by their definition, shape (lanes, contacts), each lane with its own coefficients."""
+    """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
     deflections = np.einsum("lakz,lz->akl", linear.deflections, states)
     forces = np.zeros((len(states), len(linear.layout.contacts)))
     for k, (slots, form) in enumerate(zip(linear.layout.contacts, linear.layout.structure.contacts, strict=True)):
@@ -60,7 +60,7 @@ def contact_forces(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _slopes(linear: Linear, theta: float, states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rates of change of the states over time, shape (lanes, 2n)."""
+    """Compute the time derivatives of the states, shape (lanes, 2n)."""
     angles = theta * np.array(linear.layout.orders, dtype=float)
     basis = np.ones(linear.loads.shape[2])
     basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)

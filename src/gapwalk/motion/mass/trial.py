@@ -1,4 +1,4 @@
-"""Trials: pieces of a mass flow's own trajectories, each one forcing period long, beside the exact flow."""
+"""Trials: one forcing period each of trajectories of the batch integrator, compared with the exact flow."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 
-_SAMPLES = 33  # of an exact motion over a forcing period, from which the size of each component is read
-_FAR = 1e-3  # share of the limit that an exact motion must reach where the mass flow has left it
-_SMALL = 1e-12  # of the largest size of its kind: the least by which a component is measured
+_SAMPLES = 33  # samples of an exact motion over a forcing period, which give the size of each component
+_FAR = 1e-3  # fraction of the limit that an exact motion must reach if the batch integrator has exceeded the limit
+_SMALL = 1e-12  # smallest scale of a component, relative to the largest component of its kind
 
 
 class Trial(NamedTuple):
@@ -26,9 +26,9 @@ class Trial(NamedTuple):
     Attributes
     ----------
     lane
-        Which trajectory.
+        Index of the trajectory.
     before, after : shape (2n,)
-        Its states at the start and at the end; NaN at the end if it ran away.
+        Its states at the start and at the end; NaN at the end if it diverged.
     """
 
     lane: int
@@ -38,7 +38,7 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a mass flow compares with the exact flow.
+    """The comparison of the batch integrator with the exact flow.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Verdict:
     worst
         The largest of them.
     trials
-        How many forcing periods were compared.
+        Number of forcing periods that were compared.
     """
 
     error: float
@@ -61,11 +61,11 @@ def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: fl
     Parameters
     ----------
     trials
-        What to compare.
+        The trials to compare.
     system_of
-        Gives the system of a lane.
+        A function that returns the system of a lane.
     limit
-        Size of a state from which a motion has run away.
+        Size of a state above which a motion has diverged.
     """
     differences: list[NDArray[np.float64]] = []
     sizes: list[NDArray[np.float64]] = []
@@ -74,7 +74,7 @@ def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: fl
         path = _exact(system_of(trial.lane), trial.before)
         gone = not np.all(np.isfinite(trial.after))
         if path is None or gone:
-            # far out both leave at about the same time, but not in the same forcing period
+            # both diverge at about the same time, but not in the same forcing period
             far = path is None or np.abs(path).max() > _FAR * limit
             false_alarms += not far
             continue
@@ -90,7 +90,7 @@ def judge(trials: Sequence[Trial], system_of: Callable[[int], System], limit: fl
 
 
 def _exact(system: System, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """The exact motion over one forcing period, shape (samples, 2n), or None if it runs away."""
+    """Integrate the exact motion over one forcing period, shape (samples, 2n); None if it diverges."""
     try:
         return flow_of(system).sample(coefficients_of(system), state, np.linspace(0.0, PERIOD, _SAMPLES))[0]
     except FlowError:
@@ -98,7 +98,7 @@ def _exact(system: System, state: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 
 def _scale(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What each component is measured by: its own size, or next to nothing where it does not move at all."""
+    """Return the scale of each component: its own size, or a tiny number if it does not move at all."""
     halves = sizes.reshape(2, -1)
     least = np.maximum(halves.max(axis=1, keepdims=True) * _SMALL, np.finfo(float).tiny)
     return np.maximum(halves, least).ravel()

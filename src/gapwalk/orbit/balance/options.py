@@ -73,10 +73,10 @@ class Balance(Method):
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """How many harmonics they have, and what those beyond amount to."""
+        """Describe the number of harmonics of orbits, and the size of the omitted ones."""
         fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
         count = f"{most}" if fewest == most else f"{fewest} to {most}"
         return (
-            f"by harmonic balance with {count} harmonics: those beyond amount to "
-            f"{max(orbit.truncation for orbit in orbits):.2g} of a motion at most"
+            f"by harmonic balance with {count} harmonics; the omitted ones amount to at most "
+            f"{max(orbit.truncation for orbit in orbits):.2g} of a motion"
         )
