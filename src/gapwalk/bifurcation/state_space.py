@@ -1,4 +1,4 @@
-"""A branch as a curve in the space of states, as shooting walks it."""
+"""Space of states, in which a branch followed by shooting is a curve."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 
 class StateSpace:
-    """Of the states at the start of each segment, by shooting; the first of them tells the motion."""
+    """Space of the states at the start of each shooting segment; the first state determines the motion."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self.size, self._period = 2 * branch.system.size, branch.period

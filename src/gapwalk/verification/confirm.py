@@ -1,4 +1,4 @@
-"""A branch verified as soon as it has been walked."""
+"""Verification of a branch directly after its walk."""
 
 from __future__ import annotations
 
