@@ -1,4 +1,4 @@
-"""One motion: periodic orbits by shooting, Newton's method, Floquet multipliers, measures."""
+"""Periodic orbits by shooting, Newton's method, Floquet multipliers, and measures of one motion."""
 
 from gapwalk.orbit.equation import Equation, Evaluation
 from gapwalk.orbit.find import find_orbit
