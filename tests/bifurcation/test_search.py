@@ -446,8 +446,8 @@ def test_every_island_wide_enough_holds_a_value(narrowest, count):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((1.0, 1.0), "the range is from 1.0 to 1.0; it must go up"),
-        ((0.0, float("inf")), "it must go up, between finite numbers"),
+        ((1.0, 1.0), "the range is from 1.0 to 1.0; its limits must be finite"),
+        ((0.0, float("inf")), "its limits must be finite and increasing"),
         ((0.0, 1.0, 0.0), "narrowest is 0.0; it must be a number > 0"),
     ],
 )

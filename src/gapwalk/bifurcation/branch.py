@@ -70,7 +70,7 @@ class SpecialPoint(Shown):
 
     @property
     def orbit(self) -> Orbit:
-        """The orbit at the point."""
+        """Orbit at the point."""
         return self.point.orbit
 
     @property
@@ -148,7 +148,7 @@ class Branch(Shown):
 
     @property
     def system(self) -> System:
-        """The system at the first point."""
+        """System at the first point."""
         return self.points[0].orbit.system
 
     @property
@@ -182,7 +182,7 @@ class Branch(Shown):
         return tuple(point.instability for point in self.points)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
-        """The special points of one kind."""
+        """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
     def plot(self, measure: str = "half", **options: Any):

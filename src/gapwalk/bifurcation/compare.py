@@ -169,7 +169,7 @@ def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
 
 
 def value_range(branch: Branch) -> tuple[float, float]:
-    """The range of the parameter over a branch, folds included."""
+    """Return the range of the parameter over a branch, folds included."""
     values = [*branch.values.tolist(), *(special.value for special in branch.special_points)]
     return min(values), max(values)
 

@@ -26,7 +26,7 @@ def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint])
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"
                 if found % 2 == 0
-                else (f"{found} points of the kind {kind} lie between, but the test function keeps its sign")
+                else (f"{found} points of the kind {kind} lie between, but the test function does not change its sign")
             )
     yield from _contacts(a, b, special)
 
@@ -36,7 +36,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
     count = None if _is_undecided(a) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
-            yield f"{count} unstable multipliers come to a {each.kind} that counts {each.before.total} before it"
+            yield f"{count} unstable multipliers precede a {each.kind} that states {each.before.total} before it"
         count = each.after.total
     if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"

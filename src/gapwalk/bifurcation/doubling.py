@@ -26,12 +26,12 @@ def halves_apart(orbit: Orbit) -> NDArray[np.float64]:
 
 
 def has_merged(point: BranchPoint) -> bool:
-    """Whether the orbit of a point has half its period: it lies on the parent branch."""
+    """Return whether the orbit of a point has half its period, so that it lies on the parent branch."""
     return float(np.abs(_apart(point)).max()) < MERGED
 
 
 def is_close(point: BranchPoint) -> bool:
-    """Whether the orbit of a point nearly repeats after half its period."""
+    """Return whether the orbit of a point nearly repeats after half its period."""
     return float(np.abs(_apart(point)).max()) < _CLOSE
 
 

@@ -238,7 +238,9 @@ def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: 
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
     """Return the tangent of a point found with other scales, in the scales of the corrector."""
     if len(point.x) != len(start):
-        raise ModelError("switch with the method, segments or harmonics with which the branch point was found")
+        raise ModelError(
+            "switch with the method, and the number of segments or harmonics, with which the branch point was found"
+        )
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
     return rescaled / np.linalg.norm(rescaled)

@@ -33,7 +33,7 @@ _AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special p
 _SHARP = 1e-6  # length of a step below which a graze is passed in terms of its depth, not of the arclength
 _BEGINNING = 1e-4  # radians from the start of the period within which a contact event coincides with it
 _BENT, _UNCHANGED = 1e-6, 1e-3  # step over a sharp bend, and the relative change of multipliers allowed in it
-_NEARER, _NEAREST = 0.1, 1e-8  # factor on that arclength if a contact grazes before it, and the smallest arclength
+_NEARER, _NEAREST = 0.1, 1e-8  # factor on _AHEAD if a contact grazes before it, and its smallest value
 
 _SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
 _RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located to the square of that, and better
@@ -140,7 +140,7 @@ class Trail(Iterator[Step]):
 
     @property
     def end(self) -> End | None:
-        """Where and why the walk ended; None while it continues."""
+        """End of the walk, with its reason; None while it continues."""
         return self.walk.end
 
     @property
@@ -384,7 +384,7 @@ class Trail(Iterator[Step]):
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
             contact = describe_switch(last.orbit, depths.index(min(depths)))
-            advice = "the branch turns there too sharply to be followed: begin beyond, or with a softer contact"
+            advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
 
     def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:

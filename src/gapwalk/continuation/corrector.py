@@ -186,7 +186,7 @@ class Corrector:
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
 
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """The branch point of a correction."""
+        """Return the branch point of a correction."""
         x, evaluation, course = correction.x, correction.evaluation, correction.course
         way = 0.0 if course is None else float(course.tangent @ along)
         if course is None or abs(way) < _ACROSS:

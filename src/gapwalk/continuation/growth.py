@@ -66,7 +66,7 @@ def _peaks(sizes: list[float]) -> list[int]:
 
 
 def _summit(size: Callable[[float], float], values: NDArray[np.float64], sizes: list[float], peak: int) -> float:
-    """The largest size near one of the values."""
+    """Return the largest size near one of the values."""
     from scipy.optimize import minimize_scalar  # slow to import, and rarely needed
 
     low, high = values[max(peak - 1, 0)], values[min(peak + 1, len(values) - 1)]
@@ -96,6 +96,6 @@ def _amplitude(system: System) -> float:
 
 
 def _sprung(system: System, linear: Linear) -> NDArray[np.float64]:
-    """The stiffness with the stages that have no clearance, shape (n, n)."""
+    """Return the stiffness including the stages that have no clearance, shape (n, n)."""
     tight = [[each for each in spring.slopes if each.clearance == 0.0 < each.sign] for spring in springs_of(system)]
     return linear.shifted(np.array([sum(each.stiffness for each in stages) for stages in tight]))

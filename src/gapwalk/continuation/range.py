@@ -14,7 +14,7 @@ _OCTAVES = 2.0  # change of the frequency, as a share of itself, that weighs as 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A range of a parameter.
+    """Range of a parameter.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ def check_range(start: float, to: float | tuple[float, float]) -> Range:
     """Return the range from the start to `to`, or the range given; raise a ModelError if the start is outside it."""
     low, high = sorted((start, to) if isinstance(to, int | float) else to)
     if not low < high:
-        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: the range has no width")
+        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: the range is empty")
     if not low <= start <= high:
         raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
     return Range(float(low), float(high))

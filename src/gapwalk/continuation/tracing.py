@@ -21,7 +21,7 @@ class Trace(Protocol[S_co]):
 
     @property
     def end(self) -> Any:
-        """Where and why the trace ended; None while it has not ended."""
+        """End of the trace, with its reason; None while it continues."""
         ...
 
     @property

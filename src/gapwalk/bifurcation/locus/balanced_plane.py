@@ -36,6 +36,7 @@ class BalancedPlane:
     derivatives along the critical vector come from one difference of exact Jacobians, as in shooting. Flips and
     Neimark-Sacker points are those of the multipliers, again as on a branch. The derivatives of the monodromy matrix
     come from one difference per unknown, since one pass over the period costs no more than an evaluation.
+
     Parameters
     ----------
     system

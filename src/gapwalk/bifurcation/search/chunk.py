@@ -100,9 +100,7 @@ def search_chunk(chunk: Chunk) -> Catch:
             unsettled.append(settling.path[-1])
         if every and number % every == 0:
             hunt.along(number // every, settling)
-    if len(unsettled) <= _FEW * len(
-        chunk.starts
-    ):  # if most have settled, a few may still linger near a chaotic saddle
+    if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
         unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
     if every:
         hunt.beside()

@@ -95,7 +95,7 @@ def values_between(low: float, high: float, narrowest: float | None = None) -> N
         For an empty range, or a width that is not positive.
     """
     if not low < high < math.inf or low == -math.inf:
-        raise ModelError(f"the range is from {low!r} to {high!r}; it must go up, between finite numbers")
+        raise ModelError(f"the range is from {low!r} to {high!r}; its limits must be finite and increasing")
     if narrowest is not None and not 0.0 < narrowest < math.inf:
         raise ModelError(f"narrowest is {narrowest!r}; it must be a number > 0, in units of the parameter")
     ratio = VALUES if narrowest is None else (high - low) / narrowest * (1.0 - 1e-12)
