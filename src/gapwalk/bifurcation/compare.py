@@ -47,7 +47,7 @@ class Comparison(Shown):
     Attributes
     ----------
     parameter, measures
-        What is compared: each branch is a curve over the parameter, in the space of these measures.
+        Quantities that are compared: each branch is a curve over the parameter, in the space of these measures.
     width
         Range of the parameter, in its units.
     values, distances : shape (points,)
@@ -226,7 +226,7 @@ def match_places(
 
     Places have shape (places, dimensions), in units in which the whole range is about 1.
     """
-    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+    from scipy.optimize import linear_sum_assignment  # imported late, because the import is slow
 
     apart = np.linalg.norm(first[:, None] - second[None], axis=2)
     alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)

@@ -51,11 +51,11 @@ class Crossing:
         return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius
 
     def x(self, arclength: float) -> NDArray[np.float64]:
-        """Scaled unknowns and parameter at an arclength."""
+        """Return the scaled unknowns and parameter at an arclength."""
         return np.array([component(arclength - self.arclength) for component in self.curve])
 
     def tangent(self, arclength: float) -> NDArray[np.float64]:
-        """Unit tangent at an arclength."""
+        """Return the unit tangent at an arclength."""
         slope = np.array([component(arclength - self.arclength) for component in self._slopes])
         return slope / np.linalg.norm(slope)
 

@@ -35,7 +35,7 @@ class Detector:
     corrector
         Corrector for the branch.
     kinds
-        The kinds to look for; by default all that are registered.
+        The kinds to detect; by default all that are registered.
     """
 
     def __init__(self, corrector: Corrector, kinds: Sequence[Kind] | None = None) -> None:
@@ -73,7 +73,7 @@ class Detector:
             nature = zero.kind.nature(*sides)
             if nature is None:
                 continue
-            error = float(self._error(search, zero))  # a plain number, as a result file has it
+            error = float(self._error(search, zero))  # a plain number, for result files
             counts = _instabilities(zero.kind, *sides)
             special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature))
         return special

@@ -126,7 +126,7 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
         beside = doubled.along(start.place + step)
         alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
         amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
-        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last was two steps away
+        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
     return None
 
 

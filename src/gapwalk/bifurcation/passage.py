@@ -210,7 +210,7 @@ class _Corner:
 
         A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
         """
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         pairs = pairwise(nodes)
         changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]

@@ -13,7 +13,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.orbit import Orbit
 
 Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
-"""A point of a curve, the unit tangent there, and its arclength."""
+"""Point of a curve, the unit tangent there, and its arclength."""
 
 
 class Space(Protocol):

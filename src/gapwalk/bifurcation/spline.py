@@ -25,11 +25,11 @@ class SplineCurve:
     """
 
     def __init__(self, points: NDArray[np.float64]) -> None:
-        from scipy.interpolate import CubicSpline  # imported late: it takes long
+        from scipy.interpolate import CubicSpline  # imported late, because the import is slow
         from scipy.spatial import cKDTree
 
         lengths = _lengths(points)
-        # points that nearly coincide would bend the spline by their rounding
+        # if points nearly coincide, their rounding would bend the spline
         cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]
         points = points[cells] if len(cells) > 1 else points[[0, -1]] + [[0.0], [_CLOSEST]]
         lengths = _lengths(points)

@@ -222,7 +222,7 @@ class Corrector:
         return Course(along / length, self._product(factors, pivots) * length)
 
     def _determinant(self, evaluation: Evaluation, border: NDArray[np.float64]) -> float:
-        """Determinant of the Jacobian bordered by a unit vector; see `Course`."""
+        """Return the determinant of the Jacobian bordered by a unit vector; see `Course`."""
         factors, pivots, singular = lapack.dgetrf(self._bordered(evaluation, border))
         return 0.0 if singular else self._product(factors, pivots)
 

@@ -67,7 +67,7 @@ def _peaks(sizes: list[float]) -> list[int]:
 
 def _summit(size: Callable[[float], float], values: NDArray[np.float64], sizes: list[float], peak: int) -> float:
     """Return the largest size near one of the values."""
-    from scipy.optimize import minimize_scalar  # slow to import, and rarely needed
+    from scipy.optimize import minimize_scalar  # imported late: slow to import, and rarely needed
 
     low, high = values[max(peak - 1, 0)], values[min(peak + 1, len(values) - 1)]
     found = minimize_scalar(

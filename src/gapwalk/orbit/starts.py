@@ -69,7 +69,7 @@ def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray
 
 def _balanced(system: System, period: int) -> NDArray[np.float64]:
     """Return the state of an orbit by harmonic balance, with rest as the start."""
-    from gapwalk.orbit.balance import Balance  # slow to import, and rarely needed
+    from gapwalk.orbit.balance import Balance  # imported late: slow to import, and rarely needed
     from gapwalk.orbit.newton import solve
 
     equation = Balance(harmonics=10).pose(system, None, period)

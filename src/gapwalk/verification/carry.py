@@ -47,7 +47,6 @@ class Round:
         to the largest position.
     contraction
         Logarithm of the factor by which volumes of the state space change.
-        Logarithm of the factor by which volumes of states change.
     extremes : shape (n, 2)
         Maximum and minimum of each coordinate.
     error

@@ -75,5 +75,5 @@ def between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint |
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Angle between two unit vectors, in radians."""
+    """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))

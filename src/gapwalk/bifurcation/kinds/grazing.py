@@ -186,7 +186,7 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
 
     Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
     """
-    from scipy.optimize import brentq  # imported late: it takes long
+    from scipy.optimize import brentq  # imported late, because the import is slow
 
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}

@@ -170,7 +170,7 @@ class Search:
         return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
 
     def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         def function(arclength: float) -> float:
             return _deflated(kind, self.stretch.at(arclength), known)

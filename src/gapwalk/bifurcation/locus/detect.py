@@ -103,7 +103,7 @@ def _search(
     if not max(abs(at_a), abs(at_b)) >= _NOISE:
         return []  # undefined, or zero everywhere, as with multipliers on the unit circle without damping
     if at_a * at_b < 0.0:
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         root = brentq(lambda s: function(stretch.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
         return [stretch.at(float(root))]

@@ -160,7 +160,7 @@ class _Hunt:
         Orbits known beforehand are skipped: orbits near them lie on their branches, or on branches attached to these.
         """
         done = self._known
-        while done < min(len(self.catalogue.entries), self._known + _MOST):  # it grows
+        while done < min(len(self.catalogue.entries), self._known + _MOST):  # the list grows in the loop
             orbit = self.catalogue.entries[done].orbit
             kick = self._random.normal(size=len(orbit.state))
             kick *= _KICK / np.linalg.norm(kick)

@@ -63,7 +63,10 @@ def _sentences(result: SearchResult) -> Iterator[str]:
     if settled:
         once = _count(sum(each.hits_settled == 1 for each in result.found), "motion")
         chance = f"{100 * next_is_new(result):.2g} %"
-        yield f"{once} had one start only: one more start would settle on a new motion with a probability of {chance}."
+        yield (
+            f"{once} had one start only: one more start would settle on a new motion with a probability of about "
+            f"{chance}."
+        )
     unstable = sum(each.hits_settled == 0 for each in result.found)
     yield (
         f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "

@@ -121,7 +121,7 @@ def _line_search(equation, x, evaluation, step, scales, known, options: Deflatio
 
 
 def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> float:
-    """Logarithm of the size of the deflated residual."""
+    """Return the logarithm of the size of the deflated residual."""
     size = math.log(max(math.hypot(*(evaluation.residual / scales).tolist()), 1e-300))
     if not len(known):
         return size

@@ -49,7 +49,7 @@ def spread_starts(box: NDArray[np.float64], count: int, seed: int, value: float)
 
     They depend only on the seed and the value of the parameter, not on what else is searched.
     """
-    from scipy.stats import qmc  # imported late: it takes longer than all the rest
+    from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 
     engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
     points = engine.random_base2((count - 1).bit_length())[:count]
