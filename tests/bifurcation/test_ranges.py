@@ -62,7 +62,7 @@ def test_what_special_points_do_not_explain_is_recorded():
     without = replace(branch, special_points=tuple(each for each in branch.special_points if each is not fold))
     assert {each.text for each in without.unexplained} == {
         "0 unstable multipliers become 1, with nothing between",
-        "the branch turns round, with 0 points of the kind fold between",
+        "the branch turns back, with 0 points of the kind fold between",
     }
     low, high = sorted((without.unexplained[0].first, without.unexplained[0].last))
     assert low - 1e-3 < fold.value < high + 1e-3

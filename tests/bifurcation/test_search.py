@@ -343,7 +343,7 @@ def test_what_was_found_before_an_interruption_is_kept():
     assert "stopped before its end" in coverage(result)[0]
     stopped = search(linear(), "frequency", [0.5, 0.6, 0.7], options=options, stop=lambda: True)
     assert (stopped.complete, stopped.found, stopped.tallies) == (False, (), ())
-    assert coverage(stopped) == ("The search was stopped before it had tried anything.",)
+    assert coverage(stopped) == ("The search was stopped before its first start.",)
     finished = search(linear(), "frequency", [0.5], options=options)
     assert finished.complete
     followed = isolated(finished.found, "frequency", (0.4, 0.6), stop=lambda: True)
@@ -417,9 +417,9 @@ def test_coverage_in_sentences(figure_27):
     settled = sum(tally.settled for tally in result.tallies)
     hits = sorted(found.hits_settled for found in result.found if found.hits_settled)
     assert sum(hits) == settled
-    assert sentences[0].startswith(f"264 starts at 11 values of harmonic1.amplitude, -1 to 1: {settled} settled to ")
-    assert "An island narrower than 0.2 in harmonic1.amplitude may lie between two values." in text
-    assert f"settled to one motion are {hits[0]} to {hits[-1]}, {hits[(len(hits) - 1) // 2]} in the median" in text
+    assert sentences[0].startswith(f"264 starts at 11 values of harmonic1.amplitude, -1 to 1: {settled} settled on ")
+    assert "An isolated branch narrower than 0.2 in harmonic1.amplitude may lie between two values." in text
+    assert f"per motion number {hits[0]} to {hits[-1]}, with a median of {hits[(len(hits) - 1) // 2]}." in text
     assert "with 95 % confidence, less than 12 % of the box of starts at any of these values" in text
     once = sum(found.hits_settled == 1 for found in result.found)
     assert next_is_new(result) == once / settled
@@ -446,8 +446,8 @@ def test_every_island_wide_enough_holds_a_value(narrowest, count):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((1.0, 1.0), "the range is from 1.0 to 1.0; it must go up"),
-        ((0.0, float("inf")), "it must go up, between finite numbers"),
+        ((1.0, 1.0), "the range is from 1.0 to 1.0; its limits must be finite"),
+        ((0.0, float("inf")), "its limits must be finite and increasing"),
         ((0.0, 1.0, 0.0), "narrowest is 0.0; it must be a number > 0"),
     ],
 )

@@ -222,7 +222,7 @@ def test_the_coverage_of_a_search_is_shown_and_exported(tmp_path, monkeypatch, c
         == 0
     )
     text = capsys.readouterr().out
-    assert "note: 3 starts at frequency = 0.7: 3 settled to 1 periodic motion." in text
+    assert "note: 3 starts at frequency = 0.7: 3 settled on 1 periodic motion." in text
     assert "x-search.csv" in text
     (row,) = csv.DictReader(Path("x-search.csv").read_text().splitlines())
     assert (row["value"], row["starts"], row["settled"]) == ("0.7", "3", "3")

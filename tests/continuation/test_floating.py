@@ -100,7 +100,7 @@ def test_a_gear_that_only_drags_and_lies_free_in_its_mesh_is_said_to_float(firin
     end = branch.ends[-1]
     assert end.reason is EndReason.FLOATING
     assert end.reason.is_failure
-    assert "mesh touches nowhere, and no other spring holds what floats there" in end.detail
+    assert "mesh touches nowhere, and no other spring restrains the floating part" in end.detail
     assert "give bearing a stiffness, however small" in end.detail
     assert len(branch.points) == 1
     assert not floats(gw.find_orbit(with_drag_alone(9.7)), unheld(with_drag_alone(9.7)))

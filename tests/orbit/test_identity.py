@@ -77,7 +77,7 @@ def test_an_island_is_one_branch_in_all_phases() -> None:
 def test_a_motion_of_a_shorter_period_is_not_walked_as_one_of_a_longer() -> None:
     system = gw.System(["x"], [[1.0]], [[0.1]], harmonics=[gw.Harmonic(0.5, {"x": 1.0})], frequency=2.0)
     orbit = gw.find_orbit(system, 2)
-    with pytest.raises(ConvergenceError, match=r"at frequency = 2 repeats after 1 forcing period, so it is none of "):
+    with pytest.raises(ConvergenceError, match=r"= 2 repeats after 1 forcing period, so it is not a motion of "):
         gw.follow(orbit, "frequency", 1.5)
-    with pytest.raises(ConvergenceError, match=r"repeats after 2 forcing periods, .* write period = 2, or a start"):
+    with pytest.raises(ConvergenceError, match=r"repeats after 2 forcing periods, .* write period = 2, or start on"):
         gw.follow(gw.find_orbit(gw.paper.case("13"), 4, frequency=0.72), "frequency", 0.8)

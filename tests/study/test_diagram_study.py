@@ -228,7 +228,7 @@ def test_a_different_study_is_not_resumed(path) -> None:
 
 def test_a_study_that_makes_no_sense(path) -> None:
     study = clutch_diagram()
-    with pytest.raises(ModelError, match="no way to go"):
+    with pytest.raises(ModelError, match="the range is empty"):
         gw.run(replace(study, options=replace(study.options, end=0.85)), path)
     with pytest.raises(ModelError, match="max_period is 0"):
         gw.run(clutch_diagram(max_period=0), path)

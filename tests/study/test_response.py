@@ -126,7 +126,7 @@ def test_a_failure_on_the_way_keeps_what_was_found(tmp_path, monkeypatch) -> Non
 
 def test_a_study_that_makes_no_sense(tmp_path) -> None:
     study, path = stop_study(), tmp_path / "stop.gapwalk"
-    with pytest.raises(ModelError, match="no way to go"):
+    with pytest.raises(ModelError, match="the range is empty"):
         gw.run(replace(study, options=replace(study.options, end=0.7)), path)
     with pytest.raises(ModelError, match="no parameter"):
         gw.run(replace(study, options=replace(study.options, parameter="stop.clearence")), path)

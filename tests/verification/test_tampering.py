@@ -194,7 +194,7 @@ def test_a_leaf_that_was_dropped_is_found(tree) -> None:
     assert failed(found) == {"tree"}
     flips = [i for i, each in enumerate(tree["P1-1"].branch.special_points) if each.kind == "flip"]
     assert {breach.spot.item for breach in found.breaches} == {f"special point {i} (flip)" for i in flips}
-    assert "a branch of period 2 leaves it" in found.breaches[0].detail
+    assert "a branch of period 2 begins there" in found.breaches[0].detail
     # what does not call itself complete may lack branches, and so may what was not asked for longer periods
     assert gw.verify(replace(tree, limbs=tree.limbs[:1], complete=False)).ok
     assert gw.verify(replace(tree, limbs=tree.limbs[:1], max_period=1)).ok

@@ -1,4 +1,4 @@
-"""Where it changes: special points found and located along a branch."""
+"""Bifurcations: detection and location of special points along a branch, branch switching, loci and diagrams."""
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure, depart, directions

@@ -1,4 +1,4 @@
-"""The records of a finished walk: the branch, its ends, and the special points on it."""
+"""Records of a finished walk: the branch, its ends, and its special points."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ if TYPE_CHECKING:
 
 
 REACH = 0.01
-"""Share of a motion up to which the doubled motions that leave its flip are looked at."""
-_WHOLE = 0.5  # share of that from which a nature counts as holding over all of it
-_VERTEX = 1e-3  # parameter component of the tangent below which a branch counts as turning
+"""Amplitude, as a share of the motion, up to which the period-doubled branch at a flip is examined."""
+_WHOLE = 0.5  # share of that amplitude from which a criticality counts as valid over all of it
+_VERTEX = 1e-3  # parameter component of the tangent below which the branch counts as turning back
 
 
 @dataclass(frozen=True, eq=False)
 class SpecialPoint(Shown):
-    """A point where motions appear, vanish, turn into others, or touch a stop.
+    """Point at which orbits appear, vanish, bifurcate, or touch a stop.
 
     Attributes
     ----------
     kind
-        What happens there.
+        Kind of the special point.
     point
-        The point of the branch, located.
+        The located point of the branch.
     before, after
         Unstable multipliers on either side, in the direction of the walk.
     uncertainty
-        Estimated error of its parameter value: four times the difference from the same point posed otherwise (by
-        shooting with another number of segments, by harmonic balance with more harmonics, so that it tells what
-        truncation does), and the bracket in which it was located. Infinite where it is not known.
+        Estimated error of its parameter value. It is four times the difference from the same point computed with
+        another discretisation (by shooting with another number of segments, by harmonic balance with more harmonics,
+        so that truncation is included), plus the bracket in which the point was located. Infinite if unknown.
     contact
         For a grazing point: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     nature
-        ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or ``subcritical`` for a
-        flip, as the limit towards the point; empty for other kinds, or where it cannot be told.
+        Criticality: ``opens to lower values`` or ``opens to higher values`` for a fold, ``supercritical`` or
+        ``subcritical`` for a flip, in the limit towards the point; empty for other kinds, or if it is unknown.
     judged
-        Amplitude of the doubled motion, in units of the state, up to which the doubled branch leaves a flip to the side
-        that its nature says. It is looked at up to 1 % of the motion; where it turns round before, that is where.
+        Amplitude of the doubled motion, in units of the state, up to which the doubled branch stays on the side that
+        the criticality of a flip predicts. The branch is examined up to 1 % of the motion, or to where it turns back.
     """
 
     kind: Kind
@@ -70,22 +70,22 @@ class SpecialPoint(Shown):
 
     @property
     def orbit(self) -> Orbit:
-        """The orbit at the point."""
+        """Orbit at the point."""
         return self.point.orbit
 
     @property
     def multiplier(self) -> complex:
-        """The multiplier that is critical here: nearest to +1, -1 or the unit circle; nan at a grazing point."""
+        """Critical multiplier: the one nearest to +1, -1 or the unit circle; nan at a grazing point."""
         return self.kind.critical_multiplier(self.point.orbit.multipliers)
 
     @property
     def is_vertex(self) -> bool:
-        """Whether this is a branch point at which the branch turns round, because it branches off from the other."""
+        """True for a branch point at which this branch turns back, because it branches off from the other one."""
         return self.kind is Kind.BRANCH_POINT and abs(float(self.point.tangent[-1])) < _VERTEX
 
     @property
     def nature_words(self) -> str:
-        """The nature, and the amplitude up to which it holds where the doubled branch soon turns round."""
+        """Criticality of the point, with the amplitude up to which it holds if the doubled branch soon turns back."""
         whole = self.kind is not Kind.FLIP or not self.nature
         if whole or self.judged >= _WHOLE * REACH * magnitude(self.orbit.state, self.orbit.system):
             return self.nature
@@ -93,7 +93,7 @@ class SpecialPoint(Shown):
 
     @property
     def change(self) -> str:
-        """How stability changes in the direction of the walk, in words."""
+        """Change of stability in the direction of the walk, in words."""
         texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
@@ -104,14 +104,14 @@ class SpecialPoint(Shown):
 
 @dataclass(frozen=True)
 class Unexplained:
-    """A step of a branch in which more changes than its special points account for: something was missed there.
+    """Step of a branch whose changes are not accounted for by its special points: one was missed there.
 
     Attributes
     ----------
     first, last
         Values of the parameter at the points before and after it.
     text
-        What changes, in a sentence.
+        Description of the change, as a sentence.
     """
 
     first: float
@@ -124,20 +124,20 @@ class Unexplained:
 
 @dataclass(frozen=True, eq=False)
 class Branch(Shown):
-    """A family of orbits along one parameter.
+    """Branch of orbits along one parameter.
 
     Attributes
     ----------
     parameter
         Name of the parameter that varies.
     period
-        m, forcing periods of the orbits.
+        m, number of forcing periods of the orbits.
     points
         The orbits in the order of the walk.
     special_points
         Special points in the order of the walk.
     ends
-        Where and why it ends, at its beginning and at its end.
+        Where and why the branch ends, at its first and at its last point.
     """
 
     parameter: str
@@ -148,29 +148,29 @@ class Branch(Shown):
 
     @property
     def system(self) -> System:
-        """The system at the first point."""
+        """System at the first point."""
         return self.points[0].orbit.system
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """The parameter at each point, shape (points,)."""
+        """Values of the parameter at the points, shape (points,)."""
         return np.array([point.value for point in self.points])
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """One measure (see `Orbit.measure`) at each point, shape (points,)."""
+        """Return one measure (see `Orbit.measure`) at each point, shape (points,)."""
         return np.array([point.measure(name) for point in self.points])
 
     @property
     def closed(self) -> bool:
-        """Whether the branch closed on itself: an isolated branch (isola), connected to no other."""
+        """True if the branch closed on itself: an isolated branch (isola), connected to no other."""
         return self.ends[-1].reason is EndReason.CLOSED
 
     @cached_property
     def unexplained(self) -> tuple[Unexplained, ...]:
-        """Steps in which more changes than the special points between account for: something was missed there.
+        """Steps whose changes are not accounted for by the special points in them: a point was missed there.
 
-        Of the numbers of unstable multipliers, the direction, the sign of the determinant, and how often contacts
-        close. A branch of which nothing is missing has none.
+        Compared are the number of unstable multipliers, the direction, the sign of the determinant, and the number of
+        closings of each contact. The tuple is empty if nothing was missed.
         """
         from gapwalk.bifurcation.counts import unexplained_of
 
@@ -182,11 +182,11 @@ class Branch(Shown):
         return tuple(point.instability for point in self.points)
 
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
-        """The special points of one kind."""
+        """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes.
+        """Draw the branch and return the axes; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``).
 
         Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
         """
@@ -195,7 +195,7 @@ class Branch(Shown):
         return draw(self, measure, **options)
 
     def to_dataframe(self, *measures: str) -> pandas.DataFrame:
-        """The points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
+        """Return the points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
 
         Needs pandas (``pip install gapwalk[dataframe]``).
         """

@@ -1,4 +1,4 @@
-"""Compare two branches that should be the same: how far apart they run, and whether their special points agree."""
+"""Comparison of two branches that should agree: the distance between them, and their special points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.errors import ModelError
 from gapwalk.notebook.shown import Shown
 
-_NEAR = 0.05  # distance, in sizes of the whole picture, beyond which two special points are not the same
+_NEAR = 0.05  # distance, with both ranges scaled to 1, beyond which two special points are not the same
 _FAR = 1e3
 _STEADY = 1e-6  # range of a measure, relative to the size of its signal, below which it does not vary
 _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is rounding
@@ -21,7 +21,7 @@ _NOTHING = 1e-12  # size of a signal, relative to the largest, below which it is
 
 @dataclass(frozen=True)
 class Match:
-    """A special point that both branches have.
+    """Special point that both branches have.
 
     Attributes
     ----------
@@ -34,26 +34,26 @@ class Match:
 
     @property
     def difference(self) -> float:
-        """Of their values of the parameter, second less first."""
+        """Difference of the parameter values, second minus first."""
         return self.second.value - self.first.value
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Shown):
-    """What two branches have in common, and what not.
+    """Agreement and differences of two branches.
 
-    Lengths are relative: to the range of the parameter, and to the range of each measure.
+    Lengths are relative to the range of the parameter and to the range of each measure.
 
     Attributes
     ----------
     parameter, measures
-        What is compared: each branch is a curve over the parameter, in the space of these measures.
+        Quantities that are compared: each branch is a curve over the parameter, in the space of these measures.
     width
         Range of the parameter, in its units.
     values, distances : shape (points,)
-        For each point of the first branch within that range its parameter, and its distance from the second branch.
+        For each point of the first branch within that range: its parameter, and its distance from the second branch.
     resolution
-        Roughly the largest part of a distance that the interpolation between the second branch's points may be.
+        Rough upper bound of the error of a distance due to interpolation between the points of the second branch.
     matches
         Special points that both have.
     only_first, only_second
@@ -72,16 +72,16 @@ class Comparison(Shown):
 
     @property
     def largest(self) -> float:
-        """The largest distance along the branch, as a share of the ranges."""
+        """Largest distance along the branch, as a share of the ranges."""
         return float(self.distances.max(initial=0.0))
 
     @property
     def largest_shift(self) -> float:
-        """The largest difference of a special point's parameter, in its units; 0 if there are none."""
+        """Largest difference of a special point's parameter, in its units; 0 if there are no matches."""
         return max((abs(match.difference) for match in self.matches), default=0.0)
 
     def within(self, tolerance: float) -> bool:
-        """Whether the branches agree: every distance, and every shift relative to the range, and no point unmatched."""
+        """Return True if the branches agree: no distance or relative shift above the tolerance, no point unmatched."""
         unmatched = self.only_first or self.only_second
         return not unmatched and max(self.largest, self.largest_shift / self.width) <= tolerance
 
@@ -101,15 +101,15 @@ class Comparison(Shown):
 
 
 def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None = None) -> Comparison:
-    """Compare two branches of the same system over the same parameter, found by different methods perhaps.
+    """Compare two branches of the same system over the same parameter, possibly computed by different methods.
 
     Parameters
     ----------
     first, second
-        The branches. Where only one has points, nothing is compared.
+        The branches. They are compared over their common range of the parameter.
     measures
-        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
-        which have no corners along a branch, as extremes have.
+        Measures (see `Orbit.measure`) that distinguish the motions; by default mean and root mean square of each
+        coordinate, since these have no corners along a branch, unlike extremes.
 
     Raises
     ------
@@ -118,9 +118,9 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
 
     Notes
     -----
-    Two orbits at equal values of the parameter cannot be compared at a fold. So the distance of each point of the
-    first from the second branch as a curve is taken, the curve being the cubic spline through its points and its
-    special points.
+    Two orbits at equal values of the parameter cannot be compared at a fold. Therefore the distance of each point of
+    the first branch is measured from the second branch as a curve: the cubic spline through its points and special
+    points.
     """
     if first.parameter != second.parameter:
         raise ModelError(
@@ -155,36 +155,36 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
 
 
 def measures_of(branch: Branch, measures: str | Sequence[str] | None = None) -> tuple[str, ...]:
-    """The measures by which branches are compared; those of `compare` by default."""
+    """Return the measures by which branches are compared; by default those of `compare`."""
     if measures is None:
         return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("mean", "rms"))
     return (measures,) if isinstance(measures, str) else tuple(measures)
 
 
 def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """The points and special points of a branch in their order, shape (points, 1 + measures)."""
+    """Return the points and special points of a branch in order, shape (points, 1 + measures)."""
     points = [*branch.points, *(special.point for special in branch.special_points)]
     points.sort(key=lambda point: point.arclength)
     return np.array([[point.value, *(point.measure(name) for name in names)] for point in points])
 
 
 def value_range(branch: Branch) -> tuple[float, float]:
-    """The range of the parameter over a branch, folds included."""
+    """Return the range of the parameter over a branch, folds included."""
     values = [*branch.values.tolist(), *(special.value for special in branch.special_points)]
     return min(values), max(values)
 
 
 def common_range(first: Branch, second: Branch) -> tuple[float, float]:
-    """The range of the parameter that two branches have in common; its bounds are exchanged if there is none."""
+    """Return the range of the parameter common to two branches, with exchanged limits (low > high) if there is none."""
     (a, b), (c, d) = value_range(first), value_range(second)
     return max(a, c), min(b, d)
 
 
 def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
-    """The range of each measure over some branches; of one that hardly varies, the size of its signal.
+    """Return the range of each measure over some branches; for a measure that hardly varies, the size of its signal.
 
-    So the mean of a symmetric motion, which is nothing but rounding, is set against the motion; and a signal that is
-    nothing but rounding itself against the others.
+    So the mean of a symmetric motion, which is pure rounding, is measured relative to the motion, and a signal that is
+    itself pure rounding relative to the other signals.
     """
     measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
     signals = [name.partition(".")[2] for name in names]
@@ -199,7 +199,7 @@ def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArra
 def _match(
     first: Branch, second: Branch, names: tuple[str, ...], ranges: NDArray[np.float64], within: tuple[float, float]
 ) -> tuple[tuple[Match, ...], tuple[SpecialPoint, ...], tuple[SpecialPoint, ...]]:
-    """Pairs of special points of one kind (and contact) that are near each other, and those left over in a range."""
+    """Return pairs of nearby special points of the same kind (and contact), and the unmatched ones within a range."""
     ours, theirs = first.special_points, second.special_points
     places = [
         np.array([[s.value, *(s.orbit.measure(name) for name in names)] for s in points]).reshape(-1, len(ranges))
@@ -222,11 +222,11 @@ def match_places(
     second: NDArray[np.float64],
     second_labels: Sequence[object],
 ) -> list[tuple[int, int]]:
-    """Pairs of places with one label that are near each other, such that the sum of their distances is least.
+    """Return pairs of nearby places with equal labels, such that the sum of their distances is smallest.
 
-    Places have shape (places, dimensions), in units in which the whole picture has a size of about 1.
+    Places have shape (places, dimensions), in units in which the whole range is about 1.
     """
-    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+    from scipy.optimize import linear_sum_assignment  # imported late, because the import is slow
 
     apart = np.linalg.norm(first[:, None] - second[None], axis=2)
     alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)

@@ -1,4 +1,4 @@
-"""Whether what changes from one point of a branch to the next is explained by the special points between them."""
+"""Check that the special points between two points of a branch account for everything that changes between them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch p
 
 
 def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
-    """What has changed from one point to the next and is not explained by the special points between, in sentences."""
+    """Yield, as sentences, the changes from one point to the next that the special points between do not explain."""
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
         signs = [_sign(kind, point) for point in (a, b)]
@@ -26,17 +26,17 @@ def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint])
             yield (
                 f"{kind.sign_change}, with {found} points of the kind {kind} between"
                 if found % 2 == 0
-                else (f"{found} points of the kind {kind} lie between, but the test function keeps its sign")
+                else (f"{found} points of the kind {kind} lie between, but the test function does not change its sign")
             )
     yield from _contacts(a, b, special)
 
 
 def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
-    """Where the numbers of unstable multipliers do not follow from one another."""
+    """Yield the inconsistencies in the number of unstable multipliers from one special point to the next."""
     count = None if _is_undecided(a) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
-            yield f"{count} unstable multipliers come to a {each.kind} that counts {each.before.total} before it"
+            yield f"{count} unstable multipliers precede a {each.kind} that states {each.before.total} before it"
         count = each.after.total
     if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"
@@ -44,7 +44,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
 
 
 def _is_undecided(point: BranchPoint) -> bool:
-    """Whether a multiplier is so near the unit circle that its error decides on which side of it it is."""
+    """Return whether a multiplier is so near the unit circle that its error decides on which side it lies."""
     orbit = point.orbit
     near = float(np.abs(np.abs(orbit.multipliers) - 1.0).min())
     return is_on_border(orbit.multipliers) or near < orbit.multiplier_error
@@ -58,16 +58,16 @@ def _sign(kind: Kind, point: BranchPoint) -> int:
 
 
 def _is_singular(point: BranchPoint) -> bool:
-    """Whether a point is itself a branch point, as the first of a branch that begins at another may be.
+    """Return whether a point is itself a branch point, as the first point of a bifurcating branch may be.
 
-    Its tangent is one of two null vectors, known to some digits only.
+    Its tangent is then one of two null vectors and only known to a few digits.
     """
     near = abs(point.orbit.multipliers - 1.0).min()
     return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
 
 
 def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
-    """Which stages close more or less often than the grazing points between account for."""
+    """Yield the stages whose number of closings changes by more than the grazing points between account for."""
     for switch, (now, then) in enumerate(zip(a.orbit.closings, b.orbit.closings, strict=True)):
         if a.orbit.system.gapless[switch] or b.orbit.system.gapless[switch]:
             continue  # without a gap nothing can touch
@@ -79,7 +79,7 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
 
 
 def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
-    """All steps of a branch that its special points do not explain; none where nothing was missed."""
+    """Return all steps of a branch that its special points do not explain; none if nothing was missed."""
     return tuple(
         Unexplained(a.value, b.value, text)
         for number, (a, b, special) in enumerate(steps_of(branch))
@@ -89,7 +89,7 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
 
 
 def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
-    """Neighbouring points with the special points between them; each special point occurs once."""
+    """Yield pairs of neighbouring points with the special points between them; each special point occurs once."""
     left = list(branch.special_points)
     pairs = list(pairwise(branch.points))
     for number, (a, b) in enumerate(pairs):

@@ -1,4 +1,4 @@
-"""Branch points: located from their surroundings, because Newton's method cannot hold a point where branches cross."""
+"""Location of branch points by interpolation: Newton's method is ill-conditioned where branches cross."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 _NODES = 7
 _FEWEST = 5
 _NEAR = 0.08  # share of the window around the crossing from which no node is taken
-_NARROW = 0.2  # length of each window, in lengths of the one before; the first is the whole step
-_WINDOWS = 3  # most windows after the first
-_ROUGH = 0.1  # spread of the zero, in windows, within which one window shows where the next must be
-_SURE = 1e-6  # spread of the zero, in windows, above which the surroundings are not smooth enough
+_NARROW = 0.2  # length of each window, relative to the one before; the first is the whole step
+_WINDOWS = 3  # largest number of windows after the first
+_ROUGH = 0.1  # spread of the zero, in windows, below which one window determines the centre of the next
+_SURE = 1e-6  # spread of the zero, in windows, above which the neighbourhood is not smooth enough
 _ROUGH_BRANCH = "the branch is not smooth where it seems to cross another"
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """The branch through a point where it crosses another, as polynomials in the arclength from there.
+    """Branch near a point where it crosses another, as polynomials in the arclength from that point.
 
     Attributes
     ----------
     arclength
-        Where they cross.
+        Arclength of the crossing.
     radius
-        Distance from there up to which the polynomials stand for the branch.
+        Distance from the crossing within which the polynomials represent the branch.
     spread
         Uncertainty of the arclength.
     curve
@@ -51,11 +51,11 @@ class Crossing:
         return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius
 
     def x(self, arclength: float) -> NDArray[np.float64]:
-        """Scaled unknowns and parameter at an arclength."""
+        """Return the scaled unknowns and parameter at an arclength."""
         return np.array([component(arclength - self.arclength) for component in self.curve])
 
     def tangent(self, arclength: float) -> NDArray[np.float64]:
-        """Unit tangent at an arclength."""
+        """Return the unit tangent at an arclength."""
         slope = np.array([component(arclength - self.arclength) for component in self._slopes])
         return slope / np.linalg.norm(slope)
 
@@ -65,11 +65,11 @@ class Crossing:
 
 
 def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing:
-    """Where, between `a` and `b`, the determinant of the bordered Jacobian changes its sign.
+    """Locate the zero of the determinant of the bordered Jacobian between `a` and `b`.
 
     Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
-    square root or worse. The branch itself is smooth, so points at some distance on both sides, which Newton's
-    method holds well, give the zero of the determinant and the orbits near it by interpolation.
+    square root or worse. The branch itself is smooth. Newton's method is accurate at points some distance away on both
+    sides, and interpolation between them gives the zero of the determinant and the orbits near it.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossin
 def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
     low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
     nodes = _nodes(stretch, low, window, middle)
-    # how far along the chord the points stand: a parameter along which they are smooth, as their labels are not
+    # abscissa of the points along the chord: the branch is smooth in it, but not in the arclength labels
     chord = (b.x - a.x) / (b.arclength - a.arclength)
     along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
     places = (a.arclength + along - middle) / window
@@ -105,7 +105,7 @@ def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, middle: float,
 
 
 def _nodes(stretch: Stretch, low: float, window: float, centre: float) -> list[BranchPoint]:
-    """Exact points of a window, denser towards its ends, none too near to where the crossing must be."""
+    """Return exact points of a window, denser towards its ends, none too near to the expected crossing."""
     nodes = []
     shares = 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
     ends = (stretch.points[0].arclength, stretch.points[-1].arclength)
@@ -121,9 +121,9 @@ def _nodes(stretch: Stretch, low: float, window: float, centre: float) -> list[B
 
 
 def _zero(places: NDArray[np.float64], values: list[float]) -> float:
-    """The zero of the polynomial through values at places nearest to the middle of their sign change.
+    """Return the zero of the interpolating polynomial that is nearest to the middle of the sign change.
 
-    Nearest to 0, where the zero is expected, if all places are on one side of it.
+    If all places lie on one side of the zero, return the one nearest to 0, where the zero is expected.
     """
     change = next((i for i in range(len(values) - 1) if values[i] * values[i + 1] <= 0.0), None)
     middle = 0.0 if change is None else 0.5 * (places[change] + places[change + 1])

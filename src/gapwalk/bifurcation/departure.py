@@ -1,4 +1,4 @@
-"""Where a walk can begin: an orbit on its branch, heading one way along a parameter."""
+"""Beginning of a walk: an orbit on its branch, and a direction along a parameter."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from gapwalk.orbit.orbit import Orbit
 
 @dataclass(frozen=True)
 class Departure:
-    """A point and a direction from which a branch can be walked.
+    """Point and direction from which a branch can be walked.
 
     Attributes
     ----------
     corrector
-        Corrects onto the branch; it holds the equation and the scales.
+        Corrector for the branch; it holds the equation and the scales.
     first
         The point; its tangent gives the direction.
     within
         Range of the parameter.
     singular
-        Whether the branch begins here, at a bifurcation of another one.
+        True if the branch begins here, at a bifurcation of another one.
     """
 
     corrector: Corrector
@@ -42,8 +42,8 @@ class Departure:
 
     @property
     def equation(self) -> OrbitEquation:
-        """The equation whose solutions form the branch."""
-        return cast("OrbitEquation", self.corrector.equation)  # a corrector serves loci as well, which depart otherwise
+        """Equation whose solutions form the branch."""
+        return cast("OrbitEquation", self.corrector.equation)  # loci use correctors too, but begin differently
 
 
 def depart(
@@ -53,14 +53,14 @@ def depart(
     direction: int,
     method: Method | None = None,
 ) -> Departure:
-    """Leave an orbit along a parameter, towards larger (+1) or smaller (-1) values.
+    """Begin a branch at an orbit, towards larger (+1) or smaller (-1) values of a parameter.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a range that does not hold the orbit, or one that leads where no system is.
+        For an unknown parameter, a range that does not contain the orbit, or one that contains invalid systems.
     ConvergenceError
-        If the orbit is none, to the tolerance of the method, or one of a shorter period gone round several times.
+        If the orbit is not periodic to the tolerance of the method, or repeats a motion of a shorter period.
     """
     start = orbit.system[parameter]
     _check_period(orbit, parameter)
@@ -72,25 +72,26 @@ def depart(
 
 
 def _check_period(orbit: Orbit, parameter: str) -> None:
-    """A ConvergenceError for a motion of a shorter period: walked so, its flips would be branch points."""
+    """Raise a ConvergenceError for a motion of a shorter period: its flips would appear as branch points."""
     shortest = true_period(orbit)
     periods = "1 forcing period" if shortest == 1 else f"{shortest} forcing periods"
     if shortest < orbit.period:
         raise ConvergenceError(
-            f"the motion at {parameter} = {orbit.system[parameter]:.10g} repeats after {periods}, so it is none "
-            f"of period {orbit.period}; write period = {shortest}, or a start on a motion of period {orbit.period}: "
-            'one leaves each flip of half of it, gw.follow(flip, ...) in Python and kind = "diagram" in a file'
+            f"the motion at {parameter} = {orbit.system[parameter]:.10g} repeats after {periods}, so it is not a "
+            f"motion of period {orbit.period}; write period = {shortest}, or start on a motion of period "
+            f"{orbit.period}: one begins at each flip of half of it, gw.follow(flip, ...) in Python and "
+            'kind = "diagram" in a file'
         )
 
 
 def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int) -> Departure:
-    """The departure from an orbit, as finely resolved as it takes."""
+    """Return the beginning at an orbit, refining the equation until the orbit is resolved."""
     start = orbit.system[equation.parameter or ""]
     corrector = Corrector(equation, scales_of(equation, orbit, within))
     x = np.append(equation.unknowns(orbit), start) / corrector.scales
     correction = corrector.at_value(x, start)
     if correction is None:
-        raise ConvergenceError(f"the start is no period-{orbit.period} orbit at {equation.parameter} = {start:.10g}")
+        raise ConvergenceError(f"the start is not a period-{orbit.period} orbit at {equation.parameter} = {start:.10g}")
     ahead = np.zeros(len(x))
     ahead[-1] = direction
     first = corrector.point(correction, ahead, 0.0)
@@ -104,7 +105,7 @@ def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int)
 
 
 def refined(departure: Departure) -> Departure | None:
-    """The same departure with the next finer resolution of its equation; None where there is none."""
+    """Return the beginning with the next finer resolution of its equation; None if there is none."""
     equation = departure.equation.finer()
     if equation is None:
         return None
@@ -115,14 +116,14 @@ def refined(departure: Departure) -> Departure | None:
 
 
 def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> BranchPoint | None:
-    """A point of a branch as one of the same branch posed by a finer equation; None if Newton's method fails."""
+    """Return a point of a branch, posed by a finer equation of the same branch; None if Newton's method fails."""
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))
     along[-1] = np.sign(point.tangent[-1]) or 1.0
     evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
     tangent = corrector.tangent(evaluation, along).tangent
     correction = corrector.correct(x, tangent)
-    if correction is None:  # the finer equation is far from solved: damped steps, with the parameter held
+    if correction is None:  # the point is far from solving the finer equation: damped steps at a fixed parameter
         try:
             unknowns, _ = solve(equation, x[:-1] * corrector.scales[:-1], point.value)
         except NumericalError:
@@ -134,7 +135,7 @@ def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> B
 
 
 def directions(start: float, to: float | tuple[float, float]) -> tuple[int, ...]:
-    """The directions, +1 or -1, in which a branch leaves its start to cover the range."""
+    """Return the directions, +1 or -1, in which a branch must leave its start to cover the range."""
     within = check_range(start, to)
     if isinstance(to, int | float):
         return (1,) if to > start else (-1,)

@@ -1,4 +1,4 @@
-"""Find and locate every special point in one step of a walk, kind by kind."""
+"""Detection and location of every special point in one step of a walk, kind by kind."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from gapwalk.orbit.floquet import Instability
 
 
 class DetectorState(NamedTuple):
-    """What a detector remembers from step to step, by test function: its rate of change, and its last zeros."""
+    """Memory of a detector between steps, per test function: its rate of change, and its last zeros."""
 
     rates: Mapping[Kind, float] = MappingProxyType({})
     recent: Mapping[Kind, tuple[float, ...]] = MappingProxyType({})
 
 
 class Detector:
-    """Finds the special points of a walk, step by step.
+    """Detector of the special points of a walk, step by step.
 
-    It remembers the step before, for the rate at which each test function varies, and the last zeros found.
+    It remembers the rate at which each test function varied in the step before, and the last zeros found.
 
     Parameters
     ----------
     corrector
-        Corrects onto the branch.
+        Corrector for the branch.
     kinds
-        The kinds to look for; by default all that are registered.
+        The kinds to detect; by default all that are registered.
     """
 
     def __init__(self, corrector: Corrector, kinds: Sequence[Kind] | None = None) -> None:
@@ -45,16 +45,16 @@ class Detector:
 
     @property
     def state(self) -> DetectorState:
-        """What it remembers now."""
+        """Present memory of the detector."""
         return DetectorState(dict(self._rates), {kind: tuple(zeros) for kind, zeros in self._recent.items()})
 
     def restore(self, state: DetectorState) -> None:
-        """Remember what a detector remembered at an earlier time."""
+        """Set the memory of the detector to an earlier state."""
         self._rates = dict(state.rates)
         self._recent = {kind: list(zeros) for kind, zeros in state.recent.items()}
 
     def inspect(self, first: BranchPoint, last: BranchPoint, before: BranchPoint | None = None) -> list[SpecialPoint]:
-        """The special points between two neighbouring points, in the order of the walk; `before` is the one before.
+        """Return the special points between two neighbouring points, in order; `before` is the point before `first`.
 
         Raises
         ------
@@ -73,13 +73,13 @@ class Detector:
             nature = zero.kind.nature(*sides)
             if nature is None:
                 continue
-            error = float(self._error(search, zero))  # a plain number, as a result file has it
+            error = float(self._error(search, zero))  # a plain number, for result files
             counts = _instabilities(zero.kind, *sides)
             special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature))
         return special
 
     def _error(self, search: Search, zero: Zero) -> float:
-        """Estimated error of the parameter at a special point: its bracket, and what a second opinion says."""
+        """Return the estimated error of the parameter at a special point, from its bracket and a second computation."""
         try:
             return zero.kind.error(search, zero, self._second)
         except NumericalError:
@@ -91,11 +91,11 @@ class Detector:
 
 
 def _instabilities(kind: Kind, before: BranchPoint, after: BranchPoint) -> tuple[Instability, Instability]:
-    """Unstable multipliers on both sides of a special point.
+    """Return the numbers of unstable multipliers on both sides of a special point.
 
-    Where the Jacobian changes the sign of its determinant, one multiplier passes +1. By harmonic balance multipliers
-    are those of the motion, but folds and branch points those of the truncated equation. So on one of both sides the
-    multiplier may be where it is on the other: which way it goes then tells the numbers.
+    Where the determinant of the Jacobian changes sign, one multiplier passes +1. In harmonic balance, however, the
+    multipliers belong to the motion, but folds and branch points to the truncated equation. So the multiplier may lie
+    on the same side of +1 at both points; its direction of motion then decides the numbers.
     """
     sides = before.instability, after.instability
     signs = [point.determinant * float(point.tangent[-1]) for point in (before, after)]

@@ -1,4 +1,4 @@
-"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
+"""Diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gapwalk.orbit.orbit import Orbit
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a branch begins on another: the other's name, and which of its special points."""
+    """Special point at which a branch begins on another: the name of that branch, and the index of the point."""
 
     parent: str
     special: int
@@ -27,18 +27,18 @@ class Origin:
 
 @dataclass(frozen=True)
 class Limb:
-    """One branch of a diagram and its place in the tree.
+    """Member of a diagram: one branch and its place in the tree.
 
     Attributes
     ----------
     name
-        Such as ``P2-3``: the third branch of period 2.
+        Name such as ``P2-3``: the third branch of period 2.
     branch
         The branch.
     begins
-        Where it begins on another branch; None for one that was found by itself.
+        Where it begins on another branch; None for a branch that was found on its own.
     joins
-        Where it ends on another branch; None where it ends otherwise.
+        Where it ends on another branch; None if it ends otherwise.
     """
 
     name: str
@@ -48,22 +48,22 @@ class Limb:
 
     @property
     def period(self) -> int:
-        """m, forcing periods of its orbits."""
+        """m, number of forcing periods of its orbits."""
         return self.branch.period
 
     @property
     def origins(self) -> tuple[Origin, ...]:
-        """The one or two special points of other branches that it is attached to."""
+        """One or two special points of other branches to which it is attached."""
         return tuple(origin for origin in (self.begins, self.joins) if origin is not None)
 
 
 @dataclass(frozen=True)
 class Cascade:
-    """Successive period doublings: flips that follow one another, all one way along the parameter.
+    """Successive period doublings: flips that follow one another in one direction along the parameter.
 
-    Each flip lies on the child that leaves the flip before it, and is the first that is met along it from there. Where
-    the next one lies the other way, the child has turned round on its way to it: there a cascade ends, and another may
-    begin. Only so can the intervals between the flips shrink by a constant ratio.
+    Each flip lies on the child that begins at the flip before it, and is the first flip along it from there. If the
+    next flip lies in the opposite direction, the child has turned back before reaching it. There the cascade ends, and
+    another may begin. Only with this rule can the intervals between the flips shrink by a constant ratio.
 
     Attributes
     ----------
@@ -92,19 +92,19 @@ class Diagram(Shown):
     parameter
         Name of the parameter.
     within
-        The range.
+        Limits of the range.
     limbs
-        The branches, in the order in which they were accepted.
+        Members of the diagram, in the order in which they were accepted.
     complete
-        False if the work was stopped before its end.
+        False if the computation was stopped before its end.
     notes
-        What else there is to say, in sentences: what a search has covered, which limit was met.
+        Remarks, as sentences: what the search covered, which limit was reached.
     failures
-        What could not be walked, in sentences.
+        Branches that could not be walked, as sentences.
     search
-        What the search for branches that are attached to no other has met; None if there was none.
+        Result of the search for isolated branches; None if there was none.
     max_period
-        The longest period of branches that were asked for; None where that is not told, as of a single branch.
+        The longest period of branches that was requested; None if it does not apply, as for a single branch.
     """
 
     parameter: str
@@ -118,31 +118,31 @@ class Diagram(Shown):
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """The branches."""
+        """Branches of all members."""
         return tuple(limb.branch for limb in self.limbs)
 
     def __getitem__(self, name: str) -> Limb:
-        """The limb of one name; a KeyError if there is none."""
+        """Return the member with a name; raise a KeyError if there is none."""
         for limb in self.limbs:
             if limb.name == name:
                 return limb
         raise KeyError(name)
 
     def children(self, name: str) -> tuple[Limb, ...]:
-        """The limbs that begin or end on the branch of one name."""
+        """Return the members that begin or end on the branch of one name."""
         return tuple(limb for limb in self.limbs if any(origin.parent == name for origin in limb.origins))
 
     def attached(self, name: str, special: int) -> tuple[Limb, ...]:
-        """The limbs that begin or end at one special point, by its place on the branch of one name."""
+        """Return the members that begin or end at a special point, given by its index on the branch of one name."""
         return tuple(limb for limb in self.limbs if Origin(name, special) in limb.origins)
 
     def depth(self, limb: Limb) -> int:
-        """How many branches lie between a limb and one that was found by itself."""
+        """Return the number of branches between a member and the branch found on its own from which it descends."""
         return 0 if limb.begins is None else 1 + self.depth(self[limb.begins.parent])
 
     @cached_property
     def cascades(self) -> tuple[Cascade, ...]:
-        """All successions of three or more flips, longest first; none is a part of another."""
+        """All sequences of three or more flips, longest first; none is contained in another."""
         chains = [
             _chain(self, Origin(limb.name, index))
             for limb in self.limbs
@@ -157,7 +157,7 @@ class Diagram(Shown):
         return tuple(sorted(found, key=lambda cascade: -len(cascade.values)))
 
     def with_branch(self, branch: Branch, begins: Origin | None = None, method: Method | None = None) -> Diagram:
-        """The diagram with one more branch, its end tied to the special point at which it joins another.
+        """Return the diagram with one more branch, its end linked to the special point at which it joins another.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class Diagram(Shown):
         begins
             Where it begins on another branch.
         method
-            How its orbits were found.
+            Method by which its orbits were found.
         """
         count = sum(limb.period == branch.period for limb in self.limbs) + 1
         limb = Limb(f"P{branch.period}-{count}", branch, begins)
@@ -175,7 +175,7 @@ class Diagram(Shown):
         return replace(self, limbs=(*self.limbs, limb))
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the diagram: `measure` over the parameter, and the stroboscopic states. Returns the figure.
+        """Draw the diagram (`measure` over the parameter, and the stroboscopic states) and return the figure.
 
         Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only the
         states are drawn.
@@ -192,15 +192,15 @@ class Diagram(Shown):
 
 
 def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
-    """Whether as many accepted branches as there can be already begin or end at a special point."""
+    """Return whether at least `needed` accepted branches already begin or end at a special point."""
     return sum(each == origin for limb in diagram.limbs for each in limb.origins) >= needed
 
 
 def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
-    """The limb with its end tied to the special point that it joins, if that is on a known branch.
+    """Return the member with its end linked to the special point that it joins, if that lies on a known branch.
 
-    It is tied where both have one and the same orbit, never to what is merely near: the branch that it joins may not
-    be known up to there. If it ends just before the flip that it joins, that is located first.
+    The end is linked only where both have the same orbit, never by mere closeness, because the joined branch may not be
+    known up to there. If the branch ends just before the flip that it joins, the flip is located first.
     """
     branch = limb.branch
     origin, value = _shared(diagram, limb, branch.points[-1].orbit), branch.ends[-1].value
@@ -215,7 +215,7 @@ def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
 
 
 def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
-    """The flip of a parent, or the branch point of a branch of equal period, that has an orbit; not the limb's own."""
+    """Return the flip of a parent, or the branch point of a branch of equal period, with this orbit; not the start."""
     candidates = (
         (Origin(other.name, index), special)
         for other in diagram.limbs
@@ -231,7 +231,7 @@ def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
 
 
 def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
-    """The flips of a cascade from one flip on: the next one along each child, as long as all go one way."""
+    """Return the flips of a cascade from one flip on: the next one on each child, while the direction is the same."""
     chain = [flip]
     while (following := _next_flip(diagram, chain[-1])) is not None:
         values = [_value(diagram, origin) for origin in (*chain[-2:], following)]
@@ -243,7 +243,7 @@ def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
 
 
 def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
-    """The first flip along the branch of twice the period that leaves a flip."""
+    """Return the first flip along the branch of twice the period that begins at a flip."""
     period = 2 * diagram[flip.parent].period
     child = next((limb for limb in diagram.attached(flip.parent, flip.special) if limb.period == period), None)
     if child is None:
@@ -257,5 +257,5 @@ def _cascade(diagram: Diagram, chain: list[Origin]) -> Cascade:
 
 
 def _value(diagram: Diagram, origin: Origin) -> float:
-    """The parameter at a special point of a branch."""
+    """Return the parameter at a special point of a branch."""
     return diagram[origin.parent].branch.special_points[origin.special].value

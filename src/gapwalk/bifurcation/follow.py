@@ -1,4 +1,4 @@
-"""Follow an orbit along a parameter: the walk with its special points, as a finished branch."""
+"""Continuation of an orbit along a parameter: the walk with its special points, returned as a finished branch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
 Report = Callable[[BranchPoint, list[SpecialPoint]], None]
-"""Called with each new point and the special points before it."""
+"""Function called with each new point and the special points before it."""
 
 
 @shows_progress(lambda count, point, special_points: f"{count} points, at {point.value:.6g}")
@@ -41,31 +41,31 @@ def follow(
     Parameters
     ----------
     start
-        The orbit to start from, as from `find_orbit`. Or a flip or a branch point: then the branch that leaves there is
-        followed, of twice the period or across; see `switch`.
+        The orbit to start from, as from `find_orbit`; or a flip or a branch point. Then the branch that begins there is
+        followed: the branch of twice the period, or the crossing branch; see `switch`.
     parameter
         Name of the parameter, such as ``"frequency"`` or ``"stage2.clearance"``.
     to
-        The value at which to stop; or two, between which the branch is followed in both directions.
+        The value at which to stop; or two values, between which the branch is followed in both directions.
     walk
         Options of the walk.
     method
-        How orbits are posed: `Shooting` (the default) or `Balance`.
+        Discretisation of the orbits: `Shooting` (the default) or `Balance`.
     report
         Called with each new point and the special points before it.
     verify
-        Whether to check the branch by other means before it is returned; see `gapwalk.verify`.
+        True to verify the branch by independent checks before it is returned; see `gapwalk.verify`.
     events
-        Special points of your own: functions of the orbit whose zeros are located; see `Event`.
+        User-defined special points: functions of the orbit whose zeros are located; see `Event`.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a range that does not hold the start, or a special point that no other branch leaves.
+        For an unknown parameter, a range that does not contain the start, or a special point at which no branch begins.
     VerificationError
         If the branch is to be verified, and a check fails.
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was walked.
+        After Ctrl-C; its `found` is the branch as far as it was followed.
     """
     steps = BranchWalk(_departures(start, parameter, to, method), walk, events)
     branch = walked_to_end(steps, report)
@@ -86,7 +86,7 @@ def walk(
     events: Sequence[Event] = (),
     resume: WalkProgress | None = None,
 ) -> BranchWalk:
-    """Walk a branch point by point: look at each, stop when you like, and resume later.
+    """Walk a branch point by point, so that you can inspect each point, stop, and resume later.
 
     Parameters
     ----------
@@ -95,17 +95,17 @@ def walk(
     options
         Options of the walk.
     resume
-        `BranchWalk.state` of a walk from the same start that was stopped; it can be pickled.
+        `BranchWalk.state` of a stopped walk from the same start; it can be pickled.
 
     Returns
     -------
     BranchWalk
-        An iterator over the points; `BranchWalk.branch` is the branch as far as it was walked.
+        An iterator over the points; `BranchWalk.branch` is the branch as far as it was followed.
 
     Raises
     ------
     ModelError
-        As `follow`.
+        As in `follow`.
 
     Examples
     --------
@@ -119,22 +119,22 @@ def walk(
 
 
 WalkProgress = TracingState[Step]
-"""Where the walk of a branch has come to."""
+"""Progress of the walk of a branch."""
 
 
 class BranchWalk(Iterator[BranchPoint]):
-    """The walk of a branch, as an iterator over its points; see `walk`.
+    """Walk of a branch, as an iterator over its points; see `walk`.
 
     Parameters
     ----------
     departures
-        Where it begins: one departure, or two in opposite directions of one point.
+        Where it begins: one beginning, or two at one point in opposite directions.
     options
         Options of the walk.
     events
-        Special points of the user's own.
+        User-defined special points.
     resume
-        Where a walk from the same departures had come to.
+        State of a stopped walk with the same beginnings.
     """
 
     def __init__(
@@ -158,20 +158,20 @@ class BranchWalk(Iterator[BranchPoint]):
 
     @property
     def special_points(self) -> tuple[SpecialPoint, ...]:
-        """The special points between the last point and the one before it."""
+        """Special points between the last point and the one before it."""
         steps = self._tracing.steps
         return tuple(steps[-1][-1][1]) if steps and steps[-1] else ()
 
     @property
     def state(self) -> WalkProgress:
-        """Where it has come to: `walk` with it as `resume` continues as if it had never been stopped."""
+        """Progress so far: `walk` with it as `resume` continues as if it had never been stopped."""
         return self._tracing.state
 
     @property
     def branch(self) -> Branch:
-        """The branch as far as it was walked; a ModelError before the first point."""
+        """Branch as far as it was followed; a ModelError before the first point."""
         if not self._tracing.traces:
-            raise ModelError("nothing was walked yet; ask for a point first: next(steps)")
+            raise ModelError("no point was computed yet; ask for a point first: next(steps)")
         return join(self._tracing.traces, self._tracing.steps)
 
 
@@ -181,7 +181,7 @@ def _departures(
     method = chosen(method)
     if not isinstance(start, Orbit | SpecialPoint):
         raise ModelError(
-            f"follow begins at an orbit or a special point, not at {reprlib.repr(start)}; find an orbit first: "
+            f"follow starts from an orbit or a special point, not from {reprlib.repr(start)}; find an orbit first: "
             "gw.find_orbit(system)"
         )
     if isinstance(start, SpecialPoint):
@@ -192,17 +192,17 @@ def _departures(
 
 
 def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
-    """The whole branch from one departure, or from two in opposite directions of one point."""
+    """Return the whole branch from one beginning, or from two at one point in opposite directions."""
     return walked_to_end(BranchWalk(departures, walk), report)
 
 
 def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
-    """The branch of a walk that is made to its end.
+    """Run a walk to its end and return its branch.
 
     Raises
     ------
     Interrupted
-        After Ctrl-C; its `found` is the branch as far as it was walked.
+        After Ctrl-C; its `found` is the branch as far as it was followed.
     """
     try:
         for point in steps:
@@ -211,17 +211,17 @@ def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
     except KeyboardInterrupt:
         try:
             found = steps.branch
-        except ModelError:  # nothing was walked yet
+        except ModelError:  # no point was computed yet
             raise KeyboardInterrupt from None
         raise Interrupted(found) from None
     return steps.branch
 
 
 def join(trails: list[Trail], walked: list[list[Step]]) -> Branch:
-    """One branch from its one or two trails and the steps that they yielded, in one direction of travel."""
+    """Join one or two tracers and the steps that they yielded into one branch with one direction of travel."""
     equation = trails[0].departure.equation
     ends = [trail.end or End(EndReason.STOPPED, trail.walk.point.value) for trail in trails]
-    first = trails[-1].first  # its tangent leads the way in which the branch is told
+    first = trails[-1].first  # its tangent gives the direction of the branch
     points: list[BranchPoint] = [first]
     special: list[SpecialPoint] = []
     if len(trails) == 2:

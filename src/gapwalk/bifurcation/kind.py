@@ -1,4 +1,4 @@
-"""What a kind of special point is: the contract that every kind fulfils, and the registry of all kinds."""
+"""Kind of special point: the contract that every kind fulfils, and the registry of all kinds."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """How special points of a kind are drawn.
+    """Style in which special points of a kind are drawn.
 
     Attributes
     ----------
     label
-        What the legend says.
+        Text of the legend.
     letters
-        What stands next to a point; may be empty.
+        Text next to a point; may be empty.
     marker, size
-        The marker, as matplotlib knows it, and its size in points.
+        The matplotlib marker, and its size in points.
     color
         Name of a colour of the palette.
     dashes
-        Of its locus in a map, as matplotlib knows them; None if it has no locus.
+        Matplotlib dashes of its locus in a map; None if it has no locus.
     width
-        Of that line, in points.
+        Width of that line, in points.
     """
 
     label: str
@@ -53,12 +53,12 @@ class Symbol:
 
 
 class Kind(str):
-    """A kind of special point: what happens there.
+    """Kind of special point.
 
-    A kind is its name, such as ``"fold"``, with which it compares equal, and all that is special about it. To add one,
-    write a subclass in a file of `gapwalk.bifurcation.kinds` and register its one instance there; walks, tables,
-    pictures, maps, verification and files then know it. A kind whose points are zeros of a smooth function of the
-    branch needs `function` and `symbol` alone.
+    A kind is a string: its name, such as ``"fold"``, with which it compares equal. It also holds everything specific to
+    the kind. To add one, write a subclass in a file of `gapwalk.bifurcation.kinds` and register its one instance there.
+    Walks, tables, pictures, maps, verification and files then support it. If its points are zeros of a smooth function
+    along the branch, it needs only `function` and `symbol`.
 
     Parameters
     ----------
@@ -68,24 +68,24 @@ class Kind(str):
     Attributes
     ----------
     symbol
-        How it is drawn.
+        Drawing style.
     target
-        Where a multiplier is critical, if it is at one place: +1 or -1.
+        Value of the critical multiplier if it is fixed: +1 or -1.
     moves_through_one
-        Whether a multiplier passes +1, so that the Jacobian of the orbit changes the sign of its determinant.
+        True if a multiplier passes +1, so that the determinant of the orbit's Jacobian changes its sign.
     ways
-        Directions in which other branches of periodic motions leave: one from a flip, two from a branch point, else 0.
+        Number of directions in which other periodic branches begin: 1 at a flip, 2 at a branch point, otherwise 0.
     times
-        Periods of this branch in one of those.
+        Periods of this branch in one period of those branches.
     is_turning
-        Whether the branch turns round, so that the parameter is stationary there.
+        True if the branch turns back, so that the parameter is stationary there.
     sign_change
-        What a change of sign of the function says of a step, as a clause; empty where the function may change its sign
-        for another reason, so that nothing is to be concluded.
+        Meaning of a sign change of the function in a step, as a clause; empty if the function may change its sign for
+        another reason, so that nothing can be concluded.
     noise
-        Size of the function that has no sign.
+        Absolute value of the function below which its sign is undetermined.
     turn
-        When it is looked for: 0 first, 2 last. What is known of a step by then makes later searches shorter.
+        Order of detection: 0 first, 2 last. Results of earlier searches in a step make later ones shorter.
 
     Examples
     --------
@@ -114,52 +114,52 @@ class Kind(str):
 
     @staticmethod
     def known() -> tuple[Kind, ...]:
-        """All kinds, in the order in which tables and legends have them."""
+        """Return all kinds, in the order of tables and legends."""
         return tuple(_KINDS.values())
 
     @staticmethod
     def named(name: str) -> Kind:
-        """The kind of a name.
+        """Return the kind with a name.
 
         Raises
         ------
         ModelError
-            If there is none.
+            If there is no such kind.
         """
         if name not in _KINDS:
             raise ModelError(f"there is no kind of special point {name!r}; there are {', '.join(_KINDS)}")
         return _KINDS[name]
 
     def function(self, point: BranchPoint) -> float:
-        """The test function: smooth along a branch, and zero with a change of sign at a point of this kind."""
+        """Evaluate the test function: smooth along a branch, and zero with a sign change at a point of this kind."""
         raise NotImplementedError(f"a {self} is not the zero of one function")
 
     @property
     def value(self) -> str:
-        """Its name, as enumerations have it."""
+        """Name of the kind, as for members of an enumeration."""
         return str(self)
 
     @property
     def has_function(self) -> bool:
-        """Whether its points are the zeros of one test function."""
+        """True if its points are the zeros of one test function."""
         return type(self).function is not Kind.function
 
     def at(self, point: BranchPoint) -> float:
-        """The test function at a point; it is computed once."""
+        """Return the test function at a point; it is computed once."""
         known = point.memo.get(self)
         if known is None:
             known = point.memo[self] = self.function(point)
         return known
 
     def is_genuine(self, point: BranchPoint, near: float = 1e-6) -> bool:
-        """Whether a zero of the function is a point of this kind; a multiplier on the unit circle is `near` it."""
+        """Return whether a zero of the function is a point of this kind; `near` is the tolerance of a multiplier."""
         return True
 
     def prepare(self, search: Search) -> None:
-        """What has to be known of a step before any kind is looked for in it; by default nothing."""
+        """Prepare a step before any kind is searched for in it; by default nothing is done."""
 
     def points_in(self, search: Search) -> list[Zero]:
-        """All points of this kind in one step of a walk: by default, all genuine zeros of the test function.
+        """Return all points of this kind in one step of a walk: by default, all genuine zeros of the test function.
 
         Raises
         ------
@@ -169,66 +169,66 @@ class Kind(str):
         return [zero for zero in search.zeros(self) if self.is_genuine(zero.point)]
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
-        """The one zero between two points, where the kind has a better way than a bracket; otherwise None."""
+        """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None."""
         return None
 
     def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
-        """Estimated error of the parameter at a point that was found; infinite where it cannot be told.
+        """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
 
         Raises
         ------
         NumericalError
-            The same: if there are no orbits to compare it with.
+            If there are no orbits to compare it with; the error is then infinite, too.
         """
         return location_error(zero, second, [search.near(zero.point)])
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
-        """What the motions on both sides say of the point, in words; None if it is none after all."""
+        """Return the criticality that follows from the points on both sides, in words; None to reject the point."""
         return ""
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """The special point with what is told by other branches, such as whether a flip is supercritical."""
+        """Complete the special point with information from other branches, such as the criticality of a flip."""
         return special
 
     def departures(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
-        """The departures along the other branches that begin or cross at a point of this kind.
+        """Return the beginnings of the other branches that begin or cross at a point of this kind.
 
         Raises
         ------
         ModelError
             If there are none.
         """
-        raise ModelError(f"no other branch of periodic motions leaves a {self}; switch at a flip or at a branch point")
+        raise ModelError(f"no other periodic branch begins at a {self}; switch at a flip or at a branch point")
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
-        """The equation of its locus in two parameters: how far a monodromy matrix is from having such a multiplier."""
-        raise NotImplementedError(f"a {self} is no matter of multipliers")
+        """Evaluate the locus equation in two parameters: the distance of a monodromy matrix from criticality."""
+        raise NotImplementedError(f"a {self} is not defined by multipliers")
 
     def angle(self, multipliers: NDArray[np.complex128]) -> float:
-        """The argument of the critical multiplier, from 0 to pi."""
+        """Return the argument of the critical multiplier, from 0 to pi."""
         return math.pi if self.target is not None and self.target < 0.0 else 0.0
 
     @property
     def no_locus(self) -> str:
-        """Why it has no locus in two parameters, as a sentence; empty if it has one."""
+        """Reason why it has no locus in two parameters, as a sentence; empty if it has one."""
         has_one = type(self).condition is not Kind.condition
         return "" if has_one else f"a {self} has no locus in two parameters; {_WITH_A_LOCUS}"
 
     def critical(self, multipliers: NDArray[np.complex128]) -> NDArray[np.intp]:
-        """The places of the multipliers that are critical at a point of this kind, nearest first; none if none are."""
+        """Return the indices of the multipliers that are critical at such a point, nearest first; may be empty."""
         if self.target is None:
             return np.zeros(0, dtype=np.intp)
         return np.argsort(np.abs(multipliers - self.target), kind="stable")[:1]
 
     def critical_multiplier(self, multipliers: NDArray[np.complex128]) -> complex:
-        """The multiplier that a point of this kind is about; nan if there is none."""
+        """Return the critical multiplier of a point of this kind; nan if there is none."""
         places = self.critical(multipliers)
         return complex(multipliers[places[0]]) if len(places) else complex(np.nan, np.nan)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """How model files and results are checked: a name of a known kind."""
-        from pydantic_core import core_schema  # imported late: walks need no files
+        """Validate entries of model files and results: the name of a known kind."""
+        from pydantic_core import core_schema  # imported late: only files need it
 
         def checked(value: Any) -> Kind:
             try:
@@ -247,5 +247,5 @@ _WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point"
 
 
 def register(kind: Kind) -> Kind:
-    """Make a kind known by its name."""
+    """Register a kind under its name."""
     return _KINDS.setdefault(str(kind), kind)

@@ -1,4 +1,4 @@
-"""A branch as a curve in the space of Fourier lines, as harmonic balance walks it."""
+"""Space of Fourier lines, in which a branch followed by harmonic balance is a curve."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.identity import repeats
 from gapwalk.orbit.orbit import Orbit
 
-_ROUGH = 2.0  # truncation errors by which an exact motion may be off its balanced one
+_ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
 
 
 class LineSpace:
-    """Of the Fourier lines of the contact deflections, as many as the finest orbit of the branch has."""
+    """Space of the Fourier lines of the contact deflections, with as many lines as the finest orbit of the branch."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self._branch, self._contacts = branch, len(branch.system.structure.contacts)
@@ -87,7 +87,7 @@ class LineSpace:
         return np.append(np.full(len(equation.scales(1.0)), self._unit), self._parameter_scale)
 
     def _units(self, point: BranchPoint) -> tuple[float, float]:
-        """Scale of the lines and of the parameter with which a point was walked."""
+        """Return the scales of the lines and of the parameter with which a point was followed."""
         lines = self._finest.unknowns(point.orbit)
         size = float(np.abs(point.x[:-1]).sum())
         parameter = point.value / float(point.x[-1]) if point.x[-1] else 1.0
@@ -95,7 +95,7 @@ class LineSpace:
         return float(units[0]), float(units[1])
 
     def _resized(self, unknowns: NDArray[np.float64], harmonics: int) -> NDArray[np.float64]:
-        """The same lines, or as many of them as there are with a number of harmonics."""
+        """Return the same lines, cut off or padded with zeros to a number of harmonics."""
         known = from_real_form(unknowns.reshape(self._contacts, -1))
         count = harmonics * self._branch.period
         lines = np.zeros((self._contacts, count + 1), dtype=complex)

@@ -1,4 +1,4 @@
-"""Where a branch ends on another one: the orbit that both share."""
+"""Junction of two branches: the orbit that a branch shares with the one on which it ends."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from gapwalk.orbit.identity import SAME, phases
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
-_STEPS = (1e-4, 2e-5, 4e-6)  # with which first step a flip is sought along its parent: smaller where one went astray
-_LARGEST, _POINTS = 2e-3, 15  # and how far
+_STEPS = (1e-4, 2e-5, 4e-6)  # first steps along the parent in search of a flip: a smaller one if the last went astray
+_LARGEST, _POINTS = 2e-3, 15  # the largest step and the number of points of that search
 
 
 def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
-    """Whether an orbit is that of a special point, begun later or gone round twice perhaps.
+    """Return whether an orbit is that of a special point, possibly with another phase or repeated several times.
 
-    Balanced, a doubled branch meets its parent where the truncated equation has it, and the parent's flip is where its
-    multipliers have it: the two differ by the truncation.
+    In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
+    parent is located by its multipliers. The two differ by the truncation error.
     """
     value, wanted = orbit.system[parameter], special.value
     same = max(SAME, orbit.truncation, special.orbit.truncation)
@@ -35,10 +35,10 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
 
 
 def parent_flip(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
-    """The flip at which a period-doubled branch ends; None if there is none on its parent beside its last point.
+    """Return the orbit of the flip at which a period-doubled branch ends; None if its parent has none nearby.
 
-    A walk may end just before its parent, where a contact grazes so close to the flip that its steps grow too small.
-    The parent's orbit is found from the mean of the two halves, and followed both ways within the range given.
+    A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small.
+    The parent's orbit is found from the mean of the two halves, and followed in both directions within the range.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
     within
         Range of its parameter.
     method
-        How orbits are posed.
+        Discretisation of the orbits.
     """
     last = branch.points[-1].orbit
     if last.period % 2:
@@ -63,7 +63,7 @@ def parent_flip(branch: Branch, within: tuple[float, float], method: Method | No
 
 
 def _first_flip(departure: Departure) -> SpecialPoint | None:
-    """The first flip one way along a branch, which may itself end at its parent just beyond."""
+    """Return the first flip in one direction along a branch, which may itself end at its parent just beyond."""
     for step in _STEPS:
         trail = Trail(departure, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
         flips = next((flips for _, special in trail if (flips := _flips(special))), [])

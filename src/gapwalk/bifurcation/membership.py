@@ -1,4 +1,4 @@
-"""Whether an orbit lies on a branch, and which orbits of a branch exist at one value of its parameter."""
+"""Membership of orbits on a branch, and the orbits of a branch at one value of its parameter."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
 
-_BULGE = 0.15  # how far a segment may reach beyond the values at its ends, as a share of its length
+_BULGE = 0.15  # largest overshoot of a segment beyond the values at its ends, as a share of its length
 _BESIDE = 0.1  # distance from a segment's cubic, as a share of its length, beyond which an orbit is not on it
 _SHARES = np.linspace(0.0, 1.0, 33)
 
 
 def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
-    """Whether an orbit is one of those of a branch, begun at a later forcing period perhaps.
+    """Return whether an orbit lies on a branch, possibly with a start at a later forcing period.
 
     Parameters
     ----------
     branch
         The branch.
     orbit
-        The orbit; if its system differs from the branch's by more than the branch's parameter, it is not on it.
+        The orbit; its system may differ from that of the branch only in the parameter of the branch.
     tolerance
         Distance of two states, relative to their size, within which they count as equal.
 
     Notes
     -----
-    Many orbits are compared with one branch faster by `Curve(branch).holds`.
+    To compare many orbits with one branch, `Curve(branch).holds` is faster.
     """
     return Curve(branch).holds(orbit, tolerance)
 
 
 class Curve:
-    """A branch as a curve in the space of unknowns and parameter: the cubics between its points and their tangents.
+    """Branch as a curve in the space of unknowns and parameter: cubics between its points, with their tangents.
 
-    Folds are among its points, so that values between a fold and the points beside it are covered too. A branch that
-    ends where it joins another one is continued up to there.
+    Folds are among its points, so that the values between a fold and its neighbours are covered. A branch that ends
+    where it joins another one is extrapolated to the junction.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ class Curve:
         self._values = self._x[:, -1]
 
     def holds(self, orbit: Orbit, tolerance: float = SAME) -> bool:
-        """Whether an orbit lies on the branch; see `lies_on`.
+        """Return whether an orbit lies on the branch; see `lies_on`.
 
-        The branch is corrected onto the plane through the orbit and across the cubic beside it, not at the orbit's
-        value: that is well-posed at folds too, where two orbits of the branch are close to each other.
+        The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
+        parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
         """
         if not self._shares_line(orbit.system):
             return False
@@ -88,9 +88,9 @@ class Curve:
         return any(self._passes(orbit, place, value, near, tolerance) for place in places)
 
     def orbits_at(self, value: float) -> list[Orbit]:
-        """The orbits of the branch at one value of its parameter, in the order of the walk.
+        """Return the orbits of the branch at one value of its parameter, in the order of the walk.
 
-        One so close to a fold that Newton's method at a fixed value fails is left out.
+        An orbit so close to a fold that Newton's method at a fixed value fails is left out.
         """
         found: list[Orbit] = []
         scaled = value / self._scales[-1]
@@ -105,7 +105,7 @@ class Curve:
         return found
 
     def _shares_line(self, system: System) -> bool:
-        """Whether a system differs from the branch's by the value of the branch's parameter at most."""
+        """Return whether a system differs from that of the branch at most in the value of the branch's parameter."""
         own = self.branch.system
         if system.structure != own.structure:
             return False
@@ -114,16 +114,16 @@ class Curve:
         return np.array_equal(system.values[others], own.values[others])
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
-        """Segments that may pass the (scaled) value; a segment bends beyond its ends by a share of its length."""
+        """Return the segments that may pass the scaled value; each may overshoot its ends by a share of its length."""
         margin = _BULGE * self._lengths + 1e-12
         low, high = np.minimum(self._values[:-1], self._values[1:]), np.maximum(self._values[:-1], self._values[1:])
         return np.flatnonzero((low - margin <= value) & (value <= high + margin))
 
     def _has_knot(self, place: NDArray[np.float64], value: float, tolerance: float) -> bool:
-        """Whether a place at a value is one of the points from which the curve is made.
+        """Return whether a place at a value is one of the points from which the curve is made.
 
-        Nothing is corrected there: where a branch begins on another or joins it, solutions of both lie beside each
-        other, and the corrector's way to them is a matter of rounding.
+        No correction is made there: where a branch begins on another or joins it, solutions of both are close
+        together, and rounding decides which of them the corrector finds.
         """
         size = len(place)
         off = np.abs(self._x[:, :size] * self._scales[:size] - place).max(axis=1)
@@ -132,7 +132,7 @@ class Curve:
     def _passes(
         self, orbit: Orbit, place: NDArray[np.float64], value: float, segments: NDArray[np.intp], tolerance: float
     ) -> bool:
-        """Whether one of the segments passes through a place at a value."""
+        """Return whether one of the segments passes through a place at a value."""
         size = len(place)
         target = np.append(place / self._scales[:size], value)
         for segment in segments:
@@ -156,12 +156,12 @@ class Curve:
         return magnitude(place, self.branch.system)
 
     def _cubic(self, segment: int, shares: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points of a segment's cubic at some shares of its length, and the slopes there (not of unit length)."""
+        """Return points of a segment's cubic at shares of its length, and the slopes there (not of unit length)."""
         ends = slice(segment, segment + 2)
         return _cubic(self._x[ends], self._tangents[ends], self._lengths[segment], shares)
 
     def _crossings(self, segment: int, value: float) -> Iterator[float]:
-        """Shares at which a segment's cubic takes the value."""
+        """Yield the shares at which a segment's cubic takes the value."""
         a, b = self._values[segment], self._values[segment + 1]
         length = self._lengths[segment]
         p, q = length * self._tangents[segment, -1], length * self._tangents[segment + 1, -1]
@@ -171,7 +171,7 @@ class Curve:
 
 
 def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
-    """Points and slopes of the cubic through two points with their tangents; shares beyond 0 ... 1 lie outside."""
+    """Return points and slopes of the cubic through two points and tangents; shares outside 0 ... 1 extrapolate."""
     (a, b), (p, q), t = x, length * np.asarray(tangents), shares[:, None]
     points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
     slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
@@ -179,7 +179,7 @@ def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
 
 
 def _meeting(knots: list[Knot], end: End, scale: float) -> Knot | None:
-    """The point, beyond the last of two knots, at which a branch joins another; None if it does not or is there."""
+    """Return the junction beyond the last of two knots at which a branch joins another; None if there is none."""
     (a, p, start), (b, q, stop) = knots
     step, gap = b[-1] - a[-1], end.value / scale - b[-1]
     if end.reason is not EndReason.JOINED or step * gap <= 0.0:
@@ -191,7 +191,7 @@ def _meeting(knots: list[Knot], end: End, scale: float) -> Knot | None:
 
 
 def _knots(branch: Branch) -> list[BranchPoint]:
-    """The points of a branch and its folds in the order of their arclength, none twice."""
+    """Return the points of a branch and its folds in the order of their arclength, without duplicates."""
     points = sorted(
         [*branch.points, *(fold.point for fold in branch.special(Kind.FOLD))], key=lambda point: point.arclength
     )

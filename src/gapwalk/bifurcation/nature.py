@@ -1,4 +1,4 @@
-"""The nature of a flip: whether the doubled motions leave it to the side on which the parent has lost stability."""
+"""Criticality of a flip: supercritical if the doubled motions lie on the side where the parent is unstable."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
 _STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
-"""Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is taken.
+"""Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is used.
 
-Beside flips of the paper's figure 15 contacts graze at amplitudes from 1e-3 down to 1e-8.
+Near the flips of the paper's figure 15, contacts graze at amplitudes from 1e-3 down to 1e-8.
 """
 _SURE = 0.05  # relative error of the cubic coefficient up to which its sign counts
-_STEPS_ALONG = 12  # along the doubled branch, at most
-_LONGER, _SHORTER = 4.0, 0.3  # the next step, in steps, after one that succeeded or failed
-_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may be of another branch
+_STEPS_ALONG = 12  # largest number of steps along the doubled branch
+_LONGER, _SHORTER = 4.0, 0.3  # ratio of the next step to the present one after success and after failure
+_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may lie on another branch
 
 
 class _Limit(NamedTuple):
@@ -37,7 +37,7 @@ class _Limit(NamedTuple):
     way
         +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
     size, amplitude
-        Over what displacement that was measured: scaled, and in units of the state.
+        Displacement over which that was measured: scaled, and in units of the state.
     """
 
     way: int
@@ -46,12 +46,12 @@ class _Limit(NamedTuple):
 
 
 def with_nature(special: SpecialPoint, parameter: str, method: Method | None = None) -> SpecialPoint:
-    """The special point with its nature, if it is a flip.
+    """Return the special point with its criticality, if it is a flip.
 
-    A flip is supercritical where the doubled motions lie on the side on which the parent has lost stability. That is
-    decided as the limit towards the flip, by the cubic coefficient of its normal form: where a contact grazes close to
-    the flip, the doubled branch may soon turn round. Up to which amplitude it goes on as it begins is found on the
-    branch itself.
+    A flip is supercritical if the doubled motions lie on the side where the parent has lost stability. The criticality
+    is determined in the limit towards the flip, from the cubic coefficient of its normal form, because the doubled
+    branch may soon turn back if a contact grazes close to the flip. The branch itself then shows up to which amplitude
+    it continues in its initial direction.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ def with_nature(special: SpecialPoint, parameter: str, method: Method | None = N
     parameter
         Name of the parameter that is followed.
     method
-        How orbits are posed.
+        Discretisation of the orbits.
 
     Returns
     -------
     SpecialPoint
-        The same with `nature` and `judged`; as it was where the nature cannot be told.
+        The point with `nature` and `judged`; unchanged if the criticality cannot be determined.
     """
     gained = special.after.total - special.before.total
     if special.kind is not Kind.FLIP or abs(gained) != 1:
@@ -81,7 +81,7 @@ def with_nature(special: SpecialPoint, parameter: str, method: Method | None = N
         return special
     if limit is None:
         return special
-    # whether two multipliers meet in the same step does not matter: only one at -1 changes the number that is unstable
+    # two multipliers that meet in the same step do not matter: only one at -1 changes the number of unstable ones
     unstable = gained * np.sign(special.point.tangent[-1])
     return replace(
         special,
@@ -91,14 +91,15 @@ def with_nature(special: SpecialPoint, parameter: str, method: Method | None = N
 
 
 def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
-    """To which side doubled motions of vanishing amplitude leave a flip; None if that cannot be told.
+    """Return the side on which doubled motions of vanishing amplitude lie; None if it cannot be determined.
 
     With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
 
         s (alpha p + c s^2 + ...) = 0,    alpha = w^T (dF'/dp) v
 
-    (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. They themselves could
-    not be told from the parent at such amplitudes: rounding leaves a parameter of about 1e-15 / s.
+    (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. At such amplitudes
+    the doubled motions themselves cannot be distinguished from the parent: rounding gives their parameter an error of
+    about 1e-15 / s.
     """
     equation, scales = doubled.corrector.equation, doubled.corrector.scales
     unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
@@ -116,7 +117,7 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
 
     here = matrix_at(unknowns)
     left, _, right = least_singular(here[0])
-    response = -(here[0] + np.outer(left, right))  # regular, and -F' among the motions of half the period
+    response = -(here[0] + np.outer(left, right))  # regular, and equal to -F' for motions of half the period
     for step in _STEPS:
         cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
         if not cubic.error <= _SURE * abs(cubic.value):
@@ -124,12 +125,12 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
         beside = doubled.along(start.place + step)
         alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
         amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
-        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last was two steps away
+        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
     return None
 
 
 def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
-    """The amplitude, in units of the state, up to which the doubled branch goes on to the side on which it begins."""
+    """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction."""
     corrector, flip = doubled.corrector, doubled.special.orbit
     x, tangent = start.unknowns / corrector.scales, np.append(start.across, 0.0)
     amplitude, enough = limit.amplitude, REACH * magnitude(flip.state, flip.system)

@@ -1,4 +1,4 @@
-"""The cubic coefficient of a flip: its sign tells whether doubled motions appear beyond it or vanish before it."""
+"""Cubic coefficient of a flip: its sign decides between a supercritical and a subcritical flip."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from numpy.typing import NDArray
 
 from gapwalk.motion.switching import ContactEvent
 
-_STEPS = (6e-5, 6e-6)  # displacements in units of the unknowns: beyond them curvature shows, below them rounding
-_ALIKE = 0.05  # relative change of an impact's velocity within which displaced orbits touch in the same way
+_STEPS = (6e-5, 6e-6)  # displacements in units of the unknowns: longer ones show curvature, shorter ones rounding
+_ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
 _PLACES = (-2.0, -1.0, 1.0, 2.0)
-_FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # differences of fourth order at those places
+_FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # fourth-order differences at those places
 _SECOND = np.array([-1.0, 16.0, 16.0, -1.0]) / 12.0
 _SECOND_HERE = -30.0 / 12.0
 
 Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
-"""The derivative of a map or of an equation somewhere, in units of its unknowns, and the contacts of the motion."""
+"""Derivative of a map or of an equation at a point, in units of its unknowns, and the contacts of the motion there."""
 
 
 class Cubic(NamedTuple):
-    """The cubic coefficient of a flip.
+    """Cubic coefficient of a flip.
 
     Attributes
     ----------
     value
-        The coefficient; nan if there is none at any length of motion that was tried.
+        The coefficient; nan if contacts graze within every displacement that was tried.
     error
-        How far that of differences of second order is off: by curvature, or by rounding.
+        Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
     step
-        The displacement, in units of the unknowns, over which it was measured.
+        Displacement, in units of the unknowns, over which it was measured.
     """
 
     value: float
@@ -48,27 +48,27 @@ def flip_coefficient(
     response: NDArray[np.float64],
     steps: Sequence[float] = _STEPS,
 ) -> Cubic:
-    """The cubic coefficient at a flip, times ``w^T v``, which makes it smooth along its locus.
+    """Compute the cubic coefficient at a flip, times ``w^T v``, which makes it smooth along the flip locus.
 
     With the map over m periods P, its critical vectors ``B v = -v`` and ``w^T B = -w^T`` (Kuznetsov, Elements of
     Applied Bifurcation Theory, section 5.4):
 
         w^T [ P'''(v, v, v) / 6 + P''(v, R^-1 P''(v, v)) / 2 ],    R = 1 - B
 
-    An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same with F in place of
-    P, and ``R = -F'`` among the motions of half the period (the reduction of Lyapunov and Schmidt).
+    An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same coefficient with F
+    in place of P, and ``R = -F'`` on the motions of half the period (the reduction of Lyapunov and Schmidt).
 
-    The derivatives along v come from differences of exact matrices P' or F', over the longest of the steps within
-    which no contact grazes: beyond a grazing point the map is another one, and so are its derivatives.
+    The derivatives along v are differences of exact matrices P' or F', over the longest of the steps within which no
+    contact grazes: beyond a grazing point the map, and hence its derivatives, are different ones.
 
     Parameters
     ----------
     matrix_at
-        Gives the matrix P' or F' of some unknowns.
+        Function that returns the matrix P' or F' and the contacts for given unknowns.
     here
-        The same at the flip.
+        Its value at the flip.
     unknowns, units : shape (N,)
-        Those of the flip; units of the unknowns.
+        Unknowns at the flip, and their units.
     critical
         v and w.
     response : shape (N, N)
@@ -100,7 +100,7 @@ def flip_coefficient(
 
 
 def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
-    """Whether two motions make the same contacts, at about the same velocities."""
+    """Return whether two motions make the same contacts, at nearly the same velocities."""
     return len(some) == len(others) and all(
         a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)
         for a, b in zip(some, others, strict=True)

@@ -1,9 +1,9 @@
-"""Past a graze at a stiff stop, where the branch turns within a depth too small for steps along the branch.
+"""Step over a graze at a stiff stop, where the branch turns within a depth too small for steps along the branch.
 
-Past a graze at a stop k times stiffer than the rest the branch turns within a depth of 1/k^2, for k = 1e6 within
-rounding of what the state at theta = 0 can say. By the depth itself (`TouchEquation`) it is smooth: so the step over
-such a corner is made by depths that grow by the same factor from one to the next, on both sides of the graze, and the
-special points between are sought and located on that scale.
+After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For
+k = 1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the
+branch is smooth. The step over such a corner therefore uses depths that grow by a constant factor from one to the next
+on both sides of the graze. The special points in between are detected and located on that scale.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.touch import LEAD, Held, Touch, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
-_BEYOND = 5e-7  # arclength from the graze at which the walk goes on
-_LITTLE = 1e-8  # arclength by which a step over a graze must lead on
-_GROWTH = 0.7  # of the logarithm of the depth from one orbit to the next
-_LEAST = 1e-16  # depth, in the scale of positions, that is nothing but rounding
-_BLUR = 1.5  # label up to which it is not known what happens first; depths are a few of the above there
-_ASIDE = 1e-9  # the same at which the depth is calibrated
-_SAME = 1e-2  # share by which the depths of touches differ at most that happen at once, in a symmetric motion
-_SAFETY = 4.0  # times the difference of two computations, of which neither is exact
+_BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
+_LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
+_GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
+_LEAST = 1e-16  # depth, in the scale of positions, that is only rounding
+_BLUR = 1.5  # label up to which the order of events is undetermined; depths there are a few times the above
+_ASIDE = 1e-9  # depth, in the scale of positions, at which the depth is calibrated
+_SAME = 1e-2  # largest relative difference of the depths of simultaneous contacts in a symmetric motion
+_SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
 _CIRCLE = (
-    1e-3  # distance from the unit circle of a critical pair: multipliers beside a stiff stop have rounding of 1e-5
+    1e-3  # distance of a critical pair from the unit circle: next to a stiff stop, multipliers have rounding of 1e-5
 )
-_FINEST = 1e-3  # to which special points of one kind are told apart, as a share of the depth
-_SHARP = 1e-9  # to which zeros are located, as a share of the depth
-_NEAR = 0.01  # the same over which a test function is straight
+_FINEST = 1e-3  # smallest distance between special points of one kind, as a share of the depth
+_SHARP = 1e-9  # accuracy of zeros, as a share of the depth
+_NEAR = 0.01  # share of the depth over which a test function is linear
 
 
 class Passage(NamedTuple):
-    """A step over a graze.
+    """Result of a step over a graze.
 
     Attributes
     ----------
     point
-        The point beyond.
+        The point beyond the graze.
     special
-        The special points before it, the graze among them.
+        The special points before it, including the graze.
     distance
         Arclength from the graze to the point.
     """
@@ -62,7 +62,7 @@ class Passage(NamedTuple):
 
 
 def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
-    """The step from a point of a walk over the graze beside it; None where there is none, or no way over it."""
+    """Return the step from a point of a walk over a nearby graze; None if there is none, or the step fails."""
     by_touches = cast("OrbitEquation", corrector.equation).by_touches
     if by_touches is None:
         return None
@@ -75,7 +75,7 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
 
 
 class _Corner:
-    """The orbits about a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
+    """Orbits near a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
 
     def __init__(
         self, corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint, at_once: bool
@@ -83,7 +83,7 @@ class _Corner:
         self._corrector, self._by_touches, self._first = corrector, by_touches, point
         found = touches(point.orbit)
         if not found:
-            raise ConvergenceError("no deflection turns beside a breakpoint")
+            raise ConvergenceError("no deflection has an extremum near a breakpoint")
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
@@ -102,30 +102,30 @@ class _Corner:
 
     @staticmethod
     def _is_twin(touch: Touch, first: Touch, slack: float) -> bool:
-        """Whether two touches happen at once, in a symmetric motion."""
+        """Return whether two contacts begin simultaneously, in a symmetric motion."""
         return abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
 
     def passage(self) -> Passage:
-        """The step over the graze."""
+        """Compute the step over the graze."""
         label = begin = next(iter(self._held))
         while label < -_BLUR:
             label = min(label + self._growth(label), -_BLUR)
             self._at(label)
         graze = self._at(0.0)
         if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
-            raise ConvergenceError("the graze lies behind, and far enough")
+            raise ConvergenceError("the graze lies behind, and far enough away")
         label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
         while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
             label += self._growth(label)
         self._at(label)
         if length_of(self._at(label).x - self._first.x) < _LITTLE:
-            raise ConvergenceError("the graze is passed, but nothing is gained")
+            raise ConvergenceError("the graze is passed, but the walk does not advance")
         special = list(self._special(begin, label))
         last = self._placed(label)
         return Passage(last, special, length_of(last.x - graze.x))
 
     def _growth(self, label: float) -> float:
-        """To the next orbit: where the breakpoint is not passed, nothing happens on the way."""
+        """Return the increment of the label; it is larger where the breakpoint is not passed and nothing happens."""
         return _GROWTH if label * self._way * self._posed.free < 0.0 else 3.0 * _GROWTH
 
     def _label(self, depth: float) -> float:
@@ -135,7 +135,7 @@ class _Corner:
         return self._way * math.sinh(label) * _LEAST * self._unit
 
     def _at(self, label: float) -> BranchPoint:
-        """The point of the branch at a label; all but the first have no arclength yet."""
+        """Return the point of the branch at a label; all but the first have no arclength yet."""
         if label not in self._points:
             nearest = min(self._held, key=lambda known: (known * label < 0.0, abs(known - label)))
             held = self._held[label] = self._posed.hold(self._held[nearest], self._depth(label))
@@ -149,13 +149,13 @@ class _Corner:
         return self._corrector.evaluated(x, evaluation, tangent / length_of(tangent), 0.0)
 
     def _placed(self, label: float) -> BranchPoint:
-        """The point at a label with its arclength, by the points that are known before it."""
+        """Return the point at a label with its arclength, summed over the known points before it."""
         labels = sorted(known for known in self._points if next(iter(self._held)) <= known <= label)
         lengths = [length_of(self._points[b].x - self._points[a].x) for a, b in pairwise(labels)]
         return replace(self._points[label], arclength=self._first.arclength + sum(lengths), memo={})
 
     def _special(self, begin: float, end: float) -> Iterator[SpecialPoint]:
-        """The special points between two labels, in order."""
+        """Yield the special points between two labels, in order."""
         found: list[tuple[float, Kind, str]] = []
         if begin < 0.0:
             found = [(0.0, Kind.GRAZING, describe_switch(self._first.orbit, switch)) for switch in self._grazing(end)]
@@ -181,17 +181,17 @@ class _Corner:
             yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
 
     def _grazing(self, end: float) -> list[int]:
-        """The switches that graze: that of the touch, and those that pass their breakpoints at once with it."""
+        """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""
         before, after = self._first.orbit.closings, self._at(end).orbit.closings
         twins = (touch.switch for touch in self._twins)
         return [self._touches[0].switch, *(switch for switch in twins if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:
-        """A point between special points; where these are nearer to the graze than can be told, one just before it."""
+        """Return a point between special points; just before the graze if they are too close to it to be separated."""
         return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._posed.free))
 
     def _resolved(self, nodes: list[float]) -> list[float]:
-        """Labels of orbits with more between where the number of unstable multipliers changes without a reason."""
+        """Refine labels of orbits where the number of unstable multipliers changes without an explanation."""
         resolved = nodes[:1]
         for a, b in pairwise(nodes):
             if (b - a > _FINEST and a * b > 0.0) and not self._is_explained(self._at(a), self._at(b)):
@@ -202,18 +202,18 @@ class _Corner:
 
     @staticmethod
     def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
-        """Whether the signs of test functions at two points may explain the unstable multipliers at both."""
+        """Return whether sign changes of test functions between two points can explain their unstable multipliers."""
         signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
         most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
         change = abs(b.instability.total - a.instability.total)
         return change <= most and (most - change) % 2 == 0
 
     def _zeros(self, kind: Kind, nodes: list[float]) -> list[float]:
-        """The labels at which a test function vanishes: over so small a part of the branch it does so but once.
+        """Return the labels at which a test function vanishes; on so short a part of the branch it does so only once.
 
-        What vanishes nearer to the graze than can be told does so where the breakpoint is passed.
+        A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
         """
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         pairs = pairwise(nodes)
         changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
@@ -230,16 +230,16 @@ class _Corner:
 
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
-        """The same orbits with shorter segments before the touches, and one of them: a second opinion."""
+        """Same orbits with shorter segments before the contacts, for an error estimate, and one of them."""
         outermost = max(
             self._points, key=lambda label: label * self._way * self._posed.free
-        )  # the easiest to begin from
+        )  # Newton's method starts most easily there
         orbit = self._points[outermost].orbit
         posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
         return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
 
     def _error(self, kind: Kind, label: float) -> float:
-        """Estimated error of the parameter at a special point: by how much it differs where it is posed otherwise."""
+        """Estimate the error of the parameter at a special point from its change with another discretisation."""
         here, scale = self._at(label), float(self._corrector.scales[-1])
         try:
             second, start = self._second

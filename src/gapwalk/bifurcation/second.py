@@ -1,7 +1,7 @@
-"""A second opinion on the points of a branch: the same orbits posed in another way, or more finely.
+"""Error estimate for points of a branch from a second computation with another or finer discretisation.
 
-By shooting with one segment more, by harmonic balance with half as many harmonics again. What both have in common is
-right; by how much they differ is an estimate of the error.
+Shooting uses one segment more, harmonic balance 50 % more harmonics. The difference between the two computations is an
+estimate of the error.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from gapwalk.orbit.equation import OrbitEquation
 if TYPE_CHECKING:
     from gapwalk.bifurcation.kinds.search import Zero
 
-SAFETY = 4.0  # times the difference of two computations, of which neither is exact
-_NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # where a branch is looked at beside a crossing, in reaches
-_REAL = 1e-6  # imaginary part of a root that is real but for rounding
+SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
+_NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points near a crossing, as multiples of the reach
+_REAL = 1e-6  # imaginary part below which a root counts as real
 _AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
 ROUNDING = 2e-14
-"""Relative error of a parameter that both computations share: that of the flow, some 1e-15 in each of its steps."""
+"""Relative error of a parameter that both computations share, from the flow: about 1e-15 in each of its steps."""
 
 
 class SecondOpinion:
-    """The branch of a corrector, posed otherwise.
+    """Error estimator that computes the branch of a corrector with another discretisation.
 
     Parameters
     ----------
     corrector
-        Corrects onto the branch.
+        Corrector for the branch.
     """
 
     def __init__(self, corrector: Corrector) -> None:
@@ -44,18 +44,18 @@ class SecondOpinion:
         self._other = self._equation.otherwise()
         self._known = corrector.scales
         known = corrector.scales[:-1]
-        velocity = known[min(self._equation.system.size, len(known) - 1)]  # by harmonic balance there is none
+        velocity = known[min(self._equation.system.size, len(known) - 1)]  # harmonic balance has no velocities
         scales = self._other.scales(1.0, velocity / known[0])
-        scales *= known[0] / scales[0]  # lengths along the branch are the same in both
+        scales *= known[0] / scales[0]  # so that lengths along the branch are equal in both
         self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
 
     def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
-        """The point of the other branch on the plane across a point's tangent, `shift` further along.
+        """Return the point of the second computation in the plane across a point's tangent, `shift` further along.
 
         Raises
         ------
         NumericalError
-            If there is none.
+            If there is no such point.
         """
         scales = self._corrector.scales
         along = self._embedded(point.tangent)
@@ -65,17 +65,18 @@ class SecondOpinion:
             start = self._embedded(point.x) + shift * along
         correction = self._corrector.correct(start, along / np.linalg.norm(along))
         if correction is None:
-            raise NumericalError(f"no orbit is found at {point.value:.12g} when it is posed otherwise")
-        # exactly there: the correction may have been evaluated a step aside
+            raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
+        # evaluated exactly there: the correction may have been evaluated one Newton step away
         x = correction.x
         evaluation = self._other.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
         exact = Correction(x, evaluation, 0, 0.0, 0.0)
         return self._corrector.point(exact, along, point.arclength + shift)
 
     def _ahead(self, point: BranchPoint, shift: float) -> NDArray[np.float64]:
-        """The scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.
+        """Return the scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.
 
-        By way of the motion itself: what is posed otherwise has unknowns besides, which change along the branch too.
+        They are computed from the motion itself, because the other discretisation has additional unknowns, which also
+        change along the branch.
         """
         orbit, value = point.orbit, float(point.x[-1])
         if shift:
@@ -85,15 +86,15 @@ class SecondOpinion:
         return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
 
     def crossing(self, point: BranchPoint, reach: float) -> float:
-        """The parameter at which the other branch crosses another, near a branch point.
+        """Return the parameter at which the second computation has a crossing, near a branch point.
 
-        Close to it no orbit can be held, but the branch and its determinant are smooth: the polynomials through points
-        on both sides, up to `reach` away, tell where the determinant is zero.
+        Close to the crossing no orbit can be corrected, but the branch and its determinant are smooth. Polynomials
+        through points on both sides, up to `reach` away, give the zero of the determinant.
 
         Raises
         ------
         NumericalError
-            If there are no such points, or the determinant keeps its sign.
+            If there are no such points, or the determinant does not change its sign.
         """
         points = [self.at(point, float(share) * reach) for share in _NODES]
 
@@ -104,7 +105,7 @@ class SecondOpinion:
         places = roots[np.abs(roots.imag) < _REAL].real
         places = places[np.abs(places) <= 1.0]
         if not len(places):
-            raise NumericalError(f"no branches cross near {point.value:.12g} when the branch is posed otherwise")
+            raise NumericalError(f"no branches cross near {point.value:.12g} with another discretisation")
         return float(polynomial([each.value for each in points])(places[np.argmin(np.abs(places))]))
 
     def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,17 +113,17 @@ class SecondOpinion:
 
 
 class _Seen(NamedTuple):
-    """A point, and the test function there."""
+    """Point, and the test function there."""
 
     point: BranchPoint
     zero: float
 
 
 def location_error(zero: Zero, second: SecondOpinion, around: Sequence[BranchPoint]) -> float:
-    """Estimated error of the parameter at a special point; infinite where it cannot be told.
+    """Estimate the error of the parameter at a special point; infinite if it cannot be estimated.
 
-    It is compared with points near it on the branch, and with the same point by a second opinion, on the plane across
-    the tangent. The largest of the estimates counts.
+    The point is compared with points near it on the branch, and with the same point of a second computation, in the
+    plane across the tangent. The largest of the estimates counts.
 
     Raises
     ------
@@ -149,6 +150,6 @@ def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen) -> float
         critical = [kind.critical_multiplier(each.point.orbit.multipliers) for each in (here, near, other)]
         blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
         if abs(critical[0] - kind.target) > SAFETY * blurred + _AT:
-            return math.inf  # nothing is critical here
+            return math.inf  # no multiplier is critical here
     bracket = abs(float(point.tangent[-1])) * width * spread
     return float(bracket + SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

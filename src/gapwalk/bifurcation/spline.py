@@ -1,35 +1,35 @@
-"""A smooth curve through points, and how far other points are from it: what comparisons are made with."""
+"""Smooth curve through points, and distances of other points from it, for comparisons of branches."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-_DENSE = 12  # samples of a curve between two of its points, from which the nearest place is looked for
+_DENSE = 12  # samples of a curve between two of its points, among which the nearest one is sought
 _ITERATIONS = 8
-_CLOSEST = 1e-4  # distance between points of a curve that are told apart
+_CLOSEST = 1e-4  # smallest distance between distinct points of a curve
 
 
 class SplineCurve:
-    """The cubic spline through points in order.
+    """Cubic spline through points in order.
 
     Parameters
     ----------
     points : shape (points, dimensions)
-        The points, in units in which the whole picture has a size of about 1.
+        The points, in units in which the whole range is about 1.
 
     Attributes
     ----------
     resolution
-        Roughly the largest part of a distance that the interpolation between the points may be.
+        Rough upper bound of the error of a distance due to the interpolation between the points.
     """
 
     def __init__(self, points: NDArray[np.float64]) -> None:
-        from scipy.interpolate import CubicSpline  # imported late: it takes long
+        from scipy.interpolate import CubicSpline  # imported late, because the import is slow
         from scipy.spatial import cKDTree
 
         lengths = _lengths(points)
-        # points that nearly coincide would bend the spline by their rounding
+        # if points nearly coincide, their rounding would bend the spline
         cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]
         points = points[cells] if len(cells) > 1 else points[[0, -1]] + [[0.0], [_CLOSEST]]
         lengths = _lengths(points)
@@ -42,10 +42,10 @@ class SplineCurve:
         coarse = CubicSpline(lengths[::2], points[::2]) if len(points) > 4 else self._spline
         middle = (lengths > lengths[1]) & (lengths < lengths[::2][-1])
         off = np.linalg.norm(coarse(lengths[middle]) - points[middle], axis=1)
-        self.resolution = float(off.max(initial=0.0)) / 8.0  # as where a contact grazes; 16 elsewhere
+        self.resolution = float(off.max(initial=0.0)) / 8.0  # third order, as at a graze; elsewhere 16
 
     def distances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of each place, shape (places, dimensions), from the curve."""
+        """Return the distance of each place, shape (places, dimensions), from the curve."""
         if not len(places):
             return np.empty(0)
         nearest = self._tree.query(places)[1]
@@ -60,5 +60,5 @@ class SplineCurve:
 
 
 def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths of the polygon from its beginning to each of its points."""
+    """Return the length of the polygon from its start to each of its points."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))

@@ -1,4 +1,4 @@
-"""A branch as a curve in the space of states at some angles, as shooting walks it."""
+"""Space of states at some angles, in which a branch followed by shooting is a curve."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class StateSpace:
-    """Of the states at some angles, by shooting at the start of each segment; the first of them tells the motion."""
+    """Space of the states at some angles (by shooting the starts of the segments); the first determines the motion."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self.size, self._period = 2 * branch.system.size, branch.period

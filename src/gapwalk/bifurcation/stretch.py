@@ -1,4 +1,4 @@
-"""A stretch of a branch between two points: any point between them, computed when it is asked for."""
+"""Interval of a branch between two points: computes any point in it on request."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
 
 RESOLUTION = 1e-11
-"""Arclength below which lengths are made of rounding."""
-_FINEST = 1e-6  # arclength below which two zeros are not told apart
-_SHARE = 1e-4  # the same as a share of a short step: the walk goes in such where the branch bends as sharply
-_ASTRAY = 0.3  # cosine of the angle between a chord and a tangent between its ends; beyond, it turned unseen
+"""Arclength below which lengths are only rounding."""
+_FINEST = 1e-6  # arclength below which two zeros are not distinguished
+_SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
+_ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
 
 
 class Stretch:
-    """The orbits between two neighbouring points of a walk, by scaled arclength.
+    """Step interval: the orbits between two neighbouring points of a walk, by scaled arclength.
 
-    Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected on a
-    plane across their chord, so points grow cheaper as they grow denser. Close to a crossing with another branch,
-    which is entered in `crossings` when it is found, they are interpolated instead. Two zeros less than `finest` apart
-    are not told apart.
+    Each new point is predicted by the cubic through its known neighbours and their tangents, then corrected in a plane
+    across their chord. So points become cheaper as they become denser. Close to a crossing with another branch, points
+    are interpolated instead; a crossing is added to `crossings` when it is found. Two zeros less than `finest` apart
+    are not distinguished.
     """
 
     def __init__(self, corrector: Corrector, first: BranchPoint, last: BranchPoint) -> None:
@@ -39,7 +39,7 @@ class Stretch:
         return list(self._points)
 
     def at(self, arclength: float) -> BranchPoint:
-        """The point at an arclength.
+        """Return the point at an arclength.
 
         Raises
         ------
@@ -55,7 +55,7 @@ class Stretch:
         return point
 
     def middle(self, first: BranchPoint, last: BranchPoint) -> BranchPoint:
-        """The point halfway between two points."""
+        """Return the point halfway between two points."""
         return self.at(0.5 * (first.arclength + last.arclength))
 
     def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:

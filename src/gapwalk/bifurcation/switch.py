@@ -1,4 +1,4 @@
-"""Switch branches: leave a special point along the branches that begin or cross there."""
+"""Branch switching: the beginnings of the branches that begin or cross at a special point."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
-_SINGULAR = 1e-8  # size of a singular value that is zero but for rounding
-_BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is first seen to change
+_SINGULAR = 1e-8  # singular value that is zero up to rounding
+_BESIDE = 1e-5  # scaled distance along the parent of the first step of the secant method
 _ITERATIONS, _SETTLED = 12, 1e-13  # of inverse iteration, and the change of a unit vector at which it ends
-_STEPS = 6  # of the secant method, at most
-_FAR = 0.05  # scaled distance beyond which its branch point is not that of the flip
+_STEPS = 6  # largest number of steps of the secant method
+_FAR = 0.05  # scaled distance beyond which a branch point does not belong to the flip
 
 
 def switch(
     special: SpecialPoint, parameter: str, to: tuple[float, float], method: Method | None = None
 ) -> list[Departure]:
-    """The departures along the other branches at a special point.
+    """Return the beginnings of the other branches at a special point.
 
-    At a flip there is one, on the branch of twice the period: the other direction is the same motion, one period
-    later. At a branch point there are two, in both directions of the branch that crosses.
+    At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted by
+    one period. At a branch point there are two, in both directions of the crossing branch.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def switch(
     to
         Range of the parameter.
     method
-        How orbits are posed.
+        Discretisation of the orbits.
 
     Raises
     ------
     ModelError
-        If no other branch leaves a special point of this kind, or the range does not hold it.
+        If no other branch begins at a special point of this kind, or the range does not contain it.
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
@@ -58,21 +58,21 @@ def switch(
 
 
 def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
-    """The departure along the branch of twice the period that begins at a flip."""
+    """Return the beginning of the branch of twice the period at a flip."""
     doubled = Doubled(special, parameter, within, method)
     start, across, _ = doubled.start()
     return Departure(doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True)
 
 
 class DoubledStart(NamedTuple):
-    """Where the equation of twice the period has its branch point near a flip.
+    """Branch point of the equation of twice the period near a flip.
 
     Attributes
     ----------
     unknowns : shape (N + 1,)
-        Its unknowns and the parameter there, not scaled.
+        Its unknowns and the parameter, not scaled.
     across : shape (N,)
-        Its null vector, the parameter held, scaled.
+        Scaled null vector at a fixed parameter.
     place
         Scaled distance from the flip along the parent, as in `Doubled.along`.
     """
@@ -83,7 +83,7 @@ class DoubledStart(NamedTuple):
 
 
 class Doubled:
-    """The equation of twice the period near a flip, where the motions of the parent solve it too.
+    """Equation of twice the period near a flip; the motions of the parent solve it too.
 
     Parameters
     ----------
@@ -94,12 +94,12 @@ class Doubled:
     within
         Range of the parameter.
     method
-        How orbits are posed.
+        Discretisation of the orbits.
 
     Attributes
     ----------
     corrector, parent
-        Correct onto solutions of the doubled equation, and onto the parent.
+        Correctors for the doubled equation and for the parent.
     special
         The flip.
     """
@@ -111,10 +111,10 @@ class Doubled:
         self.parent = Corrector(found, scales_of(found, special.orbit, within))
 
     def start(self) -> DoubledStart:
-        """Where the doubled equation has its branch point.
+        """Locate the branch point of the doubled equation.
 
-        By shooting that is the flip. The multipliers of a balanced motion are more exact than its truncated equation,
-        which has its own flip nearby: the secant method along the parent leads there.
+        In shooting this is the flip. In harmonic balance the multipliers of a motion are more accurate than its
+        truncated equation, which has its own flip nearby: the secant method along the parent locates it.
         """
         start = self._doubled(self.special.orbit)
         left, least, right = least_singular(self._jacobian(start))
@@ -138,20 +138,20 @@ class Doubled:
                 if abs(places[-1]) > _FAR:
                     break
         except (NumericalError, np.linalg.LinAlgError):
-            pass  # the nearest place so far serves
+            pass  # use the nearest place so far
         return DoubledStart(start, across, best)
 
     def _singular(
         self, start: NDArray[np.float64], left: NDArray[np.float64], right: NDArray[np.float64]
     ) -> tuple[float, NDArray[np.float64]]:
-        """How far the Jacobian is from singular, with a sign that changes where it is; and its null vector there.
+        """Return the signed distance of the Jacobian from singularity, and its null vector there.
 
         Bordered by the null vectors of a place nearby, it stays regular (Govaerts 2000, section 3.2):
 
             [ J        left ] [ v  ]     [ 0 ]
             [ right^T       ] [ -s ]  =  [ 1 ]
 
-        Where J is singular s vanishes, and v is its null vector; nearby s is about the smallest singular value.
+        Where J is singular, s changes sign and v is its null vector; nearby s is about the smallest singular value.
         """
         size = len(left)
         matrix, unit = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
@@ -161,12 +161,12 @@ class Doubled:
         return -float(solution[-1]), solution[:-1] / np.linalg.norm(solution[:-1])
 
     def _jacobian(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of the doubled equation by the scaled unknowns."""
+        """Return the Jacobian of the doubled equation with respect to the scaled unknowns."""
         evaluation = self.corrector.equation.evaluate(start[:-1], float(start[-1]))
         return evaluation.by_unknowns * self.corrector.scales[:-1]
 
     def along(self, step: float) -> NDArray[np.float64]:
-        """The doubled equation's unknowns and the parameter at a scaled distance from the flip, along the parent.
+        """Return the unknowns of the doubled equation and the parameter at a scaled distance along the parent.
 
         Raises
         ------
@@ -176,14 +176,14 @@ class Doubled:
         x, tangent = self._flip
         correction = self.parent.correct(x + step * tangent, tangent)
         if correction is None:
-            raise ConvergenceError("the branch of the flip could not be followed beside it")
+            raise ConvergenceError("the branch with the flip could not be followed in its neighbourhood")
         value = float(correction.x[-1] * self.parent.scales[-1])
         unknowns = correction.x[:-1] * self.parent.scales[:-1]
         return self._doubled(self.parent.equation.orbit(unknowns, value, correction.evaluation))
 
     @cached_property
     def _flip(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The scaled variables of the parent at the flip, and its tangent there, towards larger parameters."""
+        """Scaled variables of the parent at the flip, and its tangent there, towards larger parameters."""
         parent, value = self.parent, self.special.value
         x = np.append(parent.equation.unknowns(self.special.orbit), value) / parent.scales
         evaluation = parent.equation.evaluate(x[:-1] * parent.scales[:-1], value)
@@ -198,10 +198,10 @@ class Doubled:
 def least_singular(
     matrix: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
-    """The smallest singular value of a matrix between its left and right vectors.
+    """Return the smallest singular value of a matrix, between its left and right singular vectors.
 
-    By inverse iteration with one factorisation, which takes a tenth of the time of all singular values where harmonics
-    make the matrix large. Its errors fall with the square of the ratio of the two smallest ones.
+    Inverse iteration with one factorisation takes a tenth of the time of a full singular value decomposition if the
+    matrix is large because of many harmonics. Its errors fall with the square of the ratio of the two smallest values.
     """
     factors, pivots, exact_zero = lapack.dgetrf(matrix)
     right = np.full(len(matrix), len(matrix) ** -0.5)
@@ -219,14 +219,14 @@ def least_singular(
 
 
 def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
-    """The departures in both directions of the branch that crosses at a branch point."""
+    """Return the beginnings in both directions of the branch that crosses at a branch point."""
     _, equation = _posed(special, parameter, special.orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, special.orbit, within))
     start = np.append(equation.unknowns(special.orbit), special.value)
     evaluation = corrector.equation.evaluate(start[:-1], float(start[-1]))
     assert evaluation.by_parameter is not None
     jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
-    # both branches lie in the plane of the two smallest singular vectors; the other one is across the known tangent
+    # both branches lie in the plane of the two smallest singular vectors; the other one is normal to the known tangent
     plane = np.linalg.svd(jacobian)[2][-2:]
     known = plane @ _rescaled(special.point, start, corrector)
     across = np.array([-known[1], known[0]]) @ plane
@@ -236,16 +236,18 @@ def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: 
 
 
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
-    """The tangent of a point that was found with other scales, in those of the corrector."""
+    """Return the tangent of a point found with other scales, in the scales of the corrector."""
     if len(point.x) != len(start):
-        raise ModelError("switch with the method, and its segments or harmonics, with which the branch point was found")
+        raise ModelError(
+            "switch with the method, and the number of segments or harmonics, with which the branch point was found"
+        )
     scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
     rescaled = point.tangent * scales / corrector.scales
     return rescaled / np.linalg.norm(rescaled)
 
 
 def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> tuple[OrbitEquation, OrbitEquation]:
-    """The equation with which a special point was found, and one for another period that is as finely resolved."""
+    """Return the equation with which a special point was found, and one of the same resolution for another period."""
     found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
     while len(found.scales(1.0)) < len(special.point.x) - 1:
         finer, other = equation.finer(), found.finer()

@@ -1,4 +1,4 @@
-"""The trail: a walk with its special points, step by step, that can be stopped after any step and resumed."""
+"""Branch tracer: a walk with its special points, step by step, that can be stopped after any step and resumed."""
 
 from __future__ import annotations
 
@@ -28,37 +28,37 @@ from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.floating import floats, unheld
 from gapwalk.orbit.floquet import largest_move
 
-_GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
-_AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are looked for
-_SHARP = 1e-6  # arclength of a step within which a graze is passed by its depth, not by the arclength
-_BEGINNING = 1e-4  # radians from the beginning of the period within which a contact begins or ends just there
-_BENT, _UNCHANGED = 1e-6, 1e-3  # the step over the bend, and the share by which multipliers may change meanwhile
-_NEARER, _NEAREST = 0.1, 1e-8  # share of it that is left where a contact grazes before, and the least that is tried
+_GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection counts as grazing
+_AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are detected
+_SHARP = 1e-6  # length of a step below which a graze is passed in terms of its depth, not of the arclength
+_BEGINNING = 1e-4  # radians from the start of the period within which a contact event coincides with it
+_BENT, _UNCHANGED = 1e-6, 1e-3  # step over a sharp bend, and the relative change of multipliers allowed in it
+_NEARER, _NEAREST = 0.1, 1e-8  # factor on _AHEAD if a contact grazes before it, and its smallest value
 
-_SYMMETRIC, _LOST = 1e-6, 1e-4  # defects of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
-_RESTORED = 1e-3  # the same at the vertex where a symmetry returns: it is located to the square of that, and better
+_SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
+_RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located to the square of that, and better
 _ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
-_CERTAIN = 1e-6  # arclength of a step that is not taken again, whatever it leaves unexplained
-_FAR = 0.8  # change of a multiplier in one step: half a turn takes four steps
+_CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
+_FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
 
 Step = tuple[BranchPoint, list[SpecialPoint]]
-"""A new point of a branch, and the special points between it and the one before."""
+"""New point of a branch, and the special points between it and the point before."""
 
 
 class TrailState(NamedTuple):
-    """Where a trail has come to: its walk and its detector."""
+    """Progress of a branch tracer: its walk and its detector."""
 
     walk: WalkState
     detector: DetectorState
 
 
 def _change(first: BranchPoint, second: BranchPoint) -> float:
-    """How far multipliers move between two neighbouring points, as a share of what a step may move them."""
+    """Return the change of multipliers between two neighbouring points, as a share of the change allowed in a step."""
     return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
 
 
 def _walk(departure: Departure, options: WalkOptions, state: WalkState | None) -> Walk:
-    """The walk from a departure, or from a state that it had come to."""
+    """Return the walk from a beginning, or from a state to resume."""
     return Walk(
         departure.equation,
         departure.first,
@@ -74,19 +74,19 @@ def _walk(departure: Departure, options: WalkOptions, state: WalkState | None) -
 def resumed_trail(
     departure: Departure, walk: WalkOptions | None, state: TrailState, events: Sequence[Event] = ()
 ) -> Trail:
-    """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
+    """Return the tracer that continues from a state, also if its equation was refined on the way.
 
     Parameters
     ----------
     departure
-        From which the trail departed.
+        Beginning from which the tracer started.
     walk
         Options of the walk.
     state
-        `Trail.state` when it was stopped; but its points are as they were yielded, so that the one before the last may
-        be from before a refinement.
+        `Trail.state` when it was stopped. Its points are as they were yielded, so the one before the last may have been
+        computed before a refinement.
     events
-        Kinds of special points of the user's own.
+        User-defined kinds of special points.
     """
     previous, size = state.walk.previous, len(state.walk.point.x)
     while len(departure.first.x) < size:
@@ -100,18 +100,18 @@ def resumed_trail(
 
 
 class Trail(Iterator[Step]):
-    """One direction of a branch as it is walked: yields each point with the special points before it.
+    """Tracer of a branch in one direction: yields each point with the special points before it.
 
     Parameters
     ----------
     departure
-        Where it begins, and which way.
+        Where it begins, and in which direction.
     walk
         Options of the walk.
     resume
-        `state` of a trail from the same departure that was stopped.
+        `state` of a stopped tracer with the same beginning.
     events
-        Kinds of special points of the user's own.
+        User-defined kinds of special points.
     """
 
     def __init__(
@@ -135,21 +135,21 @@ class Trail(Iterator[Step]):
 
     @property
     def state(self) -> TrailState:
-        """Where the trail has come to; a trail made with it as `resume` goes on as if never stopped."""
+        """Progress so far; a tracer made with it as `resume` continues as if never stopped."""
         return TrailState(self.walk.state, self.detector.state)
 
     @property
     def end(self) -> End | None:
-        """Where and why the walk ended; None while it goes on."""
+        """End of the walk, with its reason; None while it continues."""
         return self.walk.end
 
     @property
     def is_closed(self) -> bool:
-        """Whether the branch has closed on itself."""
+        """True if the branch has closed on itself."""
         return self.end is not None and self.end.reason is EndReason.CLOSED
 
     def finish_with(self, end: End) -> None:
-        """Take over the end that the walk had come to before it was stopped."""
+        """Set the end that the walk had reached before it was stopped."""
         self.walk.end = end
 
     def __next__(self) -> Step:
@@ -186,10 +186,10 @@ class Trail(Iterator[Step]):
                 if self._is_doubled(first) and has_merged(point):
                     raise NumericalError("the step went onto the parent branch")
                 if self._is_astray(first, point):
-                    raise NumericalError("the step went onto a branch of motions without a symmetry of this one")
+                    raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
                 step = self._until_vertex(point, self._explained(first, point, before))
             except NumericalError:
-                # no orbits lead from one point to the other: the step went astray, onto another branch
+                # no orbits connect the two points: the step went astray, onto another branch
                 if before is not None and self._is_doubled(first) and is_close(first):
                     self.walk.finish(first, End(EndReason.JOINED, value_ahead(before, first)))
                     return first, []
@@ -199,7 +199,7 @@ class Trail(Iterator[Step]):
             return self._until_parent(first, step)
 
     def _refine(self, count: int) -> bool:
-        """Go on more finely where the walk ended for want of it, after `count` points; whether that can be done."""
+        """Continue with a finer resolution if the walk ended for lack of it; return whether that was possible."""
         if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
             return False
         finer = refined(self.departure)
@@ -215,11 +215,11 @@ class Trail(Iterator[Step]):
         return True
 
     def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
-        """The symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.
+        """Return the symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.
 
-        They are those of its first orbit, or of the next if it begins at another branch.
+        They are those of its first orbit, or of the next one if the branch begins at another branch.
 
-        A parameter may break a symmetry of the equations (a mean load does), so they must have it all over the range.
+        A parameter may break a symmetry of the equations (a mean load does), so the system must have it over the range.
         """
         if self._symmetries is None:
             if self.departure.singular and point.arclength < _AHEAD:
@@ -232,9 +232,9 @@ class Trail(Iterator[Step]):
         return self._symmetries
 
     def _is_astray(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Whether a point lacks a symmetry of the branch: by its extremes, or by how often its contacts close.
+        """Return whether a point lacks a symmetry of the branch, by its extremes or by the closings of its contacts.
 
-        Past a graze at a stiff stop the second shows what is too small for the first.
+        Beyond a graze at a stiff stop, the closings show an asymmetry that is too small to be seen in the extremes.
         """
         closings = point.orbit.closings
         return any(
@@ -246,14 +246,17 @@ class Trail(Iterator[Step]):
         return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.departure.corrector.scales[0]))
 
     def _symmetries_of_all(self) -> tuple[Symmetry, ...]:
-        """The symmetries that the system has at both ends of the range, and at the beginning."""
+        """Return the symmetries that the system has at both limits of the range, and at the beginning."""
         system, within = self.first.orbit.system, self.departure.within
         place = system.structure.place(self.departure.equation.parameter or "")
         ends = [symmetries_of(System.beside(system, place, value)) for value in (within.low, within.high)]
         return tuple(each for each in symmetries_of(system) if all(each in end for end in ends))
 
     def _explained(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
-        """The special points of a step, if they explain what changes in it; a shorter step may show what was missed."""
+        """Return the special points of a step; raise a NumericalError if they do not explain all changes in it.
+
+        A shorter step may then show what was missed.
+        """
         special = self._inspect(first, point, before)
         singular = first is self.first and self.departure.singular  # all test functions vanish there
         if point.arclength - first.arclength > _CERTAIN and not singular:
@@ -262,9 +265,9 @@ class Trail(Iterator[Step]):
         return special
 
     def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
-        """The special points of a step; of the first step of a branch that begins at another, from just beyond there.
+        """Return the special points of a step.
 
-        All test functions vanish where such a branch begins.
+        All test functions vanish where a branch begins at another, so its first step is examined from just beyond.
         """
         if first is self.first and self.departure.singular:
             beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
@@ -275,10 +278,10 @@ class Trail(Iterator[Step]):
         return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
-        """A point just beyond the beginning of a branch that begins at another; None if there is none.
+        """Return a point just beyond the beginning of a branch that begins at another; None if there is none.
 
-        Where the contacts already close otherwise than at the beginning, one grazes between, and the branch may turn
-        there at once: so that nothing of it is missed, a nearer point is taken.
+        If the contacts there already close differently than at the beginning, one grazes in between, and the branch may
+        turn back at once. A nearer point is then taken, so that nothing of it is missed.
         """
         corrector, first = self.departure.corrector, self.first
         beside = None
@@ -293,16 +296,16 @@ class Trail(Iterator[Step]):
         return beside
 
     def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
-        """Whether a contact grazes in a step so short, or so much changes with it, that its stop must be stiff."""
+        """Return whether a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
         if first.orbit.closings == point.orbit.closings:
             return False
         return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
 
     def _pass_graze(self, state: WalkState) -> Step | None:
-        """The step over a graze from a state of the walk: a stiff stop turns the branch within rounding there."""
+        """Return the step over a graze from a state of the walk: at a stiff stop the branch turns within rounding."""
         first = state.point
         if first is self.first and self.departure.singular:
-            return None  # two branches begin there, and the depth does not tell them apart
+            return None  # two branches begin there, and the depth does not distinguish them
         passage = pass_graze(self.departure.corrector, first)
         if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
             return None
@@ -313,10 +316,10 @@ class Trail(Iterator[Step]):
         return self._until_parent(first, self._until_vertex(passage.point, passage.special))
 
     def _pass_bend(self, state: WalkState) -> Step | None:
-        """The step over a bend from a state of the walk: where a contact begins or ends just as the period begins.
+        """Return the step over a sharp bend, where a contact begins or ends at the start of the period.
 
-        The state there runs along the motion, and that has a bend where a viscous force sets in. The motion itself is
-        as smooth along the branch as elsewhere, so its multipliers stay as they are.
+        There the initial state moves along the motion, which has a corner where a viscous force sets in. The motion
+        itself is as smooth along the branch as elsewhere, so its multipliers do not change.
         """
         first = state.point
         full = PERIOD * first.orbit.period
@@ -333,10 +336,10 @@ class Trail(Iterator[Step]):
         return point, []
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
-        """The step, cut off where the branch joins the one that it branches off from.
+        """Return the step, cut off where the branch joins the branch from which it bifurcates.
 
-        There it turns round, and what follows is the same motion again: shifted by a forcing period beyond a flip,
-        mirrored beyond a loss of symmetry.
+        It turns back there, and its continuation is the same motion again: shifted by a forcing period beyond a flip,
+        mirrored beyond a symmetry-breaking point.
         """
         for number, each in enumerate(special):
             if each.is_vertex and self._has_parent(each.point):
@@ -345,9 +348,9 @@ class Trail(Iterator[Step]):
         return point, special
 
     def _has_parent(self, vertex: BranchPoint) -> bool:
-        """Whether the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
+        """Return whether the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
 
-        Only then is there a branch to join. Where not all symmetries are looked for, the vertex is believed.
+        Only then is there a branch to join. If not all symmetries of the system are known, the vertex is accepted.
         """
         if vertex.orbit.period % 2 == 0 and is_close(vertex):
             return True
@@ -358,11 +361,11 @@ class Trail(Iterator[Step]):
         return any(self._defect(each, vertex) < _RESTORED for each in lost)
 
     def _is_doubled(self, point: BranchPoint) -> bool:
-        """Whether a point may be near the parent of a period-doubled branch, and is not its beginning."""
+        """Return whether a point may be near the parent of a period-doubled branch, and is not its beginning."""
         return point.orbit.period % 2 == 0 and not (point is self.first and self.departure.singular)
 
     def _until_parent(self, first: BranchPoint, step: Step) -> Step:
-        """The step, cut off where a doubled branch passes its parent and that was not located as a branch point."""
+        """Return the step, cut off where a doubled branch passes its parent without a located branch point."""
         point, special = step
         joined = self.walk.end is not None and self.walk.end.reason is EndReason.JOINED
         if joined or not self._is_doubled(first) or not passes_parent(first, point):
@@ -373,7 +376,7 @@ class Trail(Iterator[Step]):
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
 
     def _explain_small_step(self, last: BranchPoint) -> None:
-        """Say so where a walk got stuck because a contact grazes: a stiff one turns the branch within a step."""
+        """Add a grazing contact as the cause if a walk got stuck: a stiff one turns the branch within a step."""
         end = self.walk.end
         if end is None or end.reason is not EndReason.STEP:
             return
@@ -381,11 +384,11 @@ class Trail(Iterator[Step]):
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
         if depths and min(depths) <= _GRAZES * size:
             contact = describe_switch(last.orbit, depths.index(min(depths)))
-            advice = "the branch turns there too sharply to be followed: begin beyond, or with a softer contact"
+            advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
 
     def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
-        """Give a walk that got stuck just before its parent its true reason."""
+        """Set the true reason of a walk that got stuck just before its parent."""
         stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
         if stuck and before is not None and self._is_doubled(last) and is_close(last):
             self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))

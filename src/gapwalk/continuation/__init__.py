@@ -1,4 +1,4 @@
-"""A family: the walk along a branch of orbits, and its records."""
+"""Continuation of a branch of orbits: corrector, predictor, step size, and the records of the walk."""
 
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint

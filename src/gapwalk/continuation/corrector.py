@@ -1,4 +1,4 @@
-"""From a predicted point back to the branch: Newton's method on the bordered system, and the tangent there."""
+"""Correction of a predicted point onto the branch: Newton's method on the bordered system, and the tangent there."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from gapwalk.errors import NumericalError
 from gapwalk.orbit.equation import Equation, Evaluation
 
 TRUST = 1e-7
-"""Residual from which the next Newton step is exact to rounding, with exact derivatives."""
+"""Residual below which the next Newton step, with exact derivatives, is accurate to rounding."""
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
-_CONTRACTION = 0.5  # of the step before: longer ones do not converge; at a graze each is a third of it
-_EXACT = 1e-14  # residual, relative to the unknowns, that is rounding where another step makes it no smaller
-_ROUNDING = 1e-13  # length of a step that rounding alone can make
-_POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
-_SHALLOW = 1e-3  # share of the depth of the shallowest touch: a longer step finds other multipliers than it comes from
-_LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size
-_ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
-_TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
+_CONTRACTION = 0.5  # largest ratio of successive steps that converge; at a graze the ratio is about a third
+_EXACT = 1e-14  # residual, relative to the unknowns, that is only rounding if another step does not reduce it
+_ROUNDING = 1e-13  # length of a step that rounding alone can cause
+_POLISH = 1e-5  # longest last step once the residual is within tolerance: a longer one means a nearly singular Jacobian
+_SHALLOW = 1e-3  # share of the depth of the shallowest contact: after a longer step the multipliers are others
+_LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is returned with its true size
+_ACROSS = 0.3  # cosine of the angle to the direction of travel below which the tangent is solved for again
+_TRUSTED = 1e-7  # longest step if only `trust` is met: by a crossing the tangent turns by 0.1 rad in 1e-6
 
 
 class Course(NamedTuple):
-    """Which way a branch goes on.
+    """Direction in which a branch continues.
 
     Attributes
     ----------
     tangent : shape (N + 1,)
         Unit tangent of the branch, in scaled variables.
     determinant
-        Determinant of the Jacobian bordered by it, by unknowns that are not scaled: with their scales it would change
-        with the units, and grow with the number of unknowns until no number can hold it.
+        Determinant of the Jacobian bordered by the tangent, for unscaled unknowns. With scaled unknowns it would depend
+        on the units, and it would overflow when there are many unknowns.
     """
 
     tangent: NDArray[np.float64]
@@ -45,22 +45,22 @@ class Course(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """A corrected point and how it was reached.
+    """Corrected point, and how it was reached.
 
     Attributes
     ----------
     x : shape (N + 1,)
         The point, in scaled variables.
     evaluation
-        The equation there.
+        The equation evaluated there.
     iterations
         Newton steps taken.
     distance
-        From the predicted to the corrected point.
+        Distance from the predicted to the corrected point.
     last
         Length of the last Newton step.
     course
-        Which way the branch goes on there, if that is known too.
+        Direction in which the branch continues there; None if it was not computed.
     """
 
     x: NDArray[np.float64]
@@ -72,7 +72,7 @@ class Correction(NamedTuple):
 
 
 class Corrector:
-    """Corrects points onto the branch of one equation, in scaled variables.
+    """Newton corrector for the branch of one equation, in scaled variables.
 
     Parameters
     ----------
@@ -81,13 +81,13 @@ class Corrector:
     scales : shape (N + 1,)
         Scale of each unknown, and of the parameter: physical = scale * scaled.
     iterations
-        Most Newton steps.
+        Largest number of Newton steps.
     """
 
     def __init__(self, equation: Equation, scales: NDArray[np.float64], iterations: int = 7) -> None:
         self.equation, self.scales, self.iterations = equation, scales, iterations
         self._unknown_scales = scales[:-1]
-        self._smallest = min(1.0, _largest(self._unknown_scales))  # unknowns below that count as nothing
+        self._smallest = min(1.0, _largest(self._unknown_scales))  # smaller unknowns count as zero
         self._column_scales = [*self._unknown_scales.tolist(), 1.0]
 
     def correct(
@@ -97,13 +97,13 @@ class Corrector:
         trust: float = 0.0,
         near: float = math.inf,
     ) -> Correction | None:
-        """The point of the branch on the plane through `guess` with that `normal`; None if Newton finds none.
+        """Return the point of the branch in the plane through `guess` with that `normal`; None if Newton fails.
 
-        Where the residual is within the tolerance, or within `trust` if that is larger, one more step is taken
-        without looking, if it is short: it leaves about the square of the residual. So the point is exact to rounding,
-        and the evaluation belongs to a point off by that step; `trust` serves where multipliers need no more digits.
-        A step that is longer than `near`, or not much shorter than the one before, is looked at all the same: where a
-        branch bends within 1e-10, a residual of 1e-10 says little, and what such a step leaves is not its square.
+        Once the residual is within the tolerance (or within `trust`, if that is larger), one more short step is taken
+        without a further evaluation. It leaves about the square of the residual, so the point is accurate to rounding,
+        while the evaluation belongs to a point one such step away. `trust` is for multipliers that need few digits.
+        A step longer than `near`, or not much shorter than the step before, is always evaluated: where the branch
+        bends within 1e-10, a residual of 1e-10 says little, and the error after the step is not its square.
 
         Each step solves the bordered system
 
@@ -121,7 +121,7 @@ class Corrector:
             solved = size <= self.equation.tolerance * scale
             if not solved and not size <= _LOST * before:
                 return None
-            # the second right-hand side leads along the branch
+            # the second right-hand side gives the tangent of the branch
             right = np.zeros((len(x), 2), order="F")
             np.negative(evaluation.residual, out=right[:-1, 0])
             right[-1, 1] = 1.0
@@ -130,7 +130,7 @@ class Corrector:
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
             shallow = max(_SHALLOW * evaluation.reach / float(self._unknown_scales[0]), _ROUNDING)
-            exact = _CONTRACTION * before < size <= _EXACT * scale  # nothing but rounding is left of the residual
+            exact = _CONTRACTION * before < size <= _EXACT * scale  # the residual is only rounding
             if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])
@@ -144,12 +144,12 @@ class Corrector:
         return None
 
     def refined(self, point: BranchPoint) -> BranchPoint:
-        """The same point with its multipliers and tangent evaluated exactly there, not at a point beside it."""
+        """Return the same point with multipliers and tangent evaluated exactly there, not one Newton step away."""
         evaluation = self.equation.evaluate(point.x[:-1] * self._unknown_scales, point.value)
         return self.point(Correction(point.x, evaluation, 0, 0.0, 0.0), point.tangent, point.arclength)
 
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> Course:
-        """Unit tangent at a point, pointing the way of `along`, and the determinant bordered by it."""
+        """Return the unit tangent at a point, oriented along `along`, and the determinant bordered by it."""
         matrix = self._bordered(evaluation, along)
         right = np.zeros((len(along), 1))
         right[-1] = 1.0
@@ -161,14 +161,15 @@ class Corrector:
         return Course(tangent, self._determinant(evaluation, tangent))
 
     def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """The branch point at `x` as it is, for places where Newton's method is ill-posed."""
+        """Return the branch point at `x` without correction, for places where Newton's method is ill-posed."""
         evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
         return self.evaluated(x, evaluation, tangent, arclength)
 
     def crossed(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """The branch point near `x`, where another branch crosses: corrected in all directions but the other branch's.
+        """Return the branch point near `x` where another branch crosses.
 
-        In that one the bordered Jacobian is singular, and `x` is known better than Newton's method could tell.
+        The point is corrected in all directions except that of the other branch. In that direction the bordered
+        Jacobian is singular, and `x` is known more accurately than Newton's method could determine it.
         """
         evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
         left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
@@ -178,14 +179,14 @@ class Corrector:
     def evaluated(
         self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float
     ) -> BranchPoint:
-        """The branch point at `x`, of which evaluation and tangent are known."""
+        """Return the branch point at `x`, given its evaluation and tangent."""
         value = float(x[-1] * self.scales[-1])
         determinant = self._determinant(evaluation, tangent)
         orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
 
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
-        """The branch point of a correction."""
+        """Return the branch point of a correction."""
         x, evaluation, course = correction.x, correction.evaluation, correction.course
         way = 0.0 if course is None else float(course.tangent @ along)
         if course is None or abs(way) < _ACROSS:
@@ -198,7 +199,7 @@ class Corrector:
         return BranchPoint(value, orbit, x, tangent, determinant, arclength)
 
     def at_value(self, guess: NDArray[np.float64], value: float) -> Correction | None:
-        """The point of the branch at one value of the parameter, from a guess."""
+        """Return the point of the branch at a given value of the parameter, from a guess."""
         normal = np.zeros(len(guess))
         normal[-1] = 1.0
         start = guess.copy()
@@ -215,27 +216,27 @@ class Corrector:
         return matrix
 
     def _course(self, factors: NDArray[np.float64], pivots: NDArray[np.intp], along: NDArray[np.float64]) -> Course:
-        """What follows from the factors of a bordered matrix and its solution for a step along the border."""
+        """Return tangent and determinant from the factors of a bordered matrix and its solution along the border."""
         # replacing the border by the unit tangent t/|t| multiplies the determinant by t.t/|t| (Cramer's rule)
         length = length_of(along)
         return Course(along / length, self._product(factors, pivots) * length)
 
     def _determinant(self, evaluation: Evaluation, border: NDArray[np.float64]) -> float:
-        """Determinant of the Jacobian bordered by a unit vector; see `Course`."""
+        """Return the determinant of the Jacobian bordered by a unit vector; see `Course`."""
         factors, pivots, singular = lapack.dgetrf(self._bordered(evaluation, border))
         return 0.0 if singular else self._product(factors, pivots)
 
     def _product(self, factors: NDArray[np.float64], pivots: NDArray[np.intp]) -> float:
-        """The determinant of a bordered matrix, by unknowns that are not scaled, from its factors."""
+        """Return the determinant of a bordered matrix, for unscaled unknowns, from its factors."""
         swaps = sum(place != row for row, place in enumerate(pivots.tolist()))
         size = bounded_product(list(map(truediv, factors.diagonal().tolist(), self._column_scales)))
         return -size if swaps % 2 else size
 
 
 def bounded_product(factors: list[float]) -> float:
-    """The product of some numbers, none of them 0: with its sign, even where its size is beyond what a number holds.
+    """Return the product of nonzero numbers, with the correct sign even where its size overflows or underflows.
 
-    There the size is 1e300, or 1e-300, which is as good where only the sign matters.
+    In that case its size is 1e300 or 1e-300, which is sufficient where only the sign matters.
     """
     product = math.prod(factors)
     if 0.0 < abs(product) < math.inf:
@@ -246,10 +247,10 @@ def bounded_product(factors: list[float]) -> float:
 
 
 def _largest(vector: NDArray[np.float64]) -> float:
-    """Largest size of a component (for short vectors several times faster than NumPy's)."""
+    """Return the largest absolute component (for short vectors several times faster than NumPy's)."""
     return max(map(abs, vector.tolist()))
 
 
 def length_of(vector: NDArray[np.float64]) -> float:
-    """Length of a vector (for short vectors several times faster than NumPy's)."""
+    """Return the length of a vector (for short vectors several times faster than NumPy's)."""
     return math.sqrt(float(vector @ vector))

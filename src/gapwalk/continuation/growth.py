@@ -1,4 +1,4 @@
-"""How large a motion grows along a parameter before a gap limits it: by linear theory, which is exact until then."""
+"""Largest amplitude along a parameter before a gap limits it, by linear theory (exact until a gap closes)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System
 from gapwalk.orbit.balance.linear import Linear, linear_of
 
-_EVEN, _BY_RATIO = 33, 65  # values at which the response is looked at: evenly over the range, and by equal ratios
-_LOWEST = 1e-9  # of the highest value: where the equal ratios begin in a range that begins at zero
-_PEAKS = 3  # that are looked at more closely
-_SHARP = 1e-3  # share of the way between two values to which a peak is located
+_EVEN, _BY_RATIO = 33, 65  # values at which the response is computed: evenly spaced, and with equal ratios
+_LOWEST = 1e-9  # share of the highest value at which the equal ratios begin in a range that begins at zero
+_PEAKS = 3  # number of peaks that are refined
+_SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two values
 
 
 def linear_growth(system: System, parameter: str, within: Range) -> float:
-    """Largest amplitude of any coordinate that a system reaches along a parameter, if no gap is used up.
+    """Return the largest amplitude that any coordinate reaches along a parameter while all gaps stay open.
 
-    Peaks are located by Brent's method between the values beside them, so that light damping hides none. It is 0 where
-    linear theory tells nothing, because a stage without clearance is no linear spring.
+    Peaks are located by Brent's method between the neighbouring values, so that none is missed at light damping. The
+    result is 0 where linear theory does not apply, because a stage without clearance is not a linear spring.
     """
     if not _is_linear_inside_its_gaps(system):
         return 0.0
@@ -39,7 +39,7 @@ def linear_growth(system: System, parameter: str, within: Range) -> float:
 
 
 def _is_linear_inside_its_gaps(system: System) -> bool:
-    """Whether all stages without a clearance, if there are any, are plain springs."""
+    """Return whether all stages without a clearance, if there are any, are linear springs."""
     for spring in springs_of(system):
         tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
         if any(slope.cubic != 0.0 for slope in tight) or sum(slope.sign for slope in tight) != 0:
@@ -50,7 +50,7 @@ def _is_linear_inside_its_gaps(system: System) -> bool:
 
 
 def _values(within: Range) -> NDArray[np.float64]:
-    """Values in a range, at some of which the motion is a good part of its largest."""
+    """Return values of a range, at some of which the motion is a good part of its largest."""
     low, high = within.low, within.high
     if within.is_relative or low >= 0.0:
         low = max(low, _LOWEST * high)
@@ -59,15 +59,15 @@ def _values(within: Range) -> NDArray[np.float64]:
 
 
 def _peaks(sizes: list[float]) -> list[int]:
-    """Places of the largest values that have no larger neighbour."""
+    """Return the places of the largest values that have no larger neighbour."""
     padded = [-math.inf, *sizes, -math.inf]
     tops = [k for k in range(len(sizes)) if padded[k] <= padded[k + 1] >= padded[k + 2]]
     return sorted(tops, key=lambda k: sizes[k])[-_PEAKS:]
 
 
 def _summit(size: Callable[[float], float], values: NDArray[np.float64], sizes: list[float], peak: int) -> float:
-    """The largest size near one of the values."""
-    from scipy.optimize import minimize_scalar  # slow to import, and rarely needed
+    """Return the largest size near one of the values."""
+    from scipy.optimize import minimize_scalar  # imported late: slow to import, and rarely needed
 
     low, high = values[max(peak - 1, 0)], values[min(peak + 1, len(values) - 1)]
     found = minimize_scalar(
@@ -80,7 +80,7 @@ def _summit(size: Callable[[float], float], values: NDArray[np.float64], sizes: 
 
 
 def _amplitude(system: System) -> float:
-    """Largest amplitude of a coordinate, of all harmonics together, while no gap is used up."""
+    """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open."""
     layout = layout_of(system.structure)
     linear = linear_of(layout, coefficients_of(system))
     stiffness, n = _sprung(system, linear), system.size
@@ -96,6 +96,6 @@ def _amplitude(system: System) -> float:
 
 
 def _sprung(system: System, linear: Linear) -> NDArray[np.float64]:
-    """The stiffness with the stages that have no clearance, shape (n, n)."""
+    """Return the stiffness including the stages that have no clearance, shape (n, n)."""
     tight = [[each for each in spring.slopes if each.clearance == 0.0 < each.sign] for spring in springs_of(system)]
     return linear.shifted(np.array([sum(each.stiffness for each in stages) for stages in tight]))

@@ -1,4 +1,4 @@
-"""How long the steps of a walk may be, and how many."""
+"""Options of a walk: length and number of its steps."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from gapwalk.errors import ModelError
 
 @dataclass(frozen=True, slots=True)
 class WalkOptions:
-    """Options of a walk. Steps are arclengths in scaled variables (see `scales_of`), in which the range is 1 wide.
+    """Options of a walk. Steps are arclengths in scaled variables (see `scales_of`), in which the range has width 1.
 
     Parameters
     ----------
     initial_step
-        The first step; where it does not lie between the two below, the nearer of them.
+        The first step; it is clipped to the two limits below.
     smallest_step, largest_step
         The step at which the walk gives up, and the longest step.
     largest_turn
         The largest angle between the tangents at both ends of a step, in radians.
     iterations
-        Newton iterations a step that the step-size law aims at.
+        Newton iterations per step that the step-size control aims at.
     max_points
-        Points after which the walk stops, and says so.
+        Number of points after which the walk stops and reports that limit.
     """
 
     initial_step: float = 0.002
-    # not compared: it changes no point of a walk, so that one begun with another goes on, and ends later or sooner
+    # not compared: it changes no point of a walk, so a walk begun with another value can be resumed
     smallest_step: float = field(default=1e-13, compare=False)
     largest_step: float = 0.01
     largest_turn: float = 0.35
@@ -51,5 +51,5 @@ class WalkOptions:
 
     @property
     def first_step(self) -> float:
-        """The step with which a walk begins."""
+        """First step of a walk, clipped to the limits."""
         return min(max(self.initial_step, self.smallest_step), self.largest_step)

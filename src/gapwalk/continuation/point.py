@@ -1,4 +1,4 @@
-"""A point of a branch: an orbit, where it stands on the branch, and which way the branch goes on."""
+"""Point of a branch: an orbit, its place on the branch, and the direction in which the branch continues."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class BranchPoint:
     tangent : shape (N + 1,)
         Unit tangent of the branch there, in scaled variables, in the direction of the walk.
     determinant
-        Determinant of the Jacobian bordered by the tangent (see `Course`); it changes sign where branches cross.
+        Determinant of the Jacobian bordered by the tangent (see `Course`); its sign changes where branches cross.
     arclength
         Scaled arclength from the start of the walk.
     memo
-        What was derived from the point and is kept because it is asked for again and again.
+        Cache of values derived from the point that are needed repeatedly.
     """
 
     value: float
@@ -44,16 +44,16 @@ class BranchPoint:
 
     @property
     def stable(self) -> bool:
-        """Whether the orbit is stable."""
+        """True if the orbit is stable."""
         return self.orbit.stable
 
     @property
     def instability(self) -> Instability:
-        """How many multipliers lie outside the unit circle, and where."""
+        """Number of multipliers outside the unit circle, and where they left it."""
         return self.orbit.instability
 
     def measure(self, name: str) -> float:
-        """One figure of the motion; see `Orbit.measure`."""
+        """Return one measure of the motion; see `Orbit.measure`."""
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Where the branch goes on, or runs between two known points: the cubic through two points and their tangents."""
+"""Prediction of the next point, and interpolation between two: the cubic through two points and their tangents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gapwalk.continuation.point import BranchPoint
 
 
 def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:
-    """The cubic through two points with their tangents: `share` 0 is the first point, 1 the second, more lies ahead."""
+    """Evaluate the cubic through two points with their tangents: `share` 0 is the first, 1 the second, > 1 is ahead."""
     length, t = b.arclength - a.arclength, share
     return (
         (1 + 2 * t) * (1 - t) ** 2 * a.x
@@ -21,7 +21,7 @@ def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]
 
 
 def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list[NDArray[np.float64]]:
-    """Guesses for the point one step ahead, best first: by the cubic through the last two points, by the tangent."""
+    """Return guesses for the point one step ahead, best first: by the cubic through two points, by the tangent."""
     straight = point.x + step * point.tangent
     if previous is None:
         return [straight]

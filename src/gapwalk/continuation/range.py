@@ -1,4 +1,4 @@
-"""The values of the parameter between which a branch is followed."""
+"""Range of the parameter within which a branch is followed."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 
-_OWN = 12.5  # values differ over so many times their own size, where a range is wider
+_OWN = 12.5  # a wider range is measured near a value by this many times the size of the value
 _OCTAVES = 2.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A range of a parameter.
+    """Range of a parameter.
 
     Attributes
     ----------
     low, high
-        Its ends.
+        Its limits.
     is_relative
-        Whether the parameter is the frequency. What a system does at frequencies a hundred times lower is not a
-        hundredth of its response, but as much again: half the frequency is as far away everywhere.
+        True if the parameter is the frequency. Frequencies are compared by ratio: the response at a hundredth of the
+        frequency is no less rich, and half the frequency is equally far away everywhere.
     natural
-        Change of any other parameter that changes the motion much, where that is known; infinite otherwise.
+        Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
     """
 
     low: float
@@ -37,35 +37,35 @@ class Range:
 
     @property
     def width(self) -> float:
-        """From one end to the other."""
+        """Difference of the limits."""
         return self.high - self.low
 
     def bound(self, value: float) -> float:
-        """The end of the range that a value beyond it has passed."""
+        """Return the limit of the range that a value outside it has passed."""
         return self.low if value < self.low else self.high
 
     def nearness(self, value: float) -> float:
-        """The width of the range that counts near a value, as a share of the whole."""
+        """Return the width that counts near a value, as a share of the width of the range."""
         size = abs(value) if self.is_relative else max(abs(value), self.natural)
         return min(1.0, _OWN * size / self.width)
 
     def weight(self, value: float, scale: float) -> float:
-        """How much a parameter that is measured in units of `scale` weighs near a value, compared with the unknowns.
+        """Return the weight of a parameter measured in units of `scale`, near a value, relative to the unknowns.
 
-        Angles and distances in which it has this weight do not depend on the width of the range.
+        With this weight, angles and distances do not depend on the width of the range.
         """
         return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
 
     def along(self, parameter: str, system: System) -> Range:
-        """The same range, of a parameter of a system."""
+        """Return this range for a parameter of a system."""
         return replace(self, is_relative=system.structure.place(parameter) == 0)
 
 
 def check_range(start: float, to: float | tuple[float, float]) -> Range:
-    """The range from the start to `to`, or the range given; a ModelError if it does not hold the start."""
+    """Return the range from the start to `to`, or the range given; raise a ModelError if the start is outside it."""
     low, high = sorted((start, to) if isinstance(to, int | float) else to)
     if not low < high:
-        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: there is no way to go")
+        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: the range is empty")
     if not low <= start <= high:
         raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
     return Range(float(low), float(high))

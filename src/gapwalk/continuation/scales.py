@@ -1,4 +1,4 @@
-"""Units in which a branch is walked: how large a change of each unknown weighs as much as one of the parameter."""
+"""Scales of a branch: the change of each unknown that weighs as much as a given change of the parameter."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from gapwalk.orbit.balance.linear import linear_of
 from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 
-_REACH = 20.0  # clearances beyond this many times the size of the first orbit are never met
-_SLOWEST, _FASTEST = 0.25, 16.0  # of the natural frequency: frequencies by which velocities are measured
+_REACH = 20.0  # clearances larger than this many times the first orbit are assumed never to close
+_SLOWEST, _FASTEST = 0.25, 16.0  # limits, in natural frequencies, of the frequency by which velocities are scaled
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the natural change of the parameter
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
-    """Scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
+    """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
 
-    None of them grows with the range without bound: what lies within a part of it is walked alike, however wide the
-    whole is. Frequencies are measured by a typical one, and so are velocities. Other parameters are measured in widths
-    of the range, or by `Range.natural` if that is smaller, and the unknowns as `unknown_scales` does. But the motion
-    may be a million times larger at the other end of the range: so a length is that of the largest motion to be
-    expected (`linear_growth`).
+    No scale grows with the range without bound, so a part of a range is followed in the same way however wide the
+    whole range is. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
+    width of the range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the
+    motion may be a million times larger at the other end of the range, lengths are scaled by the largest expected
+    motion (`linear_growth`).
     """
     parameter = equation.parameter or ""
     length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))
@@ -40,9 +40,9 @@ def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[n
 
 
 def with_natural_change(within: Range, equation: OrbitEquation, orbit: Orbit) -> Range:
-    """The range of a parameter that is not the frequency, with its `Range.natural` from an orbit.
+    """Return the range of a parameter that is not the frequency, with its `Range.natural` computed from an orbit.
 
-    That is the change that would move the orbit by ten clearances, or the value itself if that is larger.
+    The natural change would move the orbit by ten clearances; it is the value itself if that is larger.
     """
     if within.is_relative:
         return within
@@ -59,19 +59,19 @@ def with_natural_change(within: Range, equation: OrbitEquation, orbit: Orbit) ->
 
 
 def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
-    """Scales of the unknowns of an equation near an orbit, shape (N,).
+    """Return the scales of the unknowns of an equation near an orbit, shape (N,).
 
-    Positions in largest clearances (the natural length of a system with gaps), or in amplitudes of the orbit if that is
-    larger or no gap is within its reach; velocities in that times the frequency. Both are divided among the unknowns
-    and set against the parameter so that an orbit that changes by a tenth of that length counts as 1 % of the range.
+    Positions are scaled by the largest clearance (the natural length of a system with gaps), or by the amplitude of
+    the orbit if that is larger or no gap is within its reach; velocities by that length times the frequency. The scales
+    are divided among the unknowns so that an orbit that changes by a tenth of that length counts as 1 % of the range.
     """
     return equation.scales(_CLEARANCES * _length(orbit))
 
 
 def _length(orbit: Orbit, growth: Callable[[], float] | None = None) -> float:
-    """The largest clearance within reach of an orbit, or its amplitude if that is larger.
+    """Return the largest clearance within reach of an orbit, or its amplitude if that is larger.
 
-    Where no gap is within reach, the motion can still grow, by `growth` until it uses up the smallest of them.
+    If no gap is within reach, the motion can still grow: by up to `growth`, until it closes the smallest gap.
     """
     clearances = [
         orbit.system[f"{contact.stage_prefix(stage)}.clearance"]
@@ -89,15 +89,15 @@ def _length(orbit: Orbit, growth: Callable[[], float] | None = None) -> float:
 
 
 def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scales that round nothing: a walk from 2.0 begins at 2.0, not at 1.9999999999999998."""
+    """Round scales to powers of two, so that scaling causes no rounding: a walk from 2.0 begins exactly at 2.0."""
     return np.exp2(np.round(np.log2(scales)))
 
 
 def _typical_frequency(system: System) -> float:
-    """The frequency of a system, unless it is far from its natural one: then the nearest that is not.
+    """Return the frequency of a system, limited to the neighbourhood of its natural frequency.
 
-    The natural one is a mean (root of the mean square) over the modes while all gaps are open, or, of a system that
-    only its contacts hold, while all are closed.
+    The natural frequency is the root mean square over the modes with all gaps open, or, for a system that only its
+    contacts support, with all gaps closed.
     """
     linear = linear_of(layout_of(system.structure), coefficients_of(system))
     closed = np.array([max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)])

@@ -1,4 +1,4 @@
-"""The length of the next step, after den Heijer and Rheinboldt (1981, SIAM J. Numer. Anal. 18, 925-948)."""
+"""Step-size control after den Heijer and Rheinboldt (1981, SIAM J. Numer. Anal. 18, 925-948)."""
 
 from __future__ import annotations
 
@@ -7,25 +7,26 @@ import math
 from gapwalk.continuation.corrector import Correction
 from gapwalk.continuation.options import WalkOptions
 
-_LONGEST, _SHORTEST = 2.0, 0.4  # change of the step from one to the next
-_GOAL = 0.6  # share of the largest turn that a step should make
+_LONGEST, _SHORTEST = 2.0, 0.4  # limits of the ratio of successive steps
+_GOAL = 0.6  # share of the largest allowed turn that a step aims at
 
 
 def next_step(step: float, correction: Correction, turn: float, options: WalkOptions) -> float:
-    """The step to try after one that was accepted, if none is too long.
+    """Return the step to try after an accepted step, before it is limited to the longest step.
 
-    Two bounds: the corrector should converge in `options.iterations`, and the tangent should not turn too far.
+    Two conditions limit it: the corrector should converge in `options.iterations`, and the tangent should not turn
+    too far.
 
     For the first, Newton's errors obey ``e_(j+1) = C e_j^2``, so with ``q = C e_0`` the last of k steps is about
-    ``e_0 q^(2^(k-1) - 1)``: that gives q, and from q the start error from which the wanted number of steps would
-    reach the same accuracy, ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
+    ``e_0 q^(2^(k-1) - 1)``. This gives q, and from q the initial error from which the wanted number of steps would
+    reach the same accuracy: ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
     grows with the square of the step.
     """
     return step * min(_newton_factor(correction, options.iterations), _turn_factor(turn, options.largest_turn))
 
 
 def shorter_step(step: float) -> float:
-    """The step to try after one that failed."""
+    """Return the step to try after a failed step."""
     return step / 3.0
 
 

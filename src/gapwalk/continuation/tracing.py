@@ -1,4 +1,4 @@
-"""A curve as it is traced: in one direction of its start or in both, one after the other, step by step."""
+"""Tracing of a curve from its start, in one direction or in both directions one after the other, step by step."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ S_co = TypeVar("S_co", covariant=True)
 
 
 class Trace(Protocol[S_co]):
-    """One direction of a curve: an iterator over its steps that can be stopped after any of them and resumed."""
+    """Trace of a curve in one direction: an iterator over its steps that can be stopped after any step and resumed."""
 
     @property
     def state(self) -> Any:
-        """All that is needed to resume it."""
+        """Everything needed to resume the trace."""
         ...
 
     @property
     def end(self) -> Any:
-        """Where and why it has ended; None while it has not."""
+        """End of the trace, with its reason; None while it continues."""
         ...
 
     @property
     def is_closed(self) -> bool:
-        """Whether it has come back to its start, so that there is nothing in the other direction."""
+        """True if the curve has returned to its start, so that nothing is left in the other direction."""
         ...
 
     def finish_with(self, end: Any) -> None:
-        """Take over the end that it had come to before it was stopped."""
+        """Set the end that the trace had reached before it was stopped."""
         ...
 
     def __next__(self) -> S_co: ...
@@ -41,7 +41,7 @@ T = TypeVar("T", bound=Trace[Any])
 
 @dataclass(frozen=True)
 class TracingState(Generic[S]):
-    """Where a tracing has come to: for each direction that was begun its state, its end, and its steps."""
+    """Progress of a tracing: the state, the end and the steps of each direction that was begun."""
 
     states: tuple[Any, ...]
     ends: tuple[Any, ...]
@@ -49,23 +49,23 @@ class TracingState(Generic[S]):
 
 
 class Tracing(Iterator[S], Generic[D, T, S]):
-    """Traces a curve in the directions in which it departs from its start.
+    """Iterator over the steps of a curve, traced in each direction in which it leaves its start.
 
     Parameters
     ----------
     departures
-        Where it begins, in each direction.
+        The beginning in each direction.
     begin
-        The trace of one direction from its departure, and from a state that it had come to (or None).
+        Function that returns the trace of one direction from its beginning, and from a state to resume (or None).
     resume
-        `state` of a tracing of the same departures that was stopped.
+        `state` of a stopped tracing with the same beginnings.
 
     Attributes
     ----------
     traces
-        The directions that were begun.
+        The traces that were begun.
     steps
-        What each of them has yielded.
+        The steps that each trace has yielded.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
 
     @property
     def state(self) -> TracingState[S]:
-        """Where it has come to: a tracing made with it as `resume` continues as if it had never been stopped."""
+        """Progress so far: a tracing made with it as `resume` continues as if it had never been stopped."""
         return TracingState(
             tuple(trace.state for trace in self.traces),
             tuple(trace.end for trace in self.traces),

@@ -1,7 +1,7 @@
-"""The walk: an iterator over the points of one branch, by pseudo-arclength continuation (Keller 1977).
+"""Walk: an iterator over the points of one branch, by pseudo-arclength continuation (Keller 1977).
 
-It knows neither disk nor screen, neither shooting nor harmonic balance, and no bifurcations. It can be stopped after
-any point and resumed from it. Every end has its reason.
+The walk is independent of files and display, of shooting and harmonic balance, and of bifurcations. It can be stopped
+after any point and resumed from it. Every end has a reason.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from gapwalk.continuation.step import next_step, shorter_step
 from gapwalk.orbit.equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
-_BENT = 1e-4  # steps shorter than that tell of a branch that bends within a Newton step, which is then looked at
-_BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a law of contact may make them, at a graze
-_SHORT = 2e-8  # step at which a walk first stops, so that its owner can look for another way on
+_BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated
+_BRIEF = 1e-3  # share of the longest step below which multipliers may jump: a contact law can cause that at a graze
+_SHORT = 2e-8  # step at which a walk first stops, so that its caller can try another way to continue
 _FAR = 0.5  # distance from a guess, in steps, beyond which a point may lie on another branch
-_BEND = 1.3  # largest turn, in radians, at a bend
-_NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is nothing beside the bend of the branch
+_BEND = 1.3  # largest turn at a sharp bend, in radians
+_NEAR = 0.01  # length of a Newton step, in steps of the walk, whose square is negligible against the branch's curvature
 _GOOD = 0.1  # distance from a guess, in steps, within which another guess would lead to the same point
 
 
 class EndReason(Enum):
-    """Why a branch ends; the value is the sentence that a user reads."""
+    """Reason why a branch ends; the value is the sentence that a user reads."""
 
     START = "the walk began here"
     RANGE = "the end of the range was reached"
-    TURNED_BACK = "the branch turned round and left the range on the side on which it had started"
+    TURNED_BACK = "the branch turned back and left the range on the side on which it had started"
     CLOSED = "the branch closed on itself"
-    BRANCHED = "the branch begins here, at a special point of another"
-    JOINED = "the branch joined the one that it branches off from"
+    BRANCHED = "the branch begins here, at a special point of another branch"
+    JOINED = "the branch joined the branch from which it had branched off"
     FLOATING = "a part floats freely within its clearance"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
@@ -51,18 +51,18 @@ class EndReason(Enum):
 
     @property
     def is_final(self) -> bool:
-        """Whether a walk that ended so cannot go on."""
+        """True if a walk that ended for this reason cannot be continued."""
         return self not in (EndReason.STOPPED, EndReason.INTERRUPTED, EndReason.FAILED)
 
     @property
     def is_failure(self) -> bool:
-        """Whether a walk ended so before it had come to an end of the branch or of the range."""
+        """True if a walk that ended for this reason reached neither an end of the branch nor of the range."""
         return self in (EndReason.FLOATING, EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Where and why a branch ends."""
+    """Place and reason of the end of a branch."""
 
     reason: EndReason
     value: float
@@ -75,7 +75,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class WalkState:
-    """Where a walk has come to: its last two points, the next step, and the number of points so far."""
+    """Progress of a walk: its last two points, the next step, and the number of points so far."""
 
     previous: BranchPoint | None
     point: BranchPoint
@@ -84,35 +84,35 @@ class WalkState:
 
 
 def unchanged(first: BranchPoint, second: BranchPoint) -> float:
-    """No change: 0."""
+    """Return 0: no change."""
     return 0.0
 
 
 class Walk(Iterator[BranchPoint]):
-    """Walks one branch, from its first point onwards.
+    """Iterator over the points of one branch, from its first point on.
 
     Parameters
     ----------
     equation
         The equation whose solutions form the branch.
     first
-        The point to start from, as from `first_point`; it is not yielded.
+        The first point, as from `first_point`; it is not yielded.
     within
         Range of the parameter.
     corrector
-        Corrects onto the branch.
+        Corrector for the branch.
     options
-        Steps.
+        Options of the steps.
     resume
-        Where a walk that was stopped had come to: it goes on as if it had never been stopped.
+        State of a stopped walk, which continues as if it had never been stopped.
     trust
-        Residual from which the next Newton step is exact to rounding; 0 where the derivatives are approximate.
+        Residual below which the next Newton step is accurate to rounding; 0 if the derivatives are approximate.
     branched
-        Whether the branch begins at a special point of another one, perhaps across the parameter: then it has no side
-        of the range to turn back to.
+        True if the branch begins at a special point of another branch, where it may be perpendicular to the parameter
+        axis: then it cannot turn back to the side on which it started.
     change
-        Tells how much two neighbouring points differ in what the unknowns do not show (multipliers, say), as a share of
-        what a step may change; `unchanged` where that is nothing.
+        Function that returns how much two neighbouring points differ in quantities other than the unknowns (such as
+        multipliers), as a share of the change allowed in a step; `unchanged` if there are none.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class Walk(Iterator[BranchPoint]):
 
     @property
     def state(self) -> WalkState:
-        """Where the walk has come to: all that is needed to go on from there."""
+        """Progress so far: everything needed to continue from there."""
         return WalkState(self.previous, self.point, self.step, self.count)
 
     def __next__(self) -> BranchPoint:
@@ -161,14 +161,14 @@ class Walk(Iterator[BranchPoint]):
         self.point, self.end = last, end
 
     def persist(self) -> bool:
-        """Go on with shorter steps where steps have become short; False if they are the smallest allowed."""
+        """Continue with shorter steps where steps have become short; return False if they are the smallest allowed."""
         if self.step < self.options.smallest_step:
             return False
         self._least, self.end = self.options.smallest_step, None
         return True
 
     def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
-        """Go on from a point that was reached from a state in another way, with the next step as given."""
+        """Continue from a point that was reached from a state by other means, with the given next step."""
         self.previous, self.point, self.step = (
             state.point,
             point,
@@ -178,14 +178,14 @@ class Walk(Iterator[BranchPoint]):
         self.end, self._least = None, max(self.options.smallest_step, _SHORT)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
-        """Return to an earlier state because a point yielded after it proved wrong, and go on with shorter steps."""
+        """Return to an earlier state because a point yielded after it was wrong, and continue with shorter steps."""
         self.previous, self.point, self.count = state.previous, state.point, state.count
         self.step = shorter_step(rejected.arclength - state.point.arclength)
         self.end = None
         self.rejected += 1
 
     def _advance(self) -> BranchPoint | None:
-        """The next point; None, with `end` set, if there is none."""
+        """Return the next point; set `end` and return None if there is none."""
         while True:
             if self.step < self._least:
                 detail = f"smallest_step = {self.options.smallest_step:g}; Newton's method no longer follows the branch"
@@ -213,9 +213,9 @@ class Walk(Iterator[BranchPoint]):
             return point
 
     def _longest(self, point: BranchPoint, share: float) -> float:
-        """The step from a point that changes the unknowns by a share of their scales, and the parameter by no more.
+        """Return the step from a point that changes unknowns and parameter by no more than a share of their scales.
 
-        The parameter is measured by the range, but not beyond where its values are far apart: see `Range.nearness`.
+        The parameter is measured by the width of the range, or by less for small values: see `Range.nearness`.
         """
         along = float(point.tangent[-1])
         width = self.within.width * self.within.nearness(point.value)
@@ -223,10 +223,10 @@ class Walk(Iterator[BranchPoint]):
         return share / math.hypot(across, along * float(self.corrector.scales[-1]) / width)
 
     def _weighed(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A difference of points, or a tangent, in the measure of angles and distances near the present point.
+        """Return a difference of points, or a tangent, in the metric of angles and distances near the present point.
 
-        The scale of the parameter is one for the whole branch; in this measure the same step is as long, and turns as
-        far, whatever that scale and the range are.
+        The scale of the parameter is constant along the branch. In this metric, length and turn of a step do not
+        depend on that scale or on the range.
         """
         weight = self.within.weight(self.point.value, float(self.corrector.scales[-1]))
         if weight == 1.0:
@@ -236,16 +236,16 @@ class Walk(Iterator[BranchPoint]):
         return weighed
 
     def _tangent(self, point: BranchPoint) -> NDArray[np.float64]:
-        """The tangent at a point, as a unit vector of that measure."""
+        """Return the tangent at a point, as a unit vector of that metric."""
         return _unit(self._weighed(point.tangent))
 
     def bent_step(self, step: float) -> BranchPoint | None:
-        """The point a short step ahead where the branch may have a bend on the way; None if there is none."""
+        """Return the point a short step ahead if the branch may have a sharp bend before it; None if there is none."""
         self.step = step
         return self._try_step(_BEND, math.tan(_BEND))[1]
 
     def _try_step(self, turn: float | None = None, far: float = _FAR) -> tuple[Correction | None, BranchPoint | None]:
-        """The correction from the best guess that leads to an acceptable point, and the point."""
+        """Return the correction from the best guess that leads to an acceptable point, and the point."""
         correction = point = None
         trust = self.trust * min(1.0, self.step / _BENT)
         for guess in ahead(self.previous, self.point, self.step):
@@ -260,7 +260,7 @@ class Walk(Iterator[BranchPoint]):
     def _accepted(
         self, correction: Correction, guess: NDArray[np.float64], largest_turn: float, far: float
     ) -> BranchPoint | None:
-        """The corrected point, unless it may lie on another branch: too far off, or turned too much."""
+        """Return the corrected point; None if it may lie on another branch: too far away, or turned too much."""
         chord = correction.x - self.point.x
         step = self.step * length_of(self._weighed(self.point.tangent))
         if length_of(self._weighed(correction.x - guess)) > far * step:
@@ -270,14 +270,14 @@ class Walk(Iterator[BranchPoint]):
         turn = _angle(first, last)
         if turn > largest_turn:
             return None
-        # on a smooth curve the chord lies between the tangents; off to one side, the point is on another branch
+        # on a smooth curve the chord lies between the two tangents; if not, the point is on another branch
         along = _unit(self._weighed(chord))
         if _angle(first, along) + _angle(along, last) > turn + _ASIDE:
             return None
         return point
 
     def _closes(self, point: BranchPoint) -> bool:
-        """Whether the step to `point` passes through the walk's origin."""
+        """Return whether the step to `point` passes through the origin of the walk."""
         if self.point is self.origin or point.arclength < 4 * self._first_step:
             return False
         chord, gap = point.x - self.point.x, self.origin.x - self.point.x
@@ -298,13 +298,13 @@ class Walk(Iterator[BranchPoint]):
         return BranchPoint(o.value, o.orbit, o.x, o.tangent, o.determinant, self.point.arclength + gap)
 
     def _last_point(self, beyond: BranchPoint) -> BranchPoint | None:
-        """The point of the branch on the bound that the step to `beyond` has passed."""
+        """Return the point of the branch at the limit that the step to `beyond` has passed."""
         bound = self.within.bound(beyond.value)
         ahead = (bound - self.origin.value) * self.origin.tangent[-1] > 0
         reason = EndReason.RANGE if ahead or self.branched else EndReason.TURNED_BACK
         share = (bound - self.point.value) / (beyond.value - self.point.value)
         correction = self.corrector.at_value(self.point.x + share * (beyond.x - self.point.x), bound)
-        if correction is None:  # a fold lies between: come nearer in a shorter step
+        if correction is None:  # there is a fold in between: approach the limit in a shorter step
             self.step = shorter_step(self.step)
             return self._advance()
         self.end = End(reason, bound)
@@ -319,5 +319,5 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Angle between two unit vectors, in radians."""
+    """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))

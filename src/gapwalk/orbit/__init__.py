@@ -1,4 +1,4 @@
-"""One motion: periodic orbits by shooting, Newton's method, Floquet multipliers, measures."""
+"""Periodic orbits by shooting, Newton's method, Floquet multipliers, and measures of one motion."""
 
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import Equation, Evaluation

@@ -1,4 +1,4 @@
-"""Carry an orbit to other parameter values without leaving its branch: small steps along the exact tangent."""
+"""Continuation of an orbit to other parameter values on its branch, by small steps along the exact tangent."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity
 from gapwalk.orbit.shooting import Shooting
 
-_NEWTON = Newton(iterations=6, halvings=0)  # from a good guess it takes two or three
-_ASTRAY = 0.35  # how far the orbit may lie from the guess, relative to the step: beyond, it may be another branch's
-_CLOSE = 1e-7  # relative to the state: below, the guess is the orbit
-_SHORTEST = 1.0 / 16384  # of the way
+_NEWTON = Newton(iterations=6, halvings=0)  # from a good guess two or three iterations suffice
+_ASTRAY = 0.35  # distance of the orbit from the guess, relative to the step, beyond which it may be on another branch
+_CLOSE = 1e-7  # distance, relative to the state, below which the guess is the orbit
+_SHORTEST = 1.0 / 16384  # smallest step, as a share of the whole change
 
 
 def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
-    """The orbit of the same branch at other values of parameters, which move there together on a straight line.
+    """Follow an orbit along a straight line in parameter space, and return the orbit of its branch at the other end.
 
     Parameters
     ----------
     orbit
         The orbit.
     system
-        A system of the same structure, with the values at which the orbit is wanted.
+        A system of the same structure, with the values at which the orbit is required.
     names
-        Parameters that may differ, by default those that do: many calls with the same names share one compiled flow.
+        Parameters that may differ; by default those that do. Many calls with the same names share one compiled flow.
 
     Raises
     ------
     ModelError
-        If the two systems are not of one structure, or differ by other parameters than those named.
+        If the two systems differ in structure, or in other parameters than those named.
     ConvergenceError
-        If the branch does not lead there: it turns at a fold, or crosses another one; the message says how far it
-        could be followed.
+        If the branch does not extend that far, because it turns back at a fold or crosses another one; the message says
+        how far it could be followed.
     """
     origin = orbit.system
     if system.structure != origin.structure:
-        raise ModelError("an orbit can be carried only to other values of the parameters of its own system")
+        raise ModelError("an orbit can be followed only to other parameter values of its own system")
     known = origin.structure.names
     differing = [known[place] for place in np.flatnonzero(origin.values != system.values).tolist()]
     names = list(names) or differing
@@ -59,25 +59,25 @@ def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
         if step < _SHORTEST and share < 1.0:
             where = ", ".join(f"{name} = {orbit.system[name]:.6g}" for name in names)
             raise ConvergenceError(
-                f"the orbit was lost on the way: its branch could be followed as far as {where}. `follow` along one of "
-                "the parameters shows what is there: a fold perhaps, at which it turns"
+                f"the orbit was lost on the way: its branch could be followed only up to {where}. Call `follow` along "
+                "one of the parameters to see why: there may be a fold, at which it turns back"
             )
     return orbit
 
 
 def _step(orbit: Orbit, target: System, names: list[str], change) -> Orbit:
-    """One step along the tangent, corrected at its end; refused if the correction leads elsewhere."""
+    """Take one step along the tangent and correct its end; refuse it if the correction leads elsewhere."""
     moved = sensitivity(orbit, names).state @ change
     equation = Shooting().pose(target, None, orbit.period)
     try:
         state, evaluation = solve(equation, orbit.state + moved, 0.0, _NEWTON)
     except FlowError as error:
         raise ConvergenceError(str(error)) from error
-    # positions and velocities weigh alike over theta
+    # positions and velocities have equal weight when measured over theta
     unit = np.repeat([1.0, 1.0 / target.frequency], target.size)
     missed = np.linalg.norm(unit * (state - orbit.state - moved))
     if missed > _ASTRAY * np.linalg.norm(unit * moved) + _CLOSE * np.linalg.norm(unit * state):
-        raise ConvergenceError("the next orbit lies far from the tangent; here the branch turns, or there is a fold")
+        raise ConvergenceError("the next orbit lies far from the tangent; the branch bends sharply here, or has a fold")
     return equation.orbit(state, 0.0, evaluation)
 
 

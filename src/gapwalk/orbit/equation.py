@@ -1,4 +1,4 @@
-"""What the walk needs to know of a way to pose periodic orbits; shooting is one, harmonic balance another."""
+"""Interface between continuation and the methods that pose periodic orbits as equations."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from gapwalk.orbit.touch import TouchEquation
 
 MAX_PERIOD = 10_000
-"""Forcing periods of an orbit, at most; events and samples of each are kept."""
+"""Largest number of forcing periods of an orbit; events and samples of each are stored."""
 
 
 def check_period(period: object) -> None:
-    """A ModelError unless this can be m, the number of forcing periods of an orbit."""
+    """Raise a ModelError unless this can be m, the number of forcing periods of an orbit."""
     if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
         raise ModelError(
             f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
@@ -37,14 +37,14 @@ class Evaluation(NamedTuple):
     residual : shape (N,)
         Zero on an orbit.
     by_unknowns : shape (N, N)
-        Its derivative by the unknowns.
+        Its derivative with respect to the unknowns.
     by_parameter : shape (N,), or None
-        Its derivative by the parameter, if the equation has one.
+        Its derivative with respect to the parameter, if the equation has one.
     evidence
-        Whatever the equation wants back to make an orbit of a solution.
+        Data that the equation needs to construct an orbit from a solution.
     reach
-        Change of the unknowns beyond which the derivatives are others: the depth of the shallowest touch, as what a
-        touch adds to them grows with the root of its depth. Infinite where nothing of the kind is known.
+        Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
+        contribution of a touch grows with the square root of its depth. Infinite if it is not known.
     """
 
     residual: NDArray[np.float64]
@@ -55,54 +55,54 @@ class Evaluation(NamedTuple):
 
 
 class Equation(Protocol):
-    """A periodic orbit of `system` as N equations in N unknowns and, possibly, one named parameter.
+    """Periodic orbit of `system` as N equations in N unknowns and, optionally, one named parameter.
 
-    The walk asks for no more.
+    Continuation requires no more than this interface.
     """
 
     @property
     def system(self) -> System:
-        """The system, at whatever value of the parameter."""
+        """System at some value of the parameter."""
         ...
 
     @property
     def parameter(self) -> str | None:
-        """The named parameter that may vary."""
+        """Name of the parameter that may vary."""
         ...
 
     @property
     def period(self) -> int:
-        """m, forcing periods of the orbit."""
+        """m, number of forcing periods of the orbit."""
         ...
 
     @property
     def tolerance(self) -> float:
-        """Largest residual, relative to the size of the unknowns, of a solution."""
+        """Largest residual of a solution, relative to the size of the unknowns."""
         ...
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Residual and derivatives; a NumericalError where they do not exist."""
+        """Return residual and derivatives; raise a NumericalError where they do not exist."""
         ...
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """The orbit of a solution."""
+        """Return the orbit of a solution."""
         ...
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """The unknowns of an orbit that was found in whatever way."""
+        """Return the unknowns of an orbit found by any method."""
         ...
 
 
 class OrbitEquation(Equation, Protocol):
-    """An equation that can be posed anew: for an orbit found in another way, more finely, or for another period.
+    """Equation that can be posed again: for an orbit found by another method, with a finer resolution, or otherwise.
 
-    To add a way to pose orbits, write a class with these members, and a `Method` that makes it; the walk, the special
-    points and everything above ask for no more.
+    To add a discretisation of orbits, write a class with these members, and a `Method` that creates it. Continuation,
+    special points and everything above require no more.
     """
 
     @property
     def options(self) -> Method:
-        """The way in which it is posed; it poses other systems, parameters and periods alike."""
+        """Method that posed the equation; it poses other systems, parameters and periods in the same way."""
         ...
 
     @property
@@ -111,28 +111,28 @@ class OrbitEquation(Equation, Protocol):
         ...
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
-        """How large a change of each unknown weighs as much as a motion of one length; shape (N,).
+        """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
 
-        Velocities count as lengths times a frequency, by default the system's.
+        Velocities count as lengths times a frequency, by default that of the system.
         """
         ...
 
     def doubt(self, orbit: Orbit) -> str:
-        """Why an orbit of a solution is not to be trusted as a motion, and what to change; empty if it is."""
+        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
         ...
 
     def finer(self) -> OrbitEquation | None:
-        """The same orbits posed with a finer resolution, where the method leaves that open; otherwise None."""
+        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
         ...
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The unknowns of the motion from a state, from which Newton's method can start."""
+        """Return the unknowns of the motion from a state, as a start for Newton's method."""
         ...
 
     def otherwise(self) -> OrbitEquation:
-        """The same orbits posed in another way, or more finely: how far solutions of both differ tells their error."""
+        """Return the equation of the same orbits with another or finer discretisation, for an error estimate."""
         ...
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """A change of the unknowns as one of the unknowns of `otherwise()`; where those are more, the rest is zero."""
+        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
         ...

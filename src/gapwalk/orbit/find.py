@@ -1,4 +1,4 @@
-"""Find one orbit from a start: from rest, from a given state, or from a settled transient."""
+"""Search for one orbit from a start: from rest, from a given state, or from a settled transient."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.starts import other_starts
 
-_TRANSIENT = 400  # forcing periods at most; Newton takes over from wherever the motion has come to by then
-_SETTLED = 1e-4  # relative change over one orbit at which Newton takes over
+_TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
+_SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
 
 def find_orbit(
@@ -44,23 +44,23 @@ def find_orbit(
     period
         m: forcing periods after which the orbit repeats.
     start
-        ``"rest"``: Newton's method from the state zero. ``"settle"``: from where a transient from rest has come to; if
-        that leads to no orbit, other starts follow by themselves: states of the settled motion that nearly repeat,
-        their mean, rest, orbits of other frequencies that are carried here, and harmonic balance. Or a state, 2n
+        ``"rest"``: Newton's method from the state zero. ``"settle"``: Newton's method from the end of a transient from
+        rest. If that finds no orbit, other starts are tried: states of the settled motion that nearly repeat, their
+        mean, rest, orbits at other frequencies that are followed to this one, and harmonic balance. Or a state, 2n
         numbers: positions, then velocities, at theta = 0.
     method
-        How the orbit is posed: `Shooting` (the default) or `Balance`.
+        Discretisation of the orbit: `Shooting` (the default) or `Balance`.
     newton
-        How to iterate.
+        Options of Newton's method.
     at, **values
         Parameter values to change first: ``find_orbit(system, frequency=1.9)``.
 
     Raises
     ------
     ModelError
-        For a start, period or parameter that makes no sense.
+        For an invalid start, period or parameter.
     ConvergenceError
-        If no orbit is found; the message says from which starts.
+        If no orbit is found; the message lists the starts that were tried.
     """
     check_system(system, "find_orbit")
     system = system.at(at, **values)
@@ -71,14 +71,14 @@ def find_orbit(
 
 
 def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
-    """The orbit that a transient leads to, or else the first that another start leads to."""
+    """Return the orbit found from a transient, or else the first found from another start."""
     system, period, settled = equation.system, equation.period, None
     doubts = dissipation_doubts(system)
     try:
         settled = settle(system, np.zeros(2 * system.size), period)
         return _solved(equation, equation.start(settled), newton)
     except NumericalError as error:
-        if settled is None and not doubts:  # what no motion can be followed in has no orbit that can
+        if settled is None and not doubts:  # if the transient diverges, other starts do not help
             raise
         first = error
 
@@ -101,13 +101,13 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
 
 def _advice(name: str, period: int) -> str:
     return (
-        f"Give a state near the orbit (start = [...]), walk to it from another value of {name}, or look for another "
+        f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
         f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
     )
 
 
 def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:
-    """The orbit nearest to a guess, as finely resolved as it takes."""
+    """Return the orbit nearest to a guess, refining the equation as necessary."""
     unknowns, evaluation = solve(equation, guess, 0.0, newton)
     orbit = equation.orbit(unknowns, 0.0, evaluation)
     doubt = equation.doubt(orbit)
@@ -120,7 +120,7 @@ def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton 
 
 
 def initial_state(system: System, start: str | Sequence[float] | NDArray[np.float64], period: int = 1):
-    """The state at theta = 0 that a start stands for, shape (2n,)."""
+    """Return the state at theta = 0 of a start, shape (2n,)."""
     if not isinstance(start, str):
         return check_state(system, start)
     if start == "rest":
@@ -131,7 +131,7 @@ def initial_state(system: System, start: str | Sequence[float] | NDArray[np.floa
 
 
 def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArray[np.float64]:
-    """Let the transient from a state die away, until it nearly repeats after `period` forcing periods."""
+    """Integrate the transient from a state until it nearly repeats after `period` forcing periods."""
     flow, coefficients = flow_of(system), coefficients_of(system)
     for _ in range(max(1, _TRANSIENT // period)):
         following = flow.integrate(coefficients, state, 0.0, PERIOD * period).state

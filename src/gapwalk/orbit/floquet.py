@@ -1,4 +1,4 @@
-"""Floquet multipliers of an orbit, and what they say of its stability."""
+"""Floquet multipliers of an orbit, and the stability that follows from them."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from gapwalk.errors import NumericalError
 REAL = 1e-9
 """Largest relative imaginary part of a multiplier that counts as real."""
 
-_BORDER = 1e-6  # distance from the unit circle within which a multiplier may be counted on either side
-_SMALL = 0.02  # size of multipliers whose changes say nothing: their motions have died out within a period
+_BORDER = 1e-6  # distance from the unit circle within which a multiplier may count on either side
+_SMALL = 0.02  # size of multipliers whose changes are irrelevant: their motions decay within a period
 
 
 class Instability(NamedTuple):
-    """How many multipliers lie outside the unit circle, by where they left it.
+    """Numbers of multipliers outside the unit circle, by where they left it.
 
     Attributes
     ----------
     above
-        Real ones beyond +1.
+        Number of real ones above +1.
     below
-        Real ones beyond -1.
+        Number of real ones below -1.
     pairs
-        Complex conjugate pairs.
+        Number of complex conjugate pairs.
     """
 
     above: int
@@ -38,7 +38,7 @@ class Instability(NamedTuple):
 
     @property
     def total(self) -> int:
-        """The dimension of the unstable manifold."""
+        """Dimension of the unstable manifold."""
         return self.above + self.below + 2 * self.pairs
 
     @property
@@ -52,15 +52,15 @@ class Instability(NamedTuple):
 
 
 def multipliers(transitions: Sequence[NDArray[np.float64]]) -> NDArray[np.complex128]:
-    """Eigenvalues of the product of the segments' transition matrices, largest modulus first.
+    """Return the eigenvalues of the product of the segments' transition matrices, largest modulus first.
 
-    One segment: of the monodromy matrix itself. More: of a pencil in which the segments stand side by side
+    For one segment they are those of the monodromy matrix itself; for more segments, those of the pencil
 
         [ P_1  -I             ]         [ 0          ]
         [       P_2  -I       ]  -  mu  [    0       ]
         [ 0             P_S   ]         [ I        0 ]
 
-    so that no product is formed, in which large multipliers would drown the others.
+    so that no product is formed, in which large multipliers would spoil the accuracy of the others.
     """
     size = transitions[0].shape[0]
     if len(transitions) == 1:
@@ -95,14 +95,14 @@ def _pencil_eigenvalues(transitions: Sequence[NDArray[np.float64]], size: int) -
 
 
 def is_on_border(values: NDArray[np.complex128]) -> bool:
-    """Whether a multiplier is so near the unit circle that it may count as stable or unstable."""
+    """Return whether a multiplier is so near the unit circle that it may count as stable or unstable."""
     return bool(np.any(np.abs(np.abs(values) - 1.0) < _BORDER))
 
 
 def largest_move(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """How far a multiplier moves from one set to the other, where those that are nearest belong together.
+    """Return the largest move of a multiplier from one set to the other, with nearest multipliers paired.
 
-    Multipliers beyond the unit circle count relative to their size; very small ones do not count.
+    Multipliers outside the unit circle count relative to their size; very small ones do not count.
     """
     count = max(int(np.sum(np.abs(each) > _SMALL)) for each in (a, b))
     first, second = (each[np.argsort(-np.abs(each))][:count] for each in (a, b))

@@ -1,4 +1,4 @@
-"""When two orbits are the same motion: equal up to a shift after which the forcing repeats, or gone round twice."""
+"""Identity of orbits: the same motion up to a shift after which the forcing repeats, or repeated several times."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ SAME = 1e-6
 
 
 def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
-    """The states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
+    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
     return orbit.strobes(orbit.period)
 
 
 def repeats(system: System) -> int:
-    """How often the excitation repeats within a forcing period: orders 3 and 6 alone do so three times."""
+    """Return how often the excitation repeats within a forcing period: three times for orders 3 and 6 alone."""
     return math.gcd(*(harmonic.order for harmonic in system.structure.harmonics)) or 1
 
 
 def phases(orbit: Orbit) -> NDArray[np.float64]:
-    """The states at theta = 0 of all orbits that are this motion, begun later; shape (m * `repeats`, 2n).
+    """Return the states at theta = 0 of all orbits that are this motion with another phase; shape (m * `repeats`, 2n).
 
-    Where the excitation repeats three times in a forcing period, a motion that comes a third of it later is another
-    orbit, and the same motion.
+    If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
+    that is the same motion.
     """
     count = repeats(orbit.system)
     return orbit.strobes(orbit.period * count, PERIOD / count)
 
 
 def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
-    """The smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
+    """Return the smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
     states = stroboscopic(orbit)
     near = _distances(states, orbit) <= tolerance
     return next((k for k in range(1, orbit.period) if orbit.period % k == 0 and near[k]), orbit.period)
 
 
 def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
-    """Whether two orbits of the same system are the same motion, one begun later perhaps; see `phases`."""
+    """Return whether two orbits of a system are the same motion, possibly with another phase; see `phases`."""
     if a.period != b.period:
         return False
     return bool(np.any(_distances(phases(a), b) <= tolerance))

@@ -1,4 +1,4 @@
-"""Figures of one orbit: extremes, mean, rms and harmonics of any of its signals."""
+"""Measures of one orbit: extrema, mean, rms and harmonics of any of its signals."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ def measure(orbit: Orbit, name: str) -> float:
 
 
 def pick(row: NDArray[np.float64], kind: str) -> float:
-    """One measure from a row of maximum, minimum, mean and rms."""
+    """Return one measure from a row of maximum, minimum, mean and rms."""
     if kind == "half":
         return float(row[0] - row[1]) / 2
     return float(row[("max", "min", "mean", "rms").index(kind)])
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
-    """Complex amplitude of a harmonic (``Re(c exp(i h theta))``); the order is a multiple of 1/m of W.
+    """Return the complex amplitude of a harmonic (``Re(c exp(i h theta))``); its order is a multiple of 1/m.
 
-    Where the speed of a shaft is a parameter, it is an order per turn of that shaft.
+    Orders count turns of the forcing frequency, or of a shaft whose speed is a parameter.
     """
     turns = orbit.system.turns
     try:
         line = Fraction(order) / (turns or 1) * orbit.period
     except ValueError:
-        raise ModelError(f"harmonic {order!r} is no order; write h0, h1, h2, ... or h1/2") from None
+        raise ModelError(f"harmonic {order!r} is not an order; write h0, h1, h2, ... or h1/2") from None
     if line.denominator != 1 or line < 0:
         step = f"1/{orbit.period} of W" if turns is None else f"multiples of order {Fraction(turns, orbit.period)}"
         raise ModelError(f"a period-{orbit.period} orbit has harmonics of {step}, not of {order}")
@@ -65,5 +65,5 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
 
 
 def _fine_signal(orbit: Orbit, signal: str) -> NDArray[np.float64]:
-    """A signal sampled finely enough that its largest sample is its maximum to about 1e-5."""
+    """Return a signal sampled so finely that its largest sample is its maximum to about 1e-5."""
     return orbit.motion(8 * orbit.samples).signal(signal)

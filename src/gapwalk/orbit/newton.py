@@ -1,4 +1,4 @@
-"""Newton's method for one orbit at fixed parameters, damped so that rough starts converge too."""
+"""Newton's method for one orbit at fixed parameters, damped for convergence from rough starts."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from gapwalk.errors import ConvergenceError, FlowError
 from gapwalk.motion.unit import smallness
 from gapwalk.orbit.equation import Equation, Evaluation
 
-_RUNAWAY = 1e12  # size beyond which unknowns are no motion: an undamped resonance sends them there
+_RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped resonance
 
 
 @dataclass(frozen=True, slots=True)
 class Newton:
-    """How to iterate.
+    """Options of Newton's method.
 
     Parameters
     ----------
     iterations
-        Most iterations.
+        Largest number of iterations.
     halvings
-        How often a step that does not reduce the residual is halved before it is taken all the same.
+        Largest number of halvings of a step that does not reduce the residual; then it is taken nevertheless.
     """
 
     iterations: int = 40
@@ -33,7 +33,7 @@ class Newton:
 def solve(
     equation: Equation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
 ) -> tuple[NDArray[np.float64], Evaluation]:
-    """The solution nearest to a start, and the evaluation there.
+    """Return the solution nearest to a start, and the evaluation there.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def solve(
 
 
 def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
-    """Whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
+    """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
         return False
@@ -64,7 +64,7 @@ def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Eva
 
 
 def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
-    """One step more, which leaves rounding errors alone, if it helps and if the orbit is an isolated one."""
+    """Take one more step, which leaves only rounding errors, if it helps and if the orbit is an isolated one."""
     try:
         better = unknowns - np.linalg.solve(evaluation.by_unknowns, evaluation.residual)
         trial = equation.evaluate(better, value)
@@ -79,11 +79,11 @@ def _evaluate(equation: Equation, unknowns: NDArray[np.float64], value: float) -
     try:
         return equation.evaluate(unknowns, value)
     except FlowError as error:
-        raise ConvergenceError(f"the start of Newton's method is no motion that can be followed: {error}") from error
+        raise ConvergenceError(f"the motion from the start of Newton's method cannot be followed: {error}") from error
 
 
 def _damped(equation, unknowns, value, evaluation, step, halvings):
-    """Take the longest of the halved steps that reduces the residual."""
+    """Return the longest of the halved steps that reduces the residual."""
     before, factor = np.linalg.norm(evaluation.residual), 1.0
     best = None
     for _ in range(halvings + 1):

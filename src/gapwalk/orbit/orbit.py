@@ -1,4 +1,4 @@
-"""A periodic orbit: one steady motion of a system, with its multipliers, contacts and measures."""
+"""Periodic orbit: one steady motion of a system, with its multipliers, contacts and measures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SIGNS = {1: "+", -1: "-"}
 
 @dataclass(frozen=True, eq=False)
 class Orbit(Shown):
-    """A motion that repeats after `period` forcing periods.
+    """Motion that repeats after `period` forcing periods.
 
     Attributes
     ----------
@@ -39,17 +39,17 @@ class Orbit(Shown):
     multipliers : shape (2n,)
         Floquet multipliers, largest modulus first.
     events
-        The crossings of breakpoints in one full period.
+        Crossings of breakpoints in one full period.
     residual
-        Largest component by which it fails to close.
+        Largest component of the difference between its end and its start.
     steps
-        Integration steps over the orbit: how finely it must be sampled.
+        Number of integration steps over the orbit; it determines the sampling.
     found_by
         Name of the method that finds such orbits.
     is_exact
-        Whether it is a motion to the accuracy of the flow, which carries it once around and back to its state.
+        True if the flow over one period leads back to its state, to the accuracy of the flow.
     truncation
-        What the method neglects, relative to the motion: nothing if it is exact.
+        Truncation error of the method, relative to the motion; 0 if the orbit is exact.
     """
 
     found_by: ClassVar[str] = "shooting"
@@ -66,17 +66,17 @@ class Orbit(Shown):
 
     @cached_property
     def instability(self) -> Instability:
-        """How many multipliers lie outside the unit circle, and where."""
+        """Numbers of multipliers outside the unit circle, by where they left it."""
         return classify(self.multipliers)
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
+        """True if all multipliers lie inside the unit circle."""
         return self.instability.total == 0
 
     @property
     def multiplier_error(self) -> float:
-        """About by how much the multipliers may be off; by shooting nothing but rounding."""
+        """Approximate error of the multipliers; for shooting only rounding."""
         return 0.0
 
     @property
@@ -95,9 +95,9 @@ class Orbit(Shown):
 
     @cached_property
     def closings(self) -> tuple[int, ...]:
-        """How often each switch closes in one full period; it changes only where a contact grazes.
+        """Number of closings of each switch in one full period; it changes only where a contact grazes.
 
-        Never for a stage that acts on both sides without a gap, as a smooth spring does: it stays closed.
+        It is zero for a stage that acts on both sides without a gap, as a smooth spring does: it stays closed.
         """
         gapless = self.system.gapless
         counts = [0] * len(gapless)
@@ -107,20 +107,20 @@ class Orbit(Shown):
 
     @cached_property
     def pattern(self) -> str:
-        """The contact pattern: impacts on each side in one full period, such as ``3+/1-``.
+        """Contact pattern: the numbers of impacts on each side in one full period, such as ``3+/1-``.
 
-        ``open`` for a contact that is never met, ``closed+`` or ``closed-`` for one that never opens, ``closed`` for
-        one without a gap.
+        It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, and
+        ``closed`` for one without a gap.
         """
         return _pattern(self)
 
     def motion(self, samples: int | None = None) -> Motion:
-        """One full period, sampled evenly with `samples` a forcing period (by default as many as it needs)."""
+        """Return one full period, with `samples` even samples per forcing period (by default as many as it needs)."""
         count = (samples or self.samples) * self.period
         return sample(self.system, self.state, PERIOD * self.period * np.arange(count + 1) / count)
 
     def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
-        """The first `count` states that lie `apart` radians of theta from each other, shape (count, 2n)."""
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
         states, flow, coefficients = [self.state], flow_of(self.system), coefficients_of(self.system)
         for number in range(count - 1):
             start = number * apart % PERIOD
@@ -129,18 +129,18 @@ class Orbit(Shown):
 
     @property
     def samples(self) -> int:
-        """Samples a forcing period that resolve the motion."""
+        """Samples per forcing period that resolve the motion."""
         needed = max(64, 5 * self.steps // self.period)
         return 1 << (needed - 1).bit_length()
 
     @cached_property
     def survey(self) -> Survey:
-        """Extremes of the coordinates, and the turning points of the contacts' deflections."""
+        """Extrema of the coordinates, and the turning points of the contacts' deflections."""
         return survey(self)
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:
-        """For each contact the angles at which its deflection turns, and its values there."""
+        """Angles at which the deflection of each contact turns, and its values there."""
         return self.survey.turns
 
     @cached_property
@@ -150,7 +150,7 @@ class Orbit(Shown):
 
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:
-        """For each switch: angles at which the deflection turns, and how far past the breakpoint."""
+        """Angles at which the deflection of each switch turns, and its depths beyond the breakpoint there."""
         depths = []
         for contact, side, clearance in self.system.breakpoints:
             thetas, values = self.turns[contact]
@@ -158,7 +158,7 @@ class Orbit(Shown):
         return tuple(depths)
 
     def measure(self, name: str) -> float:
-        """One figure of the motion by name.
+        """Return one measure of the motion by its name.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class Orbit(Shown):
 
 
 def _pattern(orbit: Orbit) -> str:
-    """The contacts of an orbit as text; only the innermost stage of each side counts as an impact."""
+    """Return the contact pattern as text; only the innermost stage of each side counts as an impact."""
     names = switch_names(orbit.system)
     texts = []
     for contact in orbit.system.structure.contacts:
@@ -204,7 +204,7 @@ def _pattern(orbit: Orbit) -> str:
 
 
 def _is_inside(orbit: Orbit, contact: ContactForm, name: tuple[str, str, int]) -> bool:
-    """Whether a stage is closed at the start of an orbit."""
+    """Return whether a stage is closed at the start of an orbit."""
     system, (_, stage, side) = orbit.system, name
     deflection = system.vector(f"{contact.name}.deflection")
     clearance = system[f"{contact.name}.{stage}.clearance" if stage else f"{contact.name}.clearance"]

@@ -1,7 +1,7 @@
-"""How a whole orbit changes with parameters: exact derivatives of its state, and of its motion over the period.
+"""Sensitivity of an orbit to parameters: exact derivatives of its state, and of its motion over the period.
 
-By the implicit function theorem on the shooting equation ``Phi(x; p) - x = 0``: ``(Phi_x - I) dx/dp = -Phi_p``. A later
-state of the orbit changes by ``Phi_x(theta) dx/dp + Phi_p(theta)``.
+The implicit function theorem on the shooting equation ``Phi(x; p) - x = 0`` gives ``(Phi_x - I) dx/dp = -Phi_p``. A
+later state of the orbit changes by ``Phi_x(theta) dx/dp + Phi_p(theta)``.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from gapwalk.motion.motion import Motion, sample
 from gapwalk.motion.signal import Signal
 from gapwalk.orbit.orbit import Orbit
 
-_SINGULAR = 1e-11  # smallest singular value of ``Phi_x - I``, relative to the largest, of an orbit that can be varied
+_SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives
 
 
 class SignalSlopes(NamedTuple):
-    """A signal at some angles of an orbit.
+    """Signal at some angles of an orbit, and its derivatives.
 
     Attributes
     ----------
     values : shape (samples,)
         The signal.
     by_parameters : shape (samples, k)
-        Its derivatives by the parameters, at the same angles.
+        Its derivatives with respect to the parameters, at the same angles.
     by_angle : shape (samples,)
-        Its derivative by the angle.
+        Its derivative with respect to the angle.
     sizes : shape (k,)
-        Rms of each derivative by a parameter before its two parts are added: what the state and what the parameter
-        itself contribute. Where they cancel, what is left is rounding.
+        Rms of the two parts of each derivative before they are added: the contribution of the state and that of the
+        parameter itself. If they cancel, the remainder is rounding.
     """
 
     values: NDArray[np.float64]
@@ -48,7 +48,7 @@ class SignalSlopes(NamedTuple):
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """The derivatives of one orbit by some named parameters.
+    """Derivatives of one orbit with respect to some named parameters.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Sensitivity:
         Raises
         ------
         NumericalError
-            At a fold or a branch point, where there is no such derivative.
+            At a fold or a branch point, where the derivative does not exist.
         """
         length = PERIOD * self.orbit.period
         arc = self._flow.integrate(self._coefficients, self.orbit.state, 0.0, length, self.slopes)
@@ -87,7 +87,7 @@ class Sensitivity:
         return np.array(lines).reshape(len(self.names), len(self._coefficients))
 
     def vary(self, theta: NDArray[np.float64]) -> tuple[Motion, NDArray[np.float64]]:
-        """The motion at increasing angles from 0 on, and the derivative of each state, shape (samples, 2n, k)."""
+        """Return the motion at increasing angles from 0, and the derivative of each state, shape (samples, 2n, k)."""
         orbit = self.orbit
         found = self._flow.vary(self._coefficients, orbit.state, theta, self.slopes)
         n = orbit.system.size
@@ -95,7 +95,7 @@ class Sensitivity:
         return motion, found.transitions @ self.state + found.sensitivities
 
     def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
-        """A signal at any angles, with its derivatives by the parameters and by the angle."""
+        """Return a signal at any angles, with its derivatives by the parameters and by the angle."""
         grid, back = _grid(self.orbit, theta)
         motion, states = self.vary(grid)
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
@@ -117,19 +117,19 @@ class Sensitivity:
 
 
 def sensitivity(orbit: Orbit, names: Sequence[str]) -> Sensitivity:
-    """How an orbit changes with named parameters; a ModelError if there is none of that name."""
+    """Return the sensitivity of an orbit to named parameters; raise a ModelError for an unknown name."""
     for name in names:
         orbit.system.structure.place(name)
     return Sensitivity(orbit, tuple(names))
 
 
 def signal_along(orbit: Orbit, signal: Signal, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values of a signal of an orbit at any angles, exact at each; shape (samples,)."""
+    """Return the values of a signal of an orbit at any angles, exact at each; shape (samples,)."""
     grid, back = _grid(orbit, theta)
     return signal.of(sample(orbit.system, orbit.state, grid))[back]
 
 
 def _grid(orbit: Orbit, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Any angles within one period of an orbit: increasing ones that begin with 0, and where each is among them."""
+    """Return increasing angles from 0 within one period that include the given ones, and the indices of these."""
     grid, back = np.unique(np.concatenate(([0.0], theta % (PERIOD * orbit.period))), return_inverse=True)
     return grid, back[1:]

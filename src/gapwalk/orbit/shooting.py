@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Shooting(Method):
-    """How to shoot.
+    """Options of shooting.
 
     Parameters
     ----------
     segments
-        Number of segments into which the orbit's period is cut (multiple shooting): 1 serves most orbits; more
-        help where the motion is strongly unstable.
+        Number of segments into which the orbit's period is divided (multiple shooting): 1 suits most orbits; more
+        help if the motion is strongly unstable.
     tolerance
         Largest residual of an orbit, relative to the size of its state.
     """
@@ -51,7 +51,7 @@ class Shooting(Method):
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> ShootingEquation:
-        """The equation of the orbits of a system, by shooting."""
+        """Return the shooting equation of the orbits of a system."""
         return ShootingEquation(system, parameter, period, self)
 
     @classmethod
@@ -66,10 +66,10 @@ class Shooting(Method):
 
 @dataclass(frozen=True)
 class ShootingEquation:
-    """``Phi_j(x_j; a) - x_(j+1) = 0`` for the S segments of an orbit of m forcing periods (paper, section 3).
+    """Equations ``Phi_j(x_j; a) - x_(j+1) = 0`` for the S segments of an orbit of m forcing periods (paper, section 3).
 
-    The unknowns are the states at the start of each segment, one after the other. Over theta the period is
-    ``2 pi m`` whatever the frequency, so the frequency is a parameter like any other.
+    The unknowns are the states at the start of each segment, one after the other. Over theta the period is ``2 pi m``
+    at any frequency, so the frequency is a parameter like any other.
 
     Parameters
     ----------
@@ -78,11 +78,11 @@ class ShootingEquation:
     parameter
         The named parameter to follow, or None.
     period
-        m, forcing periods.
+        m, number of forcing periods.
     options
-        How to shoot.
+        Options of shooting.
     marks
-        Angles at which further segments begin, besides those of the options: see `TouchEquation`.
+        Angles at which further segments begin, in addition to those of the options: see `TouchEquation`.
     """
 
     system: System
@@ -109,12 +109,12 @@ class ShootingEquation:
         return self.options.tolerance
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Residual and derivatives; see `Equation.evaluate`.
+        """Return residual and derivatives; see `Equation.evaluate`.
 
         Raises
         ------
         FlowError
-            If the motion runs away or chatters without end.
+            If the motion diverges or chatters without end.
         """
         coefficients, direction = self.coefficients(value)
         knots = self.knots
@@ -124,7 +124,7 @@ class ShootingEquation:
         return assembled(arcs, states)._replace(reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """The orbit of a solution."""
+        """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
         system = self.system if self.parameter is None else self._line.system_at(value)
         return Orbit(
@@ -138,40 +138,40 @@ class ShootingEquation:
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """The states of an orbit at the start of each segment."""
+        """Return the states of an orbit at the start of each segment."""
         if len(self.knots) == 2:
             return orbit.state.copy()
         return self.spread(orbit.state, orbit.system)
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
-        """Positions in lengths, velocities in that times the frequency, divided among the degrees of freedom."""
+        """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""
         size, segments = self.system.size, len(self.knots) - 1
         unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
         return np.tile(unit, segments) * np.sqrt(size * segments)
 
     def doubt(self, orbit: Orbit) -> str:
-        """Empty: what shooting finds is a motion to the accuracy of the flow."""
+        """Return an empty string: an orbit by shooting is as accurate as the flow."""
         return ""
 
     def finer(self) -> None:
-        """None: the flow is exact to rounding as it is."""
+        """Return None: the flow is already accurate to rounding."""
         return None
 
     def otherwise(self) -> ShootingEquation:
-        """The same orbits in one segment more: other steps, and other rounding."""
+        """Return the equation with one segment more: its steps and its rounding differ."""
         return replace(self, options=replace(self.options, segments=self.options.segments + 1))
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """The change of the state at theta = 0 alone: it determines the others."""
+        """Return the change of the state at theta = 0, with zeros for the other states, which it determines."""
         size = 2 * self.system.size
         return np.concatenate((direction[:size], np.zeros(len(other.scales(1.0)) - size)))
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The states at the start of each segment on the motion from `state`."""
+        """Return the states at the start of each segment on the motion from `state`."""
         return self.spread(state)
 
     def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
-        """The states at the start of each segment on the motion from `state`, end to end."""
+        """Return the states at the start of each segment on the motion from `state`, concatenated."""
         system = self.system if system is None else system
         states, knots = [np.asarray(state, dtype=float)], self.knots[:-1]
         for start, stop in pairwise(knots):
@@ -199,14 +199,14 @@ class ShootingEquation:
         return coefficients_of(self.system)
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """The coefficients of the flow at one value of the parameter, and their derivative by it, if there is one."""
+        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one."""
         if self.parameter is None:
             return self._fixed, None
         return self._line.coefficients(value)
 
 
 def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
-    """Residual and derivatives from the segments' arcs and the states at which they begin, shape (segments, 2n)."""
+    """Assemble residual and derivatives from the segments' arcs and their initial states, shape (segments, 2n)."""
     count, size = states.shape
     if count == 1:
         arc = arcs[0]
@@ -217,7 +217,7 @@ def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
 
 
 def composed(arcs: list[Arc]) -> Arc:
-    """One arc after the other as one."""
+    """Compose successive arcs into one."""
     first = arcs[0]
     transition, sensitivity = _transition(first), first.sensitivity
     for arc in arcs[1:]:
@@ -229,7 +229,7 @@ def composed(arcs: list[Arc]) -> Arc:
 
 
 def _shallowest(arcs: list[Arc]) -> float:
-    """The depth of the shallowest touch, over the time of a radian: a quarter of its first velocity and duration."""
+    """Return the depth of the shallowest touch per time of a radian: a quarter of its entry velocity times duration."""
     least = math.inf
     for arc in arcs:
         begun: dict[int, ContactEvent] = {}
@@ -243,7 +243,7 @@ def _shallowest(arcs: list[Arc]) -> float:
 
 
 def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
-    """The cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each."""
+    """Return the cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each."""
     # [ P_1  -I        ]
     # [       P_2  -I  ]
     # [ -I        P_3  ]

@@ -1,4 +1,4 @@
-"""Where else an orbit is looked for when the end of a transient leads to none: an unstable one attracts nothing."""
+"""Further starts for an orbit if the end of a transient leads to none, since an unstable orbit attracts nothing."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.carry import carry
 from gapwalk.orbit.orbit import Orbit
 
-_STROBES = 64  # orbits over which the motion that has settled is looked at
-_NEAREST = 4  # of its states are tried
-_RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbit may be found, and carried from there
+_STROBES = 64  # number of orbit periods of the settled motion that are sampled
+_NEAREST = 4  # number of its states that are tried
+_RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbit is sought and followed from there
 
 Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 
@@ -24,10 +24,11 @@ Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 def other_starts(
     system: System, period: int, settled: NDArray[np.float64] | None, find: Callable[[System], Orbit]
 ) -> Starts:
-    """States near which an orbit may be, the cheapest first: what each is, and how it is come by.
+    """Yield states near which an orbit may be, the cheapest first: a description of each, and a function for it.
 
-    Where period 1 is unstable, the motion settles on another one around it, or on chaos. Such motions come near the
-    orbit now and then, and it lies in their middle. Otherwise it is found where it is stable, and carried here.
+    If the orbit is unstable, the motion settles on another one around it, or on chaos. Such motions come near the orbit
+    now and then, and it lies near their mean. Otherwise it is found at a frequency at which it is stable, and followed
+    to this one.
 
     Parameters
     ----------
@@ -36,9 +37,9 @@ def other_starts(
     period
         m: forcing periods after which the orbit repeats.
     settled
-        Where the transient from rest has come to; None if it runs away.
+        End of the transient from rest; None if it diverges.
     find
-        Finds an orbit of another system by a transient, or raises a `NumericalError`.
+        Function that finds an orbit of another system by a transient, or raises a `NumericalError`.
     """
     if settled is not None:
         states = _strobes(system, period, settled)
@@ -56,7 +57,7 @@ def other_starts(
 
 
 def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """States of a motion an orbit's length apart, shape (_STROBES, 2n); None if it runs away."""
+    """Return states of a motion at intervals of an orbit's period, shape (_STROBES, 2n); None if it diverges."""
     flow, coefficients, states = flow_of(system), coefficients_of(system), [state]
     try:
         for _ in range(_STROBES - 1):
@@ -67,8 +68,8 @@ def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray
 
 
 def _balanced(system: System, period: int) -> NDArray[np.float64]:
-    """The state of an orbit of a balanced equation, begun at rest."""
-    from gapwalk.orbit.balance import Balance  # slow to import, and rarely needed
+    """Return the state of an orbit by harmonic balance, with rest as the start."""
+    from gapwalk.orbit.balance import Balance  # imported late: slow to import, and rarely needed
     from gapwalk.orbit.newton import solve
 
     equation = Balance(harmonics=10).pose(system, None, period)

@@ -1,4 +1,4 @@
-"""One pass over an orbit: extremes and means of each coordinate, and where each contact's deflection turns."""
+"""Survey of an orbit in one pass: extrema and means of each coordinate, and turning points of the deflections."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 class Turns(NamedTuple):
-    """Turning points of something along an orbit: their angles, increasing, and its values there.
+    """Turning points of a quantity along an orbit: their angles, increasing, and its values there.
 
-    Plain lists: there are few turning points, and walks ask for them at every step.
+    Plain lists are used, because there are few turning points and they are needed at every step of a walk.
     """
 
     thetas: list[float]
     values: list[float]
 
     def nearest(self, theta: float, full: float) -> int:
-        """Index of the turning point nearest to an angle, on a circle of circumference `full`."""
+        """Return the index of the turning point nearest to an angle, on a circle of circumference `full`."""
         after = bisect_left(self.thetas, theta)
         before, after = after - 1, after % len(self.thetas)
         nearer = apart(self.thetas[before], theta, full) <= apart(self.thetas[after], theta, full)
@@ -36,14 +36,14 @@ class Turns(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What one pass over an orbit shows, exact to rounding.
+    """Results of one pass over an orbit, accurate to rounding.
 
     Attributes
     ----------
     turns
-        For each contact the angles at which its deflection turns, and its values there.
+        Angles at which the deflection of each contact turns, and its values there.
     visited
-        Positions at the start, and wherever a coordinate or a deflection turns.
+        Positions at the start, and at the turning points of coordinates and deflections.
     means : shape (2, n)
         Mean of each coordinate, and of its square.
     """
@@ -60,7 +60,7 @@ class Survey:
 
 
 def survey(orbit: Orbit) -> Survey:
-    """Integrate an orbit once more with its positions' integrals, and note every point at which something turns."""
+    """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
     flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
     length, n = PERIOD * orbit.period, orbit.system.size
     integrals, turns = flow.survey(coefficients, orbit.state, length)
@@ -77,11 +77,11 @@ def survey(orbit: Orbit) -> Survey:
 
 
 def apart(a: float, b: float, full: float) -> float:
-    """Distance of two angles on a circle of circumference `full`."""
+    """Return the distance of two angles on a circle of circumference `full`."""
     return abs((a - b + full / 2) % full - full / 2)
 
 
 def _turns_along(factors: list[tuple[int, float]], turns: list[Turn]) -> Turns:
-    """The turning points of a deflection, given its non-zero factors."""
+    """Return the turning points of a deflection, given its non-zero factors."""
     values = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in turns]
     return Turns([turn.theta for turn in turns], values)

@@ -1,11 +1,11 @@
 """Orbits that are about to touch a breakpoint, posed so that the stiffness beyond it does not matter.
 
-Where a deflection just touches the breakpoint of a stage of stiffness k, what the stage does to the motion grows with
-the depth d as ``k d^1.5``, and from depths of about 1/k on as its root. Newton's method in the state at theta = 0 sees
-a slope that comes from nowhere within a depth of 1/k^2, and jumps back and forth over the breakpoint. So the depth to
-be reached is prescribed instead: a segment begins just before the touch, where the depth to which the motion would
-go unimpeded is an explicit and smooth function of the state. With the depth held, the impact is held too, and the rest
-of the equations is smooth.
+Where a deflection just touches the breakpoint of a stage of stiffness k, the effect of the stage on the motion grows
+with the depth d as ``k d^1.5``, and beyond depths of about 1/k as its square root. Newton's method in the state at
+theta = 0 meets a slope that arises within a depth of 1/k^2, and jumps back and forth over the breakpoint. Therefore the
+depth is prescribed instead. A segment begins just before the touch, where the depth that the motion would reach
+unimpeded is an explicit and smooth function of the state. With the depth fixed, the impact is fixed too, and the other
+equations are smooth.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
 
-LEAD = 2e-3  # radians before a touch at which a segment begins, or less
-_STEADY = 0.02  # share by which the acceleration may change from there to the touch
-_SHORTEST = 1e-6  # radians before a touch below which its segment is of no use
+LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
+_STEADY = 0.02  # largest relative change of the acceleration from there to the touch
+_SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
 _ITERATIONS = 12
 _CALIBRATIONS = 2
-_UNEVEN = 0.1  # share by which the depths of touches that happen at once may differ
-_SETTLED = 1e-16  # length of a Newton step, in scaled variables, that changes nothing
-_ROUNDING = 1e-9  # the same where steps grow no shorter
+_UNEVEN = 0.1  # largest relative difference of the depths of simultaneous touches
+_SETTLED = 1e-16  # length of a Newton step, in scaled variables, below which nothing changes
+_ROUNDING = 1e-9  # the same if steps become no shorter
 _EXACT = 1e-14  # residual, relative to the states, that is rounding
 
 
 class Touch(NamedTuple):
-    """A place where a deflection turns near a breakpoint.
+    """Touch: a point of an orbit where a deflection turns near a breakpoint.
 
     Attributes
     ----------
     switch
         Stage and side of the breakpoint: index into `Equations.switches`.
     theta
-        When, in radians: where the deflection turns, or crosses the breakpoint just before.
+        Angle, in radians, at which the deflection turns, or at which it crosses the breakpoint just before.
     depth
-        How far past the breakpoint the deflection would go if the stage did not change there; negative where it turns
-        before it.
+        Depth beyond the breakpoint that the deflection would reach if the stage did not change there; negative if it
+        turns before it.
     acceleration
-        Second derivative of the depth over time, just before: negative where the deflection comes from outside.
+        Second derivative of the depth over time, just before: negative if the deflection comes from outside.
     """
 
     switch: int
@@ -60,7 +60,7 @@ class Touch(NamedTuple):
 
 
 class Held(NamedTuple):
-    """An orbit with a prescribed depth of its touch.
+    """Orbit with a prescribed depth of its touch.
 
     Attributes
     ----------
@@ -71,11 +71,11 @@ class Held(NamedTuple):
     depth
         The depth.
     evaluation
-        The equation of all segments there.
+        Evaluation of the equation with all segments.
     slope : shape (segments * 2n + 1,)
-        Derivatives of the scaled states and the scaled parameter by the depth.
+        Derivatives of the scaled states and the scaled parameter with respect to the depth.
     error
-        Error of the value that rounding leaves: what another Newton step would change, and the depth's own rounding.
+        Error of the value due to rounding: the change by another Newton step, and the rounding of the depth.
     """
 
     states: NDArray[np.float64]
@@ -87,9 +87,9 @@ class Held(NamedTuple):
 
 
 def touches(orbit: Orbit) -> list[Touch]:
-    """All places where a deflection turns beside a breakpoint, or crosses it and comes back, nearest first.
+    """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
 
-    One that crosses it is told by the velocity there.
+    Of a crossing, the depth is computed from the velocity there.
     """
     layout = layout_of(orbit.system.structure)
     places: list[tuple[float, int, float | None]] = [
@@ -116,7 +116,7 @@ def touches(orbit: Orbit) -> list[Touch]:
 
 
 class TouchEquation:
-    """The orbits of a shooting equation near one or several touches, each with a segment that begins just before it.
+    """Equation of shooting orbits near one or several touches, each with a segment that begins just before it.
 
     Parameters
     ----------
@@ -125,16 +125,16 @@ class TouchEquation:
     near
         An orbit nearby.
     touches
-        The touches, which all go to the same depth: more than one only where the motion is symmetric.
+        The touches, which all have the same depth: more than one only if the motion is symmetric.
     scales : shape (N + 1,)
         Scales of the equation's unknowns, and of the parameter.
     lead
-        Radians before each touch at which its segment begins, or less where something else happens meanwhile.
+        Angle before each touch, in radians, at which its segment begins; less if another event is nearer.
 
     Raises
     ------
     ConvergenceError
-        Where there is no time before a touch, or no acceleration by which the deflection turns.
+        If there is no time before a touch, or no acceleration by which the deflection turns.
     """
 
     def __init__(
@@ -157,48 +157,48 @@ class TouchEquation:
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
         )
-        """Depth up to which a touch begins after its segment, by far."""
+        """Depth up to which a touch certainly begins after the start of its segment."""
         self.free = float(np.sign(touches[0].acceleration))
         """Sign of the depths at which the breakpoint is not passed."""
         self._size = 2 * equation.system.size
         self._scales = np.append(np.tile(scales[: self._size], len(self._posed.knots) - 1), scales[-1])
 
     def at(self, orbit: Orbit) -> Held:
-        """An orbit of the equation as one of this."""
+        """Return an orbit of the shooting equation as one of this equation."""
         value = orbit.system[self._own.parameter or ""]
         unknowns = np.append(self._posed.unknowns(orbit), value)
         return self._solve(unknowns, float(self._depths(unknowns)[0][0]))
 
     def hold(self, start: Held, depth: float) -> Held:
-        """The orbit with a prescribed depth near another.
+        """Return the orbit with a prescribed depth near another orbit.
 
         Raises
         ------
         NumericalError
-            If there is none.
+            If there is no such orbit.
         """
         unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
         if depth * self.free > 0.0:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
-        elif start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
+        elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
         try:
             return self._solve(unknowns + ahead * start.slope * self._scales, depth)
         except ConvergenceError:
             if not start.depth * self.free < 0.0 < depth * self.free:
                 raise
-        # the derivatives of a touch say nothing of what lies beyond its end: first to there
+        # the derivatives with a touch are not valid beyond its end: go to its end first
         return self.hold(self.hold(start, 0.0), depth)
 
     def calibrate(self, start: Held, depth: float) -> Held:
-        """Take what the acceleration changes before the touch into account, by the depth of an orbit that just misses.
+        """Correct for changes of the acceleration before the touch, by means of an orbit that just misses it.
 
         Parameters
         ----------
         start
             An orbit nearby.
         depth
-            Size of a depth by which the breakpoint is missed.
+            Absolute depth by which the orbit misses the breakpoint.
 
         Returns
         -------
@@ -215,7 +215,7 @@ class TouchEquation:
         return start
 
     def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
-        """Unknowns and evaluation of the equation itself at an orbit."""
+        """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
         knots, own = self._posed.knots, self._own.knots
         firsts = [knots.index(knot) for knot in own]
         pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(firsts)]
@@ -223,12 +223,12 @@ class TouchEquation:
         return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
-        """Derivatives of the equation's own scaled unknowns, and of the scaled parameter, by the depth."""
+        """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
         firsts = [self._posed.knots.index(knot) for knot in self._own.knots[:-1]]
         return np.append(held.slope[:-1].reshape(-1, self._size)[firsts].ravel(), held.slope[-1])
 
     def _lead(self, touch: Touch, lead: float) -> float:
-        """How long before a touch its segment begins: after the event before, and while the acceleration is steady."""
+        """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""
         before = [event.theta for event in self._near.events if event.theta < touch.theta]
         lead = min(lead, 0.5 * (touch.theta - max(before, default=0.0)))
         layout, coefficients = layout_of(self._near.system.structure), coefficients_of(self._near.system)
@@ -242,13 +242,13 @@ class TouchEquation:
         raise ConvergenceError(f"there is too little time before the touch at theta = {touch.theta:.6g}")
 
     def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
-        """Newton's method for a prescribed depth of all touches, down to rounding.
+        """Solve for a prescribed depth of all touches by Newton's method, down to rounding.
 
             [ G_u         G_a       ] [ du ]     [ -G                    ]
             [ depths_u    depths_a  ] [ da ]  =  [ wanted depth - depths ]
 
-        In a symmetric motion there are as many more equations as there are touches at once, but not more conditions.
-        They make it regular even where another branch crosses, on which one touch is deeper than the other.
+        In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
+        independent. They make the system regular even where another branch crosses on which one touch is deeper.
         """
         before = np.inf
         for _ in range(_ITERATIONS):
@@ -265,7 +265,7 @@ class TouchEquation:
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
-            # a residual of rounding makes steps that long: where hardly anything holds a coordinate they are long
+            # a residual of rounding causes steps of this length: they are long if a coordinate is hardly restrained
             rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 self._check(right[:, 0], unknowns, depth)
@@ -275,14 +275,14 @@ class TouchEquation:
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 
     def _check(self, left: NDArray[np.float64], unknowns: NDArray[np.float64], depth: float) -> None:
-        """See that all equations are fulfilled, though there may be more of them than unknowns."""
+        """Check that all equations are satisfied, since there may be more of them than unknowns."""
         size = float(np.abs(unknowns[:-1]).max())
         residual, depths = np.abs(left[: len(unknowns) - 1]).max(), np.abs(left[len(unknowns) - 1 :]).max()
         if residual > self._own.tolerance * size or depths > _UNEVEN * abs(depth) + self._own.tolerance * size * 1e-3:
-            raise ConvergenceError("the touches do not go to the same depth at once")
+            raise ConvergenceError("the touches do not reach the same depth")
 
     def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The depth of each touch, and its derivatives by all unknowns and the parameter."""
+        """Return the depth of each touch, and its derivatives with respect to all unknowns and the parameter."""
         coefficients, direction = self._posed.coefficients(float(unknowns[-1]))
         depths, rows = self._offsets.copy(), np.zeros((len(self._gauges), len(unknowns)))
         for number, (gauge, segment) in enumerate(zip(self._gauges, self._segments, strict=True)):
@@ -295,7 +295,7 @@ class TouchEquation:
 
 
 class _Gauge:
-    """How far past the breakpoint of a switch a motion goes if nothing happens there."""
+    """Gauge of the depth that a motion would reach beyond the breakpoint of a switch if the stage did not change."""
 
     def __init__(self, layout: CoefficientLayout, switch: int) -> None:
         self._layout = layout
@@ -305,7 +305,7 @@ class _Gauge:
     def read(
         self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
     ) -> tuple[float, float, float]:
-        """Depth past the breakpoint, and its first and second derivative over time."""
+        """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
         n, sign = len(state) // 2, self._stage.sign
         vector = sign * coefficients[self._contact.deflection]
         depth = float(vector @ state[:n]) - float(coefficients[self._stage.clearance])
@@ -319,9 +319,10 @@ class _Gauge:
         theta: float,
         state: NDArray[np.float64],
     ) -> tuple[float, NDArray[np.float64], float]:
-        """The depth at which the deflection will turn, and its derivatives by the state and by the parameter.
+        """Return the depth at which the deflection will turn, and its derivatives by the state and the parameter.
 
-        With a steady acceleration, whose own derivatives are left out: they count for the square of a short time.
+        The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order
+        in a short time.
         """
         depth, speed, turning = self.read(coefficients, theta, state)
         if turning == 0.0:
@@ -337,6 +338,6 @@ class _Gauge:
 
 
 def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:
-    """The states of an orbit at increasing angles."""
+    """Return the states of an orbit at increasing angles."""
     grid = np.array([0.0, *thetas])
     return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)[0][1:]

@@ -1,4 +1,4 @@
-"""Results checked by other means than those that found them."""
+"""Verification of results by methods independent of those that found them."""
 
 from gapwalk.verification.branch import verify_branches
 from gapwalk.verification.confirm import confirm

@@ -1,7 +1,7 @@
-"""Balanced orbits verified: their lines by quadrature, and an exact motion beside them.
+"""Verification of balanced orbits: their lines by quadrature, and an exact motion for comparison.
 
-The forces of the contacts are sampled here, between breakpoints by Gauss's rule, where the balance itself has their
-spectrum in closed form. What is neglected is no fault, so an exact motion may be off by as much as that explains.
+Here the contact forces are sampled, between breakpoints by Gauss's rule, whereas harmonic balance computes their
+spectrum in closed form. Truncation is not a fault, so an exact motion may differ by as much as truncation explains.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from gapwalk.verification.verification import Check, Ledger, Spot
 
 _PERIOD = 2.0 * math.pi
 _NODES, _WEIGHTS = leggauss(8)
-_PANELS = 1.0  # panels for each line, and one more beside each breakpoint
-_MOST = 60  # points of a branch beside which an exact motion is sought
+_PANELS = 1.0  # panels per line; each breakpoint adds one
+_MOST = 60  # number of points of a branch for which an exact motion is sought
 _LARGE = 20  # degrees of freedom from which no exact motion is sought: its flow would take too long
-_AMPLIFIED = 30.0  # times what is neglected by which a motion that returns at once may be off
-_FINEST = 1e-7  # what counts as neglected at least
-_NEAR = 0.05  # distance of a multiplier from where an orbit vanishes or loses stability, beside which nothing is told
-_BATCH = 2_000_000  # numbers of the waves of one batch of panels
+_AMPLIFIED = 30.0  # allowed difference, in neglected amounts, of a motion whose multipliers are far from 1
+_FINEST = 1e-7  # smallest neglected amount that is assumed
+_NEAR = 0.05  # distance of a multiplier from criticality within which nothing is concluded
+_BATCH = 2_000_000  # numbers in the wave matrix of one batch of panels
 
 
 def verify_truncated(ledger: Ledger, name: str, track: Track) -> None:
@@ -50,7 +50,7 @@ def verify_truncated(ledger: Ledger, name: str, track: Track) -> None:
             ledger.enter(Check.LINES, spot, off.lines)
             ledger.enter(Check.STAGES, spot, off.astray)
     if branch.system.size >= _LARGE:
-        ledger.note(f"{name}: with {branch.system.size} degrees of freedom no exact motions were set beside it")
+        ledger.note(f"{name}: with {branch.system.size} degrees of freedom no exact motions were compared with it")
         return
     every = max(1, math.ceil(len(points) / _MOST))
     for spot, point in points[::every]:
@@ -58,14 +58,14 @@ def verify_truncated(ledger: Ledger, name: str, track: Track) -> None:
 
 
 class Imbalance(NamedTuple):
-    """How far an orbit that is not exact is from what it says of itself.
+    """Errors of an orbit that is not exact, in the equations of motion and at its breakpoints.
 
     Attributes
     ----------
     lines
-        How far its lines are from satisfying the equations of motion, relative to the largest term of these.
+        Residual of its lines in the equations of motion, relative to the largest term of these.
     astray
-        As `gapwalk.verification.carry.Round.astray`.
+        Error at the breakpoints; see `gapwalk.verification.carry.Round`.
     """
 
     lines: float
@@ -100,7 +100,7 @@ def _of_series(orbit: BalancedOrbit) -> Imbalance:
 
 
 def _panels(orbit: BalancedOrbit, count: int):
-    """Angles and weights of Gauss's rule on panels that end at the breakpoints, in batches."""
+    """Yield angles and weights of Gauss's rule on panels that end at the breakpoints, in batches."""
     end = _PERIOD * orbit.period
     knots = np.linspace(0.0, end, math.ceil(_PANELS * count) + 2)
     knots = np.unique(np.concatenate((knots, [event.theta % end for event in orbit.events])))
@@ -112,7 +112,7 @@ def _panels(orbit: BalancedOrbit, count: int):
 
 
 def _motion(orbit: BalancedOrbit, waves: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions, velocities and accelerations of a series, from its waves at some angles."""
+    """Return positions, velocities and accelerations of a series, from its waves at some angles."""
     lines = orbit.series.lines
     rate = 1j * np.arange(lines.shape[1]) * orbit.system.frequency / orbit.period
     position, velocity, acceleration = ((waves @ (lines * rate**power).T).real for power in range(3))
@@ -120,7 +120,7 @@ def _motion(orbit: BalancedOrbit, waves: NDArray[np.complex128]) -> tuple[NDArra
 
 
 def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64]) -> float:
-    """How far a deflection is on another side of a breakpoint than the events say, at some angles."""
+    """Return how far a deflection is on the other side of a breakpoint than its events imply, at some angles."""
     worst = 0.0
     for switch in range(depths.shape[1]):
         events = [event for event in orbit.events if event.switch == switch]
@@ -137,11 +137,11 @@ def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64
 
 
 def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
-    """Look for an exact motion beside one that is not, and compare their states and stability."""
+    """Find an exact motion near one that is not, and compare their states and stability."""
     orbit = point.orbit
     near = float(np.abs(orbit.multipliers - 1.0).min())
     if near < _NEAR:
-        return  # beside a fold or a branch point
+        return  # near a fold or a branch point
     try:
         exact = find_orbit(orbit.system, orbit.period, orbit.state)
     except NumericalError as error:
@@ -152,7 +152,7 @@ def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     off = float((np.abs(exact.state - orbit.state) / size).max())
     allowed = _AMPLIFIED * max(orbit.truncation, _FINEST) / min(1.0, near)
     ledger.enter(
-        Check.TRUTH, spot, off / allowed, f"{off:.2g} of the motion apart, {orbit.truncation:.2g} is neglected"
+        Check.TRUTH, spot, off / allowed, f"difference {off:.2g} of the motion, truncation {orbit.truncation:.2g}"
     )
     if not _is_undecided(orbit, allowed):
         found = exact.instability.total
@@ -161,6 +161,6 @@ def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
 
 
 def _is_undecided(orbit: Orbit, error: float) -> bool:
-    """Whether what is neglected may change the number of unstable multipliers."""
+    """Return whether the truncation may change the number of unstable multipliers."""
     distances = np.abs(np.abs(orbit.multipliers) - 1.0)
     return is_on_border(orbit.multipliers) or bool(distances.min() < max(_NEAR, error))

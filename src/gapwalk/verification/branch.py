@@ -1,4 +1,4 @@
-"""A branch verified: its orbits, the gaps between them, its special points, and what they explain."""
+"""Verification of a branch: its orbits, the gaps between them, its special points, and what they account for."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from gapwalk.verification.sides import look
 from gapwalk.verification.track import CROSSING, Track
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
-_EXACT = 1e-12  # error with which the location of a special point can be found again, in widths of the range
-_LEAST = 1e-16  # relative error of a parameter below which no number can state one
+_EXACT = 1e-12  # error with which a special point can be located again, in widths of the range
+_LEAST = 1e-16  # relative error of a parameter below which no number can represent it
 _MANY, _MOST = (
     1e4,
     1e-4,
-)  # times what a special point is off, and share of the parameter, above which no error is stated
-_VARIED = 3.0  # times the variation of multipliers near by that may be between those of a point and its neighbour
+)  # factor on the location error, and share of the parameter, above which no stated error is plausible
+_VARIED = 3.0  # allowed difference of multipliers, as a multiple of their variation near the point
 _ONE_PLACE = 1e-7  # arclength within which grazing points of two contacts may be one event of a symmetric motion
-_INTERPOLATED = 1e-9  # the same for that of a branch point, which is interpolated again
+_INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
 
 def verify_branches(
@@ -43,18 +43,18 @@ def verify_branches(
     advance: Advance | None = None,
     within: tuple[float, float] | None = None,
 ) -> None:
-    """Enter all that there is to check of some branches of one structure, by their names.
+    """Enter all checks of some branches of one structure, by their names.
 
     Parameters
     ----------
     ledger
-        Where to enter it.
+        The ledger in which to enter them.
     branches
         The branches.
     advance
-        Called with how far it has come.
+        Called with the progress.
     within
-        The range over which they were followed, if it is known.
+        The range over which they were followed, if known.
     """
     tracks = [(name, Track(branch)) for name, branch in branches]
     _verify_orbits(ledger, [(name, track) for name, track in tracks if track.is_exact], advance)
@@ -72,7 +72,7 @@ def verify_branches(
 
 
 def _spots(name: str, branch: Branch) -> Iterator[tuple[Spot, BranchPoint]]:
-    """All points and special points with their places."""
+    """Yield all points and special points with their places."""
     for number, point in enumerate(branch.points):
         yield Spot(name, f"point {number}", point.value), point
     for number, special in enumerate(branch.special_points):
@@ -80,7 +80,7 @@ def _spots(name: str, branch: Branch) -> Iterator[tuple[Spot, BranchPoint]]:
 
 
 def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance: Advance | None) -> None:
-    """Check exact orbits by shooting: all branches side by side, for that is how they are carried."""
+    """Check exact orbits by shooting: all branches together, since they are integrated together."""
     every = [(spot, point, track) for name, track in tracks for spot, point in _spots(name, track.branch)]
     orbits = [point.orbit for _, point, _ in every]
 
@@ -98,7 +98,7 @@ def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance:
 
 
 def _enter_residual(ledger: Ledger, spot: Spot, track: Track, point: BranchPoint) -> None:
-    detail = f"its residual is stored as {point.orbit.residual:.3g}, with which no walk takes a point"
+    detail = f"its residual is stored as {point.orbit.residual:.3g}, larger than a walk accepts"
     ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point), detail)
 
 
@@ -117,19 +117,19 @@ def verify_orbit(
     Parameters
     ----------
     ledger, spot
-        Where to enter what.
+        The ledger and the place at which to enter the checks.
     orbit
         The orbit.
     around
-        What it does when it is carried once around.
+        Its integration over one period.
     segments
-        With how many it was shot.
+        Number of segments with which it was found.
     beside
-        Changes of its state by as much as the point may be off to which its multipliers belong.
+        Changes of its state that represent the distance to the point at which its multipliers were evaluated.
     aside
-        By how much a position may be off there.
+        Largest such change of a position.
     kind
-        What happens there, if it is a special point.
+        Kind of the special point, if it is one.
     """
     try:
         reshot = reshoot(orbit, segments, around.contraction)
@@ -138,10 +138,10 @@ def verify_orbit(
         return
     rough = max(1.0, around.error / Check.CLOSURE.bound)
     if rough > 1.0:
-        ledger.note(f"{spot}: the other integrator is no more exact than {around.error:.1g} of the motion")
+        ledger.note(f"{spot}: the error of the other integrator is {around.error:.1g} of the motion")
     ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
     size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
-    # its stages change where those of a point aside do, which counts for more where a motion is small for its branch
+    # its stages change at a point one Newton step away, which matters more if a motion is small for its branch
     ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / max(rough, aside / size / Check.STAGES.bound))
     extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
     ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
@@ -158,7 +158,7 @@ def _verify_stability(
 ) -> None:
     """Check the number of unstable multipliers, unless one is on the unit circle.
 
-    At a special point those that are critical do not count: they are on the circle but for the error with which they
+    At a special point the critical multipliers are not counted: they are on the circle up to the error with which they
     are known.
     """
     found, stored = (_not_critical(each, kind) for each in (multipliers, orbit.multipliers))
@@ -170,17 +170,17 @@ def _verify_stability(
 
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
-    """The multipliers of a point but for those that are critical at a special point of a kind."""
+    """Return the multipliers of a point except those that are critical at a special point of a kind."""
     if kind is None or not len(places := kind.critical(multipliers)):
         return multipliers
     off = np.abs((multipliers if kind.target is not None else np.abs(multipliers)) - (kind.target or 1.0))
-    # what is known is a polynomial's coefficients: others near by make a root of it that much less certain
+    # known are the coefficients of a polynomial: other roots near a root make it less certain
     known = float(off[places].min() * np.prod(np.minimum(np.delete(off, places), 1.0)))
     return np.delete(multipliers, places) if known < Check.MULTIPLIERS.bound else multipliers
 
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
-    """Check the gaps between neighbours, and what changes over them."""
+    """Check the gaps between neighbours, and the changes over them."""
     for number, (a, b, special) in enumerate(steps_of(track.branch)):
         spot = Spot(name, f"points {number} to {number + 1}", a.value)
         knots = [a, *(each.point for each in special), b]
@@ -190,7 +190,7 @@ def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:
 
 
 def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
-    """Look at each special point from both sides."""
+    """Check each special point from both sides."""
     opinions = {}
     for number, special in enumerate(track.branch.special_points):
         spot = Spot(name, f"special point {number} ({special.kind.value})", special.value)
@@ -203,7 +203,7 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
         sides = look(opinions[size], special, next_to_it, changes)
         faults = sides.faults
         if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
-            faults = ()  # branches cross there, so near to something else that no motion can be held beside
+            faults = ()  # branches cross there, so near another special point that no motion can be corrected nearby
         ledger.enter(Check.SIDES, spot, float(len(faults)), "; ".join(faults))
         if sides.before is not None and sides.after is not None:
             texts = list(nature_faults(track, opinions[size], special, sides.before, sides.after))
@@ -215,9 +215,9 @@ def _verify_specials(ledger: Ledger, name: str, track: Track) -> None:
 
 
 def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
-    """What is next to a special point on either side: other special points, but for those at the same place, or points.
+    """Return the neighbours of a special point: points, or other special points that are not at the same place.
 
-    Where a motion is symmetric, both sides of a gap graze at once; between the two there is nothing to see.
+    In a symmetric motion both sides of a gap graze at once; there is nothing between the two.
     """
     others = (each for each in branch.special_points if each is not special and not _is_one_place(each, special))
     knots = [*points, *(each.point for each in others)]
@@ -228,13 +228,13 @@ def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPo
 
 
 def _is_one_place(a: SpecialPoint, b: SpecialPoint) -> bool:
-    """Whether two contacts graze at once."""
+    """Return whether two contacts graze at once."""
     both_graze = a.kind is b.kind is Kind.GRAZING and a.contact != b.contact
     return both_graze and abs(a.point.arclength - b.point.arclength) < _ONE_PLACE
 
 
 def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: float) -> None:
-    """Enter how far a special point is from where it was found again, in units of its error."""
+    """Enter the distance of a special point from its second location, in units of its stated error."""
     off = abs(found - special.value)
     width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
     stated = special.uncertainty
@@ -242,6 +242,6 @@ def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: fl
     detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {stated:.2g}"
     least, most = _LEAST * max(abs(special.value), width), max(_MANY * off, _MOST * (abs(special.value) + width))
     if not least <= stated <= most:
-        detail = f"{detail}, which is {'less than rounding' if stated < least else 'far more than there is reason for'}"
+        detail = f"{detail}, which is {'less than rounding' if stated < least else 'implausibly large'}"
         error = 0.0
     ledger.enter(Check.LOCATION, spot, off / error if error > 0.0 else math.inf, detail)

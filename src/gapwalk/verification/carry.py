@@ -1,9 +1,9 @@
-"""Orbits carried once around by another integrator: Dormand and Prince's method of order 8 between contact events.
+"""Integration of orbits over one period by another method: Dormand and Prince's of order 8, between contact events.
 
-All orbits of a branch go side by side, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
-II.10). The contact events are those that an orbit is stored with, and are believed only as far as the motion passes its
-breakpoints there, and nowhere else. They belong to an orbit some 1e-7 away, which costs digits of the closure, so where
-that counts they are located again on the motion itself.
+All orbits of a branch are integrated together, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
+II.10). The contact events are those stored with an orbit; it is checked that the motion passes its breakpoints there,
+and nowhere else. The events belong to an orbit about 1e-7 away, which costs digits of the closure. If that matters,
+they are located again on the motion itself.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ from gapwalk.verification.tableau import STAGES, tableau
 Array = NDArray[np.float64]
 
 _PERIOD = 2.0 * math.pi
-_FINER = 5.0  # steps of the first try in those of the flow's Taylor series, whose order is about 20
-_IN_PIECE = 2.0  # of the latter, at least, between two contact events
-_TRIES = 4  # each with twice as many steps
+_FINER = 5.0  # steps at the first attempt, per step of the flow's Taylor series, whose order is about 20
+_IN_PIECE = 2.0  # smallest number of such Taylor steps between two contact events
+_TRIES = 4  # number of attempts, each with twice as many steps
 _EXACT = 5e-11  # error of the integration, relative to the motion, that is small enough
-_AGAIN = 1e-10  # closure from which the contact events are located again
-_PASSES = 6  # times that they are: an event that is moved moves those after it, where it makes the force jump
-_ASIDE = 1e-5  # angle by which an event may be moved: what is farther from its breakpoint is another event
-_LANES = 2048  # orbits that are carried at once
+_AGAIN = 1e-10  # closure above which the contact events are located again
+_PASSES = 6  # number of times that they are: where the force jumps, moving an event moves those after it
+_ASIDE = 1e-5  # largest angle by which an event may be moved: farther away there is another event
+_LANES = 2048  # number of orbits that are integrated at once
 _NUMBERS = 4_000_000  # of the matrices of so many orbits
 
 
 @dataclass(frozen=True)
 class Round:
-    """What an orbit does when it is carried once around.
+    """Result of integrating an orbit over one period.
 
     Attributes
     ----------
     closure
-        Largest component by which it fails to come back, relative to the largest position or velocity.
+        Largest component of the difference between end and start, relative to the largest position or velocity.
     astray
-        How far a deflection is beyond a breakpoint while the orbit is stored as on its other side, relative to the
-        largest position.
+        Largest depth of a deflection on one side of a breakpoint while the stored orbit is on its other side, relative
+        to the largest position.
     contraction
-        Logarithm of the factor by which volumes of states change.
+        Logarithm of the factor by which volumes of the state space change.
     extremes : shape (n, 2)
         Maximum and minimum of each coordinate.
     error
         Estimated error of this integration, relative to the motion.
     shifts
-        For each contact event, how much later the motion passes its breakpoint; 0 where that is far or can't be told.
+        For each contact event, the delay with which the motion passes its breakpoint; 0 if it is large or unknown.
     """
 
     closure: float
@@ -64,7 +64,7 @@ class Round:
 
 
 def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None) -> list[Round]:
-    """Carry orbits of one structure once around; `report` is called with the number of those that are done.
+    """Integrate orbits of one structure over one period; `report` is called with the number of completed ones.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def carry(orbits: Sequence[Orbit], report: Callable[[int], object] | None = None
         If their systems are of different structures.
     """
     if len({id(orbit.system.structure) for orbit in orbits}) > 1 and len({o.system.structure for o in orbits}) > 1:
-        raise ValueError("orbits of systems of different structure cannot be carried side by side")
+        raise ValueError("orbits of systems of different structure cannot be integrated together")
     rounds: list[Round] = []
     size = orbits[0].system.size if orbits else 1
     lanes = max(1, min(_LANES, _NUMBERS // (size * (2 * size + 4))))
@@ -101,7 +101,7 @@ def _carry(orbits: Sequence[Orbit]) -> list[Round]:
         for index in open_ended:
             moved[index] = _with_events_moved(moved[index], rounds[index].shifts)
         for index, better in zip(open_ended, _around([moved[index] for index in open_ended], finer), strict=True):
-            # where stages were said to change is judged by the events as they are stored
+            # whether stages change at the stated events is judged by the events as they are stored
             rounds[index] = replace(better, astray=rounds[index].astray)
     return rounds
 
@@ -117,9 +117,9 @@ def _with_events_moved(orbit: Orbit, shifts: tuple[float, ...]) -> Orbit:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The steps of one orbit: where each begins, how long it is, which stages act in it, and after which events are.
+    """Steps of one orbit: start and length of each, the stages that act in it, and the steps after which events are.
 
-    The latter with their switches, in the order of the events.
+    The latter are stored with their switches, in the order of the events.
     """
 
     theta: Array
@@ -133,11 +133,11 @@ def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
     step = end / max(8.0 * orbit.period, finer * orbit.steps)
     closed = inside.copy()
     for event in reversed(orbit.events):
-        closed[event.switch] = not event.enters  # before its first event a stage is what that changes
+        closed[event.switch] = not event.enters  # before its first event a stage is in the opposite state
     thetas, lengths, stages, crossings, start = [], [], [], [], 0.0
     for theta, event in [*((event.theta, event) for event in orbit.events), (end, None)]:
         if theta > start:
-            # a stop is left after half a period of a motion that may be far faster than the one between
+            # contact with a stop lasts half a period of an oscillation that may be far faster than the rest
             count = max(math.ceil((theta - start) / step), math.ceil(_IN_PIECE * finer))
             length = (theta - start) / count
             thetas += [start + k * length for k in range(count)]
@@ -179,7 +179,7 @@ def _around(orbits: Sequence[Orbit], finer: float) -> list[Round]:
 
 
 class _Fleet:
-    """Orbits on their way round, side by side."""
+    """Orbits that are integrated together."""
 
     def __init__(self, equations: Equations, states: Array) -> None:
         self.equations, n = equations, equations.size
@@ -190,10 +190,10 @@ class _Fleet:
         self._shifts: list[list[float]] = [[] for _ in states]
 
     def advance(self, lanes: slice, theta: Array, length: Array, closed: Array) -> None:
-        """One step of each of the first lanes."""
+        """Take one step of each of the first lanes."""
         n, state, h = self.equations.size, self._state[lanes], length[:, None]
         method, rates = tableau(), np.empty((STAGES + 1, *state.shape))
-        with np.errstate(over="ignore", invalid="ignore"):  # a broken orbit may run away, and is seen at the end
+        with np.errstate(over="ignore", invalid="ignore"):  # a wrong orbit may diverge, which is detected at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes)
             for s in range(1, STAGES):
                 middle = state + h * _sum(method.a[s, :s], rates[:s])
@@ -205,7 +205,7 @@ class _Fleet:
         self._state[lanes] = new
 
     def cross(self, crossings: Sequence[tuple[int, int]]) -> None:
-        """Note how much later than its event each of some lanes passes the breakpoint of a switch."""
+        """Record the delay with which each of some lanes passes the breakpoint of a switch."""
         n = self.equations.size
         for lane, switch in crossings:
             q, v = self._state[lane : lane + 1, :n], self._state[lane : lane + 1, n : 2 * n]
@@ -216,7 +216,7 @@ class _Fleet:
             self._shifts[lane].append(float(shift) if abs(shift) < _ASIDE else 0.0)
 
     def _watch(self, lanes: slice, state: Array, new: Array, rates: Array, h: Array, closed: Array) -> None:
-        """Note extremes, and where a deflection is on another side of a breakpoint than it should be."""
+        """Record extrema, and the depth of a deflection on the wrong side of a breakpoint."""
         n = self.equations.size
         self._fastest[lanes] = np.maximum(self._fastest[lanes], np.abs(new[:, n : 2 * n]).max(axis=1))
         first = [state[:, :n], h * rates[0][:, :n], h**2 * rates[0][:, n : 2 * n] / self._speed(lanes)]
@@ -237,7 +237,7 @@ class _Fleet:
         return self.equations.frequency[lanes, None]
 
     def round(self, lane: int) -> Round:
-        """What one orbit has done."""
+        """Return the result of one orbit."""
         n = self.equations.size
         length = max(float(np.abs([self._largest[lane], self._smallest[lane]]).max()), np.finfo(float).tiny)
         speed = max(float(self._fastest[lane]), np.finfo(float).tiny)
@@ -257,22 +257,23 @@ class _Fleet:
 
 
 def _sum(weights: Array, rates: Array) -> Array:
-    """The rates of some stages, weighted."""
+    """Return the weighted sum of the rates of some stages."""
     total: Any = np.tensordot(weights, rates, axes=(0, 0))
     return total
 
 
 def _error(rates: Array) -> Array:
-    """The error of a step of length 1, as DOP853 estimates it, component by component."""
+    """Return the error of a step of length 1, as DOP853 estimates it, component by component."""
     fifth, third = (_sum(weights, rates) for weights in (tableau().fifth, tableau().third))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 
 
 def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
-    """The value at which something turns within a step, or its first value if it does not.
+    """Return the value at an extremum within a step, or the first value if there is none.
 
-    From value, slope and second derivative at both ends of a step of length 1: by the polynomial of fifth degree.
+    It is computed from the polynomial of fifth degree that has the given values, slopes and second derivatives at both
+    ends of a step of length 1.
     """
     (x0, r0, a0), (x1, r1, a1) = first, last
     turns = r0 * r1 < 0.0

@@ -1,4 +1,4 @@
-"""A branch verified as soon as it has been walked."""
+"""Verification of a branch directly after its walk."""
 
 from __future__ import annotations
 
@@ -20,4 +20,4 @@ def confirm(branch: Branch) -> None:
     verify_branches(ledger, [(f"P{branch.period}-1", branch)])
     found = ledger.verification
     if not found.ok:
-        raise VerificationError(f"the branch was walked, but {found.words}", found)
+        raise VerificationError(f"the branch was followed, but {found.words}", found)

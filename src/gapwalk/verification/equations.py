@@ -1,6 +1,6 @@
-"""The equations of motion written a second time, from the named matrices, for many systems side by side.
+"""Second, independent implementation of the equations of motion, from the named matrices, for many systems at once.
 
-What is verified must not be computed by what is to be verified: nothing here comes from `gapwalk.motion`.
+Nothing here comes from `gapwalk.motion`, because code must not verify its own results.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 
 
 class Equations:
-    """``M q'' + C q' + K q + sum d f = mean + sum F cos(h W t + phi)`` of L systems of one structure.
+    """Equations ``M q'' + C q' + K q + sum d f = mean + sum F cos(h W t + phi)`` of L systems of one structure.
 
-    The stage of each contact is given from outside, so that the right-hand sides are smooth between contact events.
+    The active stage of each contact is an argument, so that the right-hand sides are smooth between contact events.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Equations:
         structure = systems[0].equations.structure
         values = np.array([system.equations.values for system in systems])
         same = values[:, 1:] == values[:1, 1:]
-        shared = bool(np.all(same))  # along the frequency all matrices are the same
+        shared = bool(np.all(same))  # along the frequency all matrices are equal
         if shared:
             values = values[:1]
         n = self.size = structure.size
@@ -84,15 +84,15 @@ class Equations:
         return values[:, [structure.place(name) for name in names]] if names else np.zeros((len(values), 0))
 
     def deflections(self, q: Array, lanes: slice = slice(None)) -> Array:
-        """Deflections of the contacts, shape (L, contacts), for positions (or rates) of shape (L, n)."""
+        """Return the deflections of the contacts, shape (L, contacts), for positions (or rates) of shape (L, n)."""
         return _times(self._of(self._deflections, lanes), q)
 
     def depths(self, deflections: Array, lanes: slice = slice(None)) -> Array:
-        """How far past each breakpoint, shape (L, switches)."""
+        """Return the depths beyond the breakpoints, shape (L, switches)."""
         return self.signs * deflections[:, self.contact_of] - self._of(self._clearance, lanes)
 
     def rates(self, theta: Array, state: Array, closed: Array, lanes: slice = slice(None)) -> Array:
-        """Derivatives over theta of positions, velocities, and of the logarithm of a volume of states.
+        """Return the derivatives over theta of positions, velocities, and the logarithm of a volume of states.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Equations:
         closed : shape (L, switches)
             1 for each stage that acts, otherwise 0.
         lanes
-            Which of the systems.
+            Indices of the systems.
         """
         n = self.size
         q, v = state[:, :n], state[:, n : 2 * n]
@@ -121,7 +121,7 @@ class Equations:
         return np.column_stack((v, acceleration, divergence)) / self.frequency[lanes, None]
 
     def _contact_forces(self, x: Array, rate: Array, closed: Array, lanes: slice) -> tuple[Array, Array]:
-        """Forces of the contacts, and their derivatives by the rates of the deflections; shape (L, contacts) each."""
+        """Return the contact forces, and their derivatives by the deflection rates; shape (L, contacts) each."""
         inside = self.depths(x, lanes)
         spring = self._of(self._spring, lanes) * inside + self._of(self._cubic, lanes) * inside**3
         force = (closed * self.signs * spring) @ self._sum
@@ -147,12 +147,12 @@ class Equations:
 
 
 def _split(matrices: Any, widths: list[int]) -> list[Any]:
-    """Matrices side by side, apart; the last one is what is left."""
+    """Split matrices that are joined side by side; the last one takes the remaining columns."""
     return np.split(matrices, np.cumsum(widths), axis=2)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:
-    """Products of matrices (one, or one for each vector) and vectors, shape (L, rows)."""
+    """Return products of matrices (one, or one for each vector) and vectors, shape (L, rows)."""
     if len(matrices) == 1:
         return vectors @ matrices[0].T
     return (matrices @ vectors[:, :, None])[:, :, 0]

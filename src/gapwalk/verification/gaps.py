@@ -1,4 +1,4 @@
-"""Whether a branch runs from each of its points to the next: orbits between them are found, and must lie between."""
+"""Check that a branch connects each of its points to the next: orbits are sought between them, and must lie there."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
 from gapwalk.verification.track import Track
 
-_OFF = 0.1  # distance of the orbit between from the cubic through both points and tangents, in distances of the points
-_TURN = 0.6  # angle between a tangent and the chord, in radians
-_DEEPEST = 7  # halvings of a gap
-_LONGER = 0.3  # share by which the distance of two points may differ from the arclength between them
+_OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
+_TURN = 0.6  # largest angle between a tangent and the chord, in radians
+_DEEPEST = 7  # largest number of successive halvings of a gap
+_LONGER = 0.3  # largest relative difference between the distance of two points and the arclength between them
 _TOGETHER = 1e-6  # distance below which two points are one
-_SHARES = (0.5, 0.4, 0.62)  # where an orbit is looked for: close to a crossing of branches none can be held
+_SHARES = (0.5, 0.4, 0.62)  # places at which an orbit is sought: close to a crossing of branches correction fails
 
 
 def gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
-    """How far the branch between two neighbouring points is from leading straight from one to the other.
+    """Return how much the branch between two neighbouring points deviates from the cubic through them.
 
-    1 is the largest figure that is believed: an orbit between them lies off the cubic through both points by a tenth of
-    their distance, or a tangent, at a point or between, is 0.6 rad off the chord. Where it is more, the gap is halved.
-    Infinite where there is no orbit between. And their distance must be the arclength between them, up to 30 %.
+    1 is the largest accepted figure: an orbit between them lies off the cubic through both points by a tenth of their
+    distance, or a tangent, at a point or between, is 0.6 rad off the chord. If the figure is larger, the gap is halved.
+    It is infinite if there is no orbit between. The distance must also equal the arclength between them within 30 %.
     """
     ahead = b.arclength - a.arclength
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
@@ -38,7 +38,7 @@ def gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)
     length = length_of(b.x - a.x)
-    # the branch may lead from any point to any other by a long way round
+    # a branch may connect any two points by a long detour
     far = abs(length - ahead) / (_LONGER * abs(ahead) + _TOGETHER)
     return max(far, _gap(track, a, b, 0))
 
@@ -53,7 +53,7 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint, depth: int) -> float:
 
 
 def between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint | None, float]:
-    """An orbit between two points, about half way, and how far it is from lying there; see `gap`."""
+    """Return an orbit about half way between two points, and its deviation from that place; see `gap`."""
     chord = b.x - a.x
     length = length_of(chord)
     way, corrector = chord / length, track.corrector_at(a)
@@ -75,5 +75,5 @@ def between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint |
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Angle between two unit vectors, in radians."""
+    """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))

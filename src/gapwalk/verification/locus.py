@@ -1,4 +1,4 @@
-"""Loci verified: a sample of the points of each, shot again, with the condition that holds on them."""
+"""Verification of loci: a sample of the points of each is shot again, and the locus condition is checked."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from gapwalk.verification.carry import Round, carry
 from gapwalk.verification.multipliers import distance, reshoot
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 
-_MOST = 40  # points of a locus that are looked at
+_MOST = 40  # number of points of a locus that are checked
 
 
 def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Advance | None = None) -> None:
-    """Enter what there is to check of some loci, by their names."""
+    """Enter the checks of some loci, by their names."""
     for done, (name, locus) in enumerate(loci):
         if advance is not None:
             advance("loci", done, len(loci))
@@ -35,7 +35,7 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
                 if (off := imbalance(point.orbit)) is not None:
                     ledger.enter(Check.LINES, spot, off.lines)
             ledger.note(
-                "of balanced loci the lines are verified, but not their condition, which holds up to the truncation"
+                "for balanced loci the lines are verified, but not the locus condition, which holds up to truncation"
             )
             continue
         rounds = carry([point.orbit for _, point in points])
@@ -56,9 +56,10 @@ def _verify_point(ledger: Ledger, spot: Spot, locus: Locus, point: LocusPoint, a
 
 
 def _off(locus: Locus, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-    """How far an orbit is from the verge of the bifurcation of a locus.
+    """Return the distance of an orbit from the bifurcation of a locus.
 
-    In a product of all factors, one that is smaller for another reason, as at a point of codimension two, does no harm.
+    It is a product over all multipliers. So a factor that is small for another reason, as at a point of codimension
+    two, does no harm.
     """
     match locus.kind:
         case Kind.FOLD:

@@ -1,4 +1,4 @@
-"""Multipliers and stability computed again, with another number of segments."""
+"""Second computation of multipliers and stability, with another number of segments."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 _CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
-_MOST = 24  # segments
+_MOST = 24  # largest number of segments
 _POWERS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Reshot:
-    """An orbit shot again, in more segments.
+    """Result of shooting an orbit again, with more segments.
 
     Attributes
     ----------
     multipliers : shape (2n,)
         Largest modulus first.
     contraction
-        Logarithm of the factor by which volumes of states change, from the determinants of the segments.
+        Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
     growth
         Largest factor by which a small change of the state grows over the period; at least 1.
     """
@@ -38,7 +38,7 @@ class Reshot:
 
 
 def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
-    """Shoot an orbit again, in more than `segments`; `contraction` is the logarithm of its change of volumes."""
+    """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
     count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
     equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
     arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
@@ -53,17 +53,17 @@ def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
 
 
 def spread(orbit: Orbit, segments: int, contraction: float, asides: Sequence[NDArray[np.float64]]) -> float:
-    """How much the multipliers vary over some small changes of the state: the largest `distance`."""
+    """Return the variation of the multipliers over some small changes of the state: the largest `distance`."""
     there = reshoot(orbit, segments, contraction).multipliers
     beside = [reshoot(replace(orbit, state=orbit.state + aside), segments, contraction) for aside in asides]
     return max(distance(there, each.multipliers) for each in beside)
 
 
 def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """How far two sets of multipliers are apart: the largest difference of their power sums, in units of the largest.
+    """Return the distance of two sets of multipliers: the largest relative difference of their power sums.
 
-    Multipliers that are about to meet are as sensitive as square roots; their power sums, the traces of the powers of
-    the monodromy matrix, are not.
+    Multipliers that are about to collide are as sensitive as square roots. Their power sums, the traces of the powers
+    of the monodromy matrix, are not.
     """
     size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
     powers = range(1, min(len(a), _POWERS) + 1)

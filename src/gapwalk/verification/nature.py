@@ -1,8 +1,8 @@
-"""The nature of a fold or a flip told again: to which side a fold opens, and a doubled branch leaves a flip.
+"""Second determination of the criticality of a fold (the side to which it opens) or of a flip.
 
-A fold by the motions on both sides of it. A flip by doubled motions at growing amplitudes, shot in more segments than
-the walk has: what counts is the smallest amplitude at which their parameter differs from that of the flip by more than
-rounding, for the nature is that of the limit, and only while no contact has grazed on the way there.
+A fold is judged by the motions on both sides of it. A flip is judged by doubled motions at growing amplitudes, shot in
+more segments than in the walk. Decisive is the smallest amplitude at which their parameter differs from that of the
+flip by more than rounding, since the criticality is defined in the limit. No contact may graze up to that amplitude.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from gapwalk.verification.track import Track
 
 _AMPLITUDES = 1e-6 * 2.0 ** np.arange(12)  # scaled distances of doubled motions from the flip
 _NOISE = 1e-13  # error of the scaled parameter of a doubled motion
-_ROUNDING = 1e-16  # the same times its amplitude: the closer to the flip, the less a residual says of the parameter
-_AGREEING = 2  # amplitudes that must agree
-_CLEAR = 30.0  # times the error that counts as a difference
+_ROUNDING = 1e-16  # that error times the amplitude: near the flip a residual hardly determines the parameter
+_AGREEING = 2  # number of amplitudes that must agree
+_CLEAR = 30.0  # factor on the error above which a difference is significant
 
 
 def nature_faults(
     track: Track, second: SecondOpinion, special: SpecialPoint, before: BranchPoint, after: BranchPoint
 ) -> Iterator[str]:
-    """What is wrong with the stated nature of a special point, in sentences; nothing where it cannot be told again.
+    """Yield contradictions to the stated criticality of a special point; none if it cannot be determined again.
 
     Parameters
     ----------
     track
         The branch.
     second
-        The branch, posed otherwise.
+        The same branch with another discretisation.
     special
         The special point.
     before, after
-        Motions of the branch posed otherwise on both sides of it.
+        Motions on both sides of it, with that discretisation.
     """
     if not special.nature:
         return
@@ -55,7 +55,7 @@ def nature_faults(
     except NumericalError:
         return
     if found and found not in special.nature:
-        yield f"its nature is told as {special.nature!r}, and is {found}"
+        yield f"its criticality is stated as {special.nature!r}, but is {found}"
 
 
 def _fold(second: SecondOpinion, special: SpecialPoint, before: BranchPoint, after: BranchPoint) -> str:
@@ -79,13 +79,13 @@ def _flip(track: Track, special: SpecialPoint, before: BranchPoint, after: Branc
 
 
 def _critical(point: BranchPoint) -> complex:
-    """The multiplier nearest to -1."""
+    """Return the multiplier nearest to -1."""
     values = point.orbit.multipliers
     return complex(values[np.argmin(np.abs(values + 1.0))])
 
 
 def _leaves(track: Track, special: SpecialPoint) -> float:
-    """To which side, by its sign, the doubled branch leaves a flip; 0 where that cannot be told."""
+    """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
     segments = track.segments + 1
     orbit, size = replace(special.orbit, period=2 * special.orbit.period), 2 * special.orbit.system.size
     equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
@@ -105,7 +105,7 @@ def _leaves(track: Track, special: SpecialPoint) -> float:
         shift = float(correction.x[-1] - start[-1])
         if abs(shift) > error + _CLEAR * _ROUNDING / amplitude:
             if corrector.point(correction, across, amplitude).orbit.closings != closings:
-                break  # a contact grazes at a smaller amplitude than can be told from the flip
+                break  # a contact grazes at a smaller amplitude than can be distinguished from the flip
             sides.append(float(np.sign(shift)))
         if len(sides) == _AGREEING:
             break

@@ -1,4 +1,4 @@
-"""Whether the points of a branch follow one another, none twice, and end where and why it is said that they do."""
+"""Check that the points of a branch are in order and distinct, and that it ends where and why it is stated."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from gapwalk.errors import NumericalError
 from gapwalk.verification.track import CROSSING, Track
 from gapwalk.verification.verification import Check, Ledger, Spot
 
-_SAME = 1e-9  # relative difference of two values of the parameter that are the same
-_CLOSED = 1e-5  # distance between the first and the last point of a closed branch
-_NEAR = 0.1  # distance of the halves of a motion from which a doubled branch may step onto its parent
-_BEYOND = 0.02  # of the scale of the parameter, by which a meeting may lie beyond the last point
+_SAME = 1e-9  # relative difference below which two values of the parameter are equal
+_CLOSED = 1e-5  # largest distance between the first and the last point of a closed branch
+_NEAR = 0.1  # difference of the halves of a motion below which a doubled branch may step onto its parent
+_BEYOND = 0.02  # distance, in scales of the parameter, by which a junction may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
 
 
 def verify_order(ledger: Ledger, name: str, branch: Branch) -> None:
-    """Check that points and special points come in the order of their arclength, and none of them twice."""
+    """Check that points and special points are in the order of their arclength and distinct."""
     points = branch.points
     last = len(points) - 1
     for number, (a, b) in enumerate(pairwise(points)):
         ends = [branch.ends[place].reason for place in (0, -1) if number == (0 if place == 0 else last - 1)]
         if EndReason.JOINED in ends and a.orbit is b.orbit:
-            continue  # a walk that is cut off at its parent tells its last point again
+            continue  # a walk that is cut off at its parent repeats its last point
         texts = list(_disorder(a, b))
         ledger.enter(Check.ORDER, _between(name, number, a), float(len(texts)), "; ".join(texts))
     for number, (first, second) in enumerate(pairwise(branch.special_points)):
@@ -56,14 +56,14 @@ def _special_disorder(a: SpecialPoint, b: SpecialPoint) -> Iterator[str]:
     if b.point.arclength < a.point.arclength:
         yield f"the arclength goes from {a.point.arclength:.10g} to {b.point.arclength:.10g}"
     if (a.kind, a.contact, a.point.arclength) == (b.kind, b.contact, b.point.arclength):
-        yield f"the {a.kind.value} is there twice"
+        yield f"the {a.kind.value} occurs twice"
 
 
 def verify_ends(ledger: Ledger, name: str, track: Track, within: tuple[float, float] | None) -> None:
     """Check where and why a branch begins and ends; `within` is the range over which it was followed, if known."""
     branch = track.branch
     if len(branch.ends) != 2:
-        ledger.enter(Check.ENDS, Spot(name, "its ends", math.nan), math.inf, f"{len(branch.ends)} ends are told of it")
+        ledger.enter(Check.ENDS, Spot(name, "its ends", math.nan), math.inf, f"{len(branch.ends)} ends are stored")
         return
     for place, end in zip((0, -1), branch.ends, strict=True):
         number = 0 if place == 0 else len(branch.points) - 1
@@ -121,7 +121,7 @@ def _apart(a: BranchPoint, b: BranchPoint) -> float:
 
 
 def _may_join(track: Track, point: BranchPoint) -> bool:
-    """Whether a branch may join another here: its motion nearly has half its period, or branches cross."""
+    """Return whether a branch may join another here: its motion nearly has half its period, or branches cross."""
     try:
         if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR:
             return True

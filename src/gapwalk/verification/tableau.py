@@ -1,4 +1,4 @@
-"""The coefficients of Dormand and Prince's method of order 8, as `scipy.integrate.DOP853` has them."""
+"""Coefficients of Dormand and Prince's method of order 8, from `scipy.integrate.DOP853`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 STAGES = 12
-"""Evaluations of the rates in a step, besides the one at its end."""
+"""Evaluations of the rates in a step, not counting the one at its end."""
 
 
 class Tableau(NamedTuple):
@@ -22,7 +22,7 @@ class Tableau(NamedTuple):
     b : shape (STAGES,)
         Weights of the stages in the step.
     c : shape (STAGES,)
-        When each stage is, in steps.
+        Times of the stages, in steps.
     fifth, third : shape (STAGES + 1,)
         Weights in the two estimates of the error.
     """
@@ -36,8 +36,8 @@ class Tableau(NamedTuple):
 
 @cache
 def tableau() -> Tableau:
-    """The coefficients."""
-    from scipy.integrate import DOP853  # a fifth of the time that a command takes to start, and few commands verify
+    """Return the coefficients."""
+    from scipy.integrate import DOP853  # takes a fifth of the start-up time of a command, and few commands verify
 
     method: Any = DOP853
     return Tableau(method.A[:STAGES, :STAGES], method.B, method.C[:STAGES], method.E5, method.E3)

@@ -1,4 +1,4 @@
-"""A branch as it was walked: its equation and its scales, found again from its points."""
+"""Reconstruction of the equation and the scales with which a branch was followed, from its points."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from gapwalk.orbit.equation import Equation, OrbitEquation
 from gapwalk.orbit.orbit import Orbit
 
 CROSSING = 1e-6
-"""Regularity of a point below which branches cross there; by a fold it is 1e-4 and more."""
+"""Regularity of a point below which branches cross there; near a fold it is 1e-4 or more."""
 
 _ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
-_LOOSE = 10.0  # times the residual that a walk trusts which is allowed: states elsewhere may be larger
-_TOLD_APART = 2.0  # a frequency by which scales of velocities differ from those of lengths
-_WAYS, _SEED = 3, 1995  # random directions of such a step
+_LOOSE = 10.0  # factor on the residual that a walk accepts: states elsewhere may be larger
+_TOLD_APART = 2.0  # frequency by which the scales of velocities differ from those of lengths
+_WAYS, _SEED = 3, 1995  # number of random directions of such a step, and their seed
 
 
 class Track:
-    """Corrects onto a branch, as finely as each of its points is resolved.
+    """Correctors for a branch, one for each resolution of its points.
 
     Parameters
     ----------
@@ -43,32 +43,32 @@ class Track:
 
     @property
     def segments(self) -> int:
-        """Segments with which it was shot, if it was."""
+        """Number of segments with which it was shot, if it was."""
         return max(1, (len(self.branch.points[0].x) - 1) // (2 * self.branch.system.size))
 
     def corrector_at(self, point: BranchPoint) -> Corrector:
-        """Corrects with the unknowns of a point."""
+        """Return the corrector with the unknowns of a point."""
         return self.corrector(len(point.x))
 
     def equation_at(self, point: BranchPoint) -> OrbitEquation:
-        """The equation of the unknowns of a point."""
+        """Return the equation with the unknowns of a point."""
         return cast("OrbitEquation", self.corrector_at(point).equation)
 
     def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
-        """Changes of a state by as much as the point may be off at which its multipliers were evaluated."""
+        """Return changes of a state that represent the distance to where a point's multipliers were evaluated."""
         size = 2 * self.branch.system.size
         ways = np.random.default_rng(_SEED).normal(size=(_WAYS, size))
         ways = np.vstack((ways / np.linalg.norm(ways, axis=1)[:, None], point.tangent[:size]))
         return [sign * _ASIDE * way * self.corrector_at(point).scales[:size] for way in ways for sign in (-1.0, 1.0)]
 
     def aside(self, point: BranchPoint) -> float:
-        """By how much a position may change by such a step."""
+        """Return the largest change of a position in such a step."""
         return _ASIDE * float(self.corrector_at(point).scales[: self.branch.system.size].max())
 
     def mismatch(self, point: BranchPoint) -> float:
-        """How far what is stored of a point disagrees with itself, relative to its size.
+        """Return the largest contradiction in the stored data of a point, relative to its size.
 
-        The unknowns with the state or the lines, the parameter with the system.
+        Compared are the unknowns with the state or the lines, and the parameter with the system.
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
@@ -80,7 +80,7 @@ class Track:
         return max(apart, abs(point.value - value) / width, abs(point.x[-1] * scales[-1] - value) / width)
 
     def regularity(self, point: BranchPoint) -> float:
-        """How far a point is from a crossing of branches, where the derivatives lose rank: 0 at one, at most 1."""
+        """Return the distance of a point from a crossing of branches, where the derivatives lose rank: 0 to 1."""
         corrector = self.corrector_at(point)
         evaluation = corrector.equation.evaluate(point.x[:-1] * corrector.scales[:-1], point.value)
         assert evaluation.by_parameter is not None
@@ -89,7 +89,7 @@ class Track:
         return float(sizes[-1] / sizes[0])
 
     def doubtful_residual(self, point: BranchPoint) -> float:
-        """The residual that is stored of a point, in units of the largest with which a walk takes its last step."""
+        """Return the stored residual of a point, in units of the largest that a walk accepts for its last step."""
         residual = point.orbit.residual
         if not residual >= 0.0:
             return math.inf
@@ -104,7 +104,7 @@ class Track:
         return orbit.state if self.is_exact else equation.unknowns(orbit)
 
     def _corrector(self, count: int) -> Corrector:
-        """The corrector of points with so many scaled variables."""
+        """Return the corrector for points with a number of scaled variables."""
         branch = self.branch
         fellows = [point for point in self.knots if len(point.x) == count]
         orbit = fellows[0].orbit
@@ -121,7 +121,7 @@ class Track:
 
 
 def _ratio(physical: NDArray[np.float64], scaled: NDArray[np.float64]) -> float:
-    """The scale of most of the points: one that is wrong must not spoil those that are right."""
+    """Return the median scale of the points, so that a wrong one does not spoil the others."""
     sizes = np.abs(scaled).max(axis=1)
     ratios = np.abs(physical).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
     ratios = ratios[ratios > 0.0]

@@ -1,4 +1,4 @@
-"""Where the branches of a diagram begin and end on others: both must have the orbit there in common."""
+"""Check of the ends of branches in a diagram: an end must share its orbit with the branch to which it is attached."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.verification import Check, Ledger, Spot
 
-_CLOSE = 1e-2  # distance of the halves of an orbit within which a doubled branch may end before its parent
-_TRUNCATED = 30.0  # times what is neglected by which orbits may differ, for that is not the same on both
+_CLOSE = 1e-2  # difference of the halves of an orbit below which a doubled branch may end before its parent
+_TRUNCATED = 30.0  # allowed difference of orbits, in truncation errors, which are not equal on both branches
 
 
 def verify_tree(ledger: Ledger, diagram: Diagram) -> None:
-    """Check where each limb of a diagram is attached to others."""
+    """Check where each member of a diagram is attached to others."""
     names = {limb.name: limb for limb in diagram.limbs}
     for limb in diagram.limbs:
         points = limb.branch.points
@@ -48,7 +48,7 @@ def _verify_end(
 
 
 def _apart(special: SpecialPoint, orbit: Orbit) -> float:
-    """Distance of an orbit from that of a special point, begun at whichever forcing period, relative to its size."""
+    """Return the distance of an orbit from that of a special point, in any phase, relative to its size."""
     states = special.orbit.strobes(special.orbit.period)
     return float(np.abs(states - orbit.state).max(axis=1).min()) / (1.0 + float(np.abs(orbit.state).max()))
 

@@ -1,4 +1,4 @@
-"""The record of a verification: what was checked, how far from the ideal the worst figures are, and where."""
+"""Record of a verification: the checks made, their worst figures, and the places of these."""
 
 from __future__ import annotations
 
@@ -11,61 +11,61 @@ from typing import Any, Self
 _NAMED = 5  # special points that a note names
 
 Advance = Callable[[str, int, int], object]
-"""Called with a word for what is verified, how many of its pieces are done, and how many there are."""
+"""Function called with a word for what is verified, the number of completed pieces, and their total."""
 
 
 class Check(Enum):
-    """What is checked: a name, a sentence, and the largest figure that passes."""
+    """Kind of check: a name, a sentence, and the largest figure that passes."""
 
     SEAL = ("seal", "the file is as gapwalk wrote it, by its checksum", 0.0)
-    RECORD = ("record", "what is stored of a point agrees with itself", 1e-9)
-    RESIDUAL = ("residual", "the stored residual is one with which a walk takes a point", 1.0)
-    CLOSURE = ("closure", "another integrator, carried once around, comes back", 1e-9)
-    STAGES = ("stages", "the motion passes its breakpoints where it is said to, and nowhere else", 2e-6)
+    RECORD = ("record", "the stored data of a point are consistent", 1e-9)
+    RESIDUAL = ("residual", "the stored residual is one that a walk accepts", 1.0)
+    CLOSURE = ("closure", "the orbit closes when another integrator follows it over one period", 1e-9)
+    STAGES = ("stages", "the motion passes its breakpoints at the stated angles, and nowhere else", 2e-6)
     EXTREMES = ("extremes", "largest and smallest positions are those of the other integrator", 1e-6)
     LINES = ("lines", "the balanced lines satisfy the equations of motion, by quadrature", 1e-6)
-    TRUTH = ("truth", "an exact motion lies as near to the balanced one as the neglected lines allow", 1.0)
+    TRUTH = ("truth", "an exact motion lies as near to the balanced one as the truncation allows", 1.0)
     VOLUME = ("volume", "the product of the multipliers is the exponential of the integrated divergence", 1e-5)
-    # a walk knows the multipliers of a point some 1e-7 away; beside a grazing point they vary like a square root
+    # a walk knows the multipliers of a point about 1e-7 away; near a grazing point they vary like a square root
     MULTIPLIERS = ("multipliers", "another number of segments gives the same multipliers", 3e-3)
     STABILITY = ("stability", "another number of segments gives the same number of unstable multipliers", 0.0)
-    ORDER = ("order", "points and special points follow one another along the branch, and none is there twice", 0.0)
+    ORDER = ("order", "points and special points are in order along the branch, and none occurs twice", 0.0)
     GAPS = ("gaps", "between two neighbouring points lie orbits of the same branch", 1.0)
     COUNTS = ("counts", "changes of stability, direction and contacts are explained by special points between", 0.0)
-    SIDES = ("sides", "a special point is what it is said to be, seen from both sides", 0.0)
-    LOCATION = ("location", "a special point is where it is said to be, in units of its stated error", 1.0)
-    NATURE = ("nature", "a fold opens, and a doubled branch leaves a flip, to the side that is told", 0.0)
-    ENDS = ("ends", "a branch begins and ends where it is said to, and for the reason that is told", 0.0)
+    SIDES = ("sides", "the motions on both sides of a special point confirm its kind", 0.0)
+    LOCATION = ("location", "the stated location of a special point is right, in units of its stated error", 1.0)
+    NATURE = ("nature", "a fold opens, and a doubled branch leaves a flip, to the stated side", 0.0)
+    ENDS = ("ends", "the ends of a branch are where it is stated, and have the stated reasons", 0.0)
     TREE = ("tree", "a branch begins and ends at the orbits that it is attached to", 1e-6)
-    CONDITION = ("condition", "an orbit on a locus is on the verge of its bifurcation", 1e-5)
+    CONDITION = ("condition", "an orbit on a locus is at its bifurcation", 1e-5)
 
     sentence: str
     bound: float
 
     def __new__(cls, word: str, sentence: str, bound: float) -> Self:
-        """The check of a name; its value is the name."""
+        """Create the check with a name; its value is the name."""
         check = object.__new__(cls)
         check._value_, check.sentence, check.bound = word, sentence, bound
         return check
 
     @property
     def word(self) -> str:
-        """Its name."""
+        """Name of the check."""
         return self.value
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where something was checked.
+    """Place of a check.
 
     Attributes
     ----------
     branch
         Name of the branch or locus; of a family, with its member.
     item
-        Which of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
+        One of its points, such as ``point 12``, ``special point 3`` or ``points 12 to 13``, numbered from 0.
     value
-        The parameter there; nan where it is no place along the parameter.
+        The parameter there; nan if the item has no place along the parameter.
     """
 
     branch: str
@@ -79,18 +79,18 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One check at one place.
+    """Result of one check at one place.
 
     Attributes
     ----------
     check
-        Which.
+        The check.
     spot
-        Where.
+        Its place.
     size
         The figure; it should not exceed the bound of its check.
     detail
-        More about it; empty where there is no more to say.
+        Further explanation; may be empty.
     """
 
     check: Check
@@ -100,7 +100,7 @@ class Figure:
 
     @property
     def passes(self) -> bool:
-        """Whether it is within its bound."""
+        """True if it is within its bound."""
         return self.size <= self.check.bound
 
     def __str__(self) -> str:
@@ -112,14 +112,14 @@ class Figure:
 
 @dataclass(frozen=True)
 class Summary:
-    """All figures of one check.
+    """Summary of all figures of one check.
 
     Attributes
     ----------
     check
-        Which.
+        The check.
     count
-        At how many places it was made.
+        Number of places at which it was made.
     worst
         The largest figure.
     """
@@ -131,7 +131,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Verification:
-    """What a verification has found.
+    """Result of a verification.
 
     Attributes
     ----------
@@ -140,9 +140,9 @@ class Verification:
     breaches
         Every figure that exceeds its bound.
     notes
-        What could not be verified, and why, in sentences.
+        Remarks on what could not be verified, and why, as sentences.
     points, special_points
-        How many were looked at.
+        Numbers of points and special points that were checked.
     """
 
     summaries: tuple[Summary, ...]
@@ -153,11 +153,11 @@ class Verification:
 
     @property
     def ok(self) -> bool:
-        """Whether every figure is within its bound."""
+        """True if every figure is within its bound."""
         return not self.breaches
 
     def worst(self, check: Check | str) -> Figure:
-        """The worst figure of a check; a KeyError if that was not made."""
+        """Return the worst figure of a check; raise a KeyError if it was not made."""
         for summary in self.summaries:
             if check in (summary.check, summary.check.word):
                 return summary.worst
@@ -165,14 +165,14 @@ class Verification:
 
     @property
     def words(self) -> str:
-        """The same in a line."""
+        """Result in one line."""
         seen = f"{self.points} points and {self.special_points} special points"
         if self.ok:
             return f"{seen} verified: all {sum(summary.count for summary in self.summaries)} checks passed"
-        return f"{seen} looked at: {len(self.breaches)} of the checks failed, the first being {self.breaches[0]}"
+        return f"{seen} checked: {len(self.breaches)} of the checks failed, the first being {self.breaches[0]}"
 
     def document(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
+        """Return the record as plain JSON values."""
         return {
             "ok": self.ok,
             "points": self.points,
@@ -196,7 +196,7 @@ class Verification:
 
 
 def verification_of(plain: Any) -> Verification:
-    """The same back from plain JSON values; any of KeyError, TypeError, ValueError if they are damaged."""
+    """Restore a record from plain JSON values; raise KeyError, TypeError or ValueError if they are damaged."""
 
     def figure(check: Check, each: Any) -> Figure:
         value = math.nan if each["parameter"] is None else float(each["parameter"])
@@ -214,7 +214,7 @@ def verification_of(plain: Any) -> Verification:
 
 
 class Ledger:
-    """Figures as they come in, and the verification that they add up to."""
+    """Collector of figures, which it adds up to a verification."""
 
     def __init__(self) -> None:
         self._counts: dict[Check, int] = {}
@@ -225,7 +225,7 @@ class Ledger:
         self.points = self.special_points = 0
 
     def enter(self, check: Check, spot: Spot, size: float, detail: str = "") -> None:
-        """Enter one figure; what is no number counts as infinite."""
+        """Enter one figure; nan counts as infinite."""
         figure = Figure(check, spot, math.inf if math.isnan(size) else size, detail)
         self._counts[check] = self._counts.get(check, 0) + 1
         if check not in self._worst or figure.size > self._worst[check].size:
@@ -234,17 +234,17 @@ class Ledger:
             self._breaches.append(figure)
 
     def note(self, text: str) -> None:
-        """Note what could not be verified; once is enough."""
+        """Add a remark on what could not be verified; repetitions are dropped."""
         if text not in self.notes:
             self.notes.append(text)
 
     def leave_unlocated(self, spot: Spot) -> None:
-        """Tell that a special point could not be located a second time: its location is not verified."""
+        """Record that a special point could not be located a second time, so that its location is not verified."""
         self._unlocated.append(spot)
 
     @property
     def verification(self) -> Verification:
-        """All that was entered."""
+        """Verification of everything entered so far."""
         notes = [*self.notes, *_tell_unlocated(self._unlocated)]
         summaries = tuple(
             Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
@@ -253,7 +253,7 @@ class Ledger:
 
 
 def _tell_unlocated(spots: list[Spot]) -> list[str]:
-    """One note for all special points that could not be located a second time; none if there are none."""
+    """Return one note for all special points that could not be located a second time; none if there are none."""
     if not spots:
         return []
     points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"

@@ -1,4 +1,4 @@
-"""Whether a diagram that calls itself complete is whole: each branch that leaves another is there, and none twice."""
+"""Check that a complete diagram is whole: each branch that begins at another is in it, and none twice."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.verification import Check, Ledger, Spot
 
-_POINTS = 6  # of a branch that is looked for: far enough from its beginning to tell it from others
+_POINTS = 6  # number of points of a branch that is searched for: enough to distinguish it from others
 
 
 def verify_distinct(ledger: Ledger, branches: Sequence[tuple[str, Branch]]) -> None:
@@ -31,7 +31,7 @@ def verify_distinct(ledger: Ledger, branches: Sequence[tuple[str, Branch]]) -> N
 
 
 def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
-    """Check that a complete diagram lacks no branch: none in the order of their names, none that leaves another."""
+    """Check that a complete diagram lacks no branch, neither in the numbering of names nor at special points."""
     counts: Counter[int] = Counter()
     for limb in diagram.limbs:
         counts[limb.period] += 1
@@ -39,7 +39,7 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
         detail = "" if limb.name == name else f"it is in the place of {name}, which is missing"
         ledger.enter(Check.TREE, Spot(limb.name, "its name", math.nan), math.inf if detail else 0.0, detail)
     if diagram.max_period is None:
-        ledger.note("whether branches are missing is not verified: it is not told how long periods were asked for")
+        ledger.note("whether branches are missing is not verified: the longest requested period is not stored")
         return
     curves = {limb.name: Curve(limb.branch) for limb in diagram.limbs}
     for limb in diagram.limbs:
@@ -50,19 +50,19 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
             fellows = [curves[each.name] for each in diagram.limbs if each.period == period]
             missing = _is_missing(diagram, special, fellows)
             spot = Spot(limb.name, f"special point {index} ({special.kind.value})", special.value)
-            detail = f"a branch of period {period} leaves it, and is not there"
+            detail = f"a branch of period {period} begins there, and is missing"
             ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
 
 
 def _is_told(diagram: Diagram, limb: Limb, index: int) -> bool:
-    """Whether all that leaves a special point is there, or the diagram says that it could not be walked."""
+    """Return whether all branches that begin at a special point are present or reported as failures."""
     special = limb.branch.special_points[index]
     failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
     return failed or len(diagram.attached(limb.name, index)) >= special.kind.ways
 
 
 def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
-    """Whether a branch that leaves a special point lies on none of those that are there."""
+    """Return whether a branch that begins at a special point lies on none of the present ones."""
     try:
         method = special.orbit.posed_in(len(special.point.x) - 1)
         departures = switch(special, diagram.parameter, diagram.within, method)
@@ -74,13 +74,13 @@ def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve
 
 
 def _beginning(departure: Departure) -> Orbit | None:
-    """A motion of a branch a few points from its beginning; None if it has none."""
+    """Return a motion of a branch a few points from its beginning; None if it has none."""
     points = [point for point, _ in Trail(departure, WalkOptions(max_points=_POINTS))]
     return points[len(points) // 2].orbit if points else None
 
 
 def _overlap(one: Branch, other: Branch) -> bool:
-    """Whether the ranges of two branches overlap, before they are compared."""
+    """Return whether the ranges of two branches overlap, before they are compared."""
     return one.values.min() <= other.values.max() and other.values.min() <= one.values.max()
 
 

@@ -1,4 +1,4 @@
-"""The kinds of special points: one file for each, and the registry of them all."""
+"""Kinds of special points: one file for each, and their registration."""
 
 from gapwalk.bifurcation.kind import Kind, Symbol, register
 from gapwalk.bifurcation.kinds.branch_point import BranchPointKind
@@ -8,7 +8,7 @@ from gapwalk.bifurcation.kinds.fold import Fold
 from gapwalk.bifurcation.kinds.grazing import Grazing
 from gapwalk.bifurcation.kinds.neimark_sacker import NeimarkSacker
 
-# in the order in which tables and legends have them
+# in the order of tables and legends
 Kind.FOLD = register(Fold("fold"))
 Kind.FLIP = register(Flip("flip"))
 Kind.NEIMARK_SACKER = register(NeimarkSacker("neimark-sacker"))

@@ -1,4 +1,4 @@
-"""When a multiplier is critical: a number that vanishes there, smooth in the monodromy matrix, and its derivative."""
+"""Criticality of a multiplier: a smooth function of the monodromy matrix that is zero there, and its derivative."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from gapwalk.orbit.floquet import multipliers
 
-_REAL = 1e-9  # relative imaginary part within which two multipliers count as real or as conjugate
+_REAL = 1e-9  # relative imaginary part below which a sum or product of two multipliers counts as real
 
 
 class Criticality(NamedTuple):
-    """How far a monodromy matrix is from having a critical multiplier.
+    """Signed distance of a monodromy matrix from a critical multiplier, and its derivative.
 
     Attributes
     ----------
     value
-        Zero, with a change of sign, where it has one.
+        Zero, with a change of sign, where a multiplier is critical.
     directions : shape (k, 2n)
         Unit vectors along which the derivative of the matrix is needed.
     covectors : shape (k, 2n)
@@ -31,10 +31,10 @@ class Criticality(NamedTuple):
 
 
 def pair_on_circle(monodromy: NDArray[np.float64]) -> Criticality:
-    """How far the product of a pair of multipliers is from 1: of the pair that comes nearest.
+    """Compute the product minus 1 of the pair of multipliers for which it is nearest to zero.
 
-    The pair is split off as a matrix of 2 x 2, ``left^T B right`` with ``left^T right = 1``, whose determinant is
-    smooth in B even where the pair meets on the real axis, at the strong resonances 1:1 and 1:2.
+    The pair is split off as a 2 x 2 matrix, ``left^T B right`` with ``left^T right = 1``. Its determinant is smooth in
+    B even where the pair meets on the real axis, at the strong resonances 1:1 and 1:2.
     """
     values = multipliers([monodromy])
     pair = values[list(critical_pair(values))]
@@ -49,7 +49,7 @@ def pair_on_circle(monodromy: NDArray[np.float64]) -> Criticality:
 
 
 def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
-    """Places of the two multipliers, conjugate or both real, whose product is nearest to 1."""
+    """Return the indices of the two multipliers, conjugate or both real, whose product is nearest to 1."""
     first, second = np.triu_indices(len(values), 1)
     sums, products = values[first] + values[second], values[first] * values[second]
     sizes = 1.0 + np.abs(values[first]) + np.abs(values[second])
@@ -60,14 +60,14 @@ def critical_pair(values: NDArray[np.complex128]) -> tuple[int, int]:
 
 
 def smallest_singular_value(matrix: NDArray[np.float64]) -> Criticality:
-    """The smallest singular value of a matrix A, with the sign of ``det A``, which makes it smooth.
+    """Compute the smallest singular value of a matrix A, with the sign of ``det A``, which makes it smooth.
 
     It is the ``g`` of the bordered system (Govaerts 2000, Numerical Methods for Bifurcations, chapter 3)
 
         [ A    b ] [ v ]     [ 0 ]
         [ c^T  0 ] [ g ]  =  [ 1 ]
 
-    for the best of all borders, the singular vectors themselves; so no borders have to be kept up to date.
+    for the best choice of borders, the singular vectors themselves; so borders need not be updated along a locus.
     """
     left, values, right = np.linalg.svd(matrix)
     sign = 1.0 if np.linalg.det(left) * np.linalg.det(right) > 0.0 else -1.0

@@ -1,4 +1,4 @@
-"""Events of a user's own: a function of the orbit changes its sign."""
+"""User-defined events: a function of the orbit changes its sign."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class Event(Kind):
-    """A point of a branch where a function of the orbit passes zero, such as a limit of the force in a contact.
+    """User-defined special point, where a function of the orbit passes zero, such as a limit of a contact force.
 
-    It is located like a bifurcation, with an estimate of its error, and kept among the special points of the branch.
+    It is located like a bifurcation, with an error estimate, and stored among the special points of the branch.
 
     Parameters
     ----------
     name
-        What it is called in tables and pictures.
+        Name in tables and pictures.
     function
-        Called with an orbit; returns a number that varies smoothly along the branch, of any unit.
+        Function of an orbit that returns a number, of any unit, which varies smoothly along the branch.
 
     Raises
     ------
     ModelError
-        If the name is that of another kind, or the function is none.
+        If the name is that of another kind, or the function is not callable.
 
     Examples
     --------
-    Where the amplitude of q1 passes 2:
+    The point where the amplitude of q1 passes 2:
 
     >>> limit = gw.Event("amplitude 2", lambda orbit: orbit.measure("half.q1") - 2.0)
     >>> branch = gw.follow(orbit, "frequency", 1.5, events=[limit])
@@ -54,11 +54,11 @@ class Event(Kind):
         return event
 
     def function(self, point: BranchPoint) -> float:
-        """The user's function at a point."""
+        """Evaluate the user's function at a point."""
         value = float(self._of_orbit(point.orbit))
         if not math.isfinite(value):
             raise ModelError(
-                f"the function of the event {str(self)!r} is {value} at {point.value:.10g}; it must be finite all along"
+                f"the function of the event {str(self)!r} is {value} at {point.value:.10g}; it must always be finite"
             )
         return value
 
@@ -67,7 +67,7 @@ class Event(Kind):
 
 
 def check_events(events: Sequence[Event]) -> None:
-    """A ModelError if these are no events, or two have the same name."""
+    """Raise a ModelError if an entry is not an event, or if two have the same name."""
     if isinstance(events, Event) or not isinstance(events, Sequence) or not all(isinstance(e, Event) for e in events):
         raise ModelError(
             f"events is {reprlib.repr(events)}; write a list of events: "

@@ -18,7 +18,7 @@ from gapwalk.orbit.method import Method
 
 
 class Flip(Kind):
-    """The period doubles: the product of ``mu + 1`` over all multipliers is zero."""
+    """Period doubling: the product of ``mu + 1`` over all multipliers is zero."""
 
     symbol = Symbol("flip (PD)", "PD", "D", 4.3, "vermillion", (0.0, (4.5, 1.4)))
     target = -1.0
@@ -26,17 +26,17 @@ class Flip(Kind):
     sign_change = "a flip is passed"
 
     def function(self, point: BranchPoint) -> float:
-        """The product of ``mu + 1``."""
+        """Return the product of ``mu + 1``."""
         return bounded_product(nearest(point.orbit.multipliers + 1.0))
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """The flip with its criticality; see `gapwalk.bifurcation.nature.with_nature`."""
+        """Return the flip with its criticality; see `gapwalk.bifurcation.nature.with_nature`."""
         return with_nature(special, parameter, method)
 
     def departures(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
-        """One, on the branch of twice the period: the other direction is the same motion, one period later."""
+        """Return one beginning, on the branch of twice the period: the other direction gives the same motions."""
         return [from_flip(special, parameter, within, method)]
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
-        """How far a multiplier is from -1."""
+        """Evaluate the distance of a multiplier from -1."""
         return smallest_singular_value(monodromy + np.eye(len(monodromy)))

@@ -1,4 +1,4 @@
-"""Folds: the branch turns round, and a multiplier passes +1."""
+"""Folds: the branch turns back, and a multiplier passes +1."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 
 
 class Fold(Kind):
-    """Two motions meet and vanish: the parameter component of the tangent is zero."""
+    """Fold, where two motions merge and vanish: the parameter component of the tangent is zero."""
 
     symbol = Symbol("fold (LP)", "LP", "o", 4.8, "blue", "-", 1.7)
     target = 1.0
     moves_through_one = True
     is_turning = True
-    sign_change = "the branch turns round"
+    sign_change = "the branch turns back"
     noise = 1e-5
 
     def function(self, point: BranchPoint) -> float:
-        """The parameter component of the tangent."""
+        """Return the parameter component of the tangent."""
         return float(point.tangent[-1])
 
     def points_in(self, search: Search) -> list[Zero]:
-        """All folds but the vertex of a pitchfork, which is a branch point.
+        """Return all folds except the vertex of a pitchfork, which is a branch point.
 
-        That one lies where the branch is interpolated through the crossing. Outside of there orbits are held, and
-        however near a fold is, it is one of its own: where a contact grazes near the vertex, the branch may turn at
-        once again.
+        The vertex lies where the branch is interpolated through the crossing. Outside that interval orbits can be
+        corrected, and a fold is a separate one however near it is: if a contact grazes near the vertex, the branch may
+        turn back again at once.
         """
         crossings = search.stretch.crossings
         return [
@@ -42,9 +42,9 @@ class Fold(Kind):
         ]
 
     def nature(self, before: BranchPoint, after: BranchPoint) -> str | None:
-        """To which side the fold opens; None where the branch goes the same way on both sides: rounding made the zero.
+        """Return the side to which the fold opens; None if the direction does not change: the zero is only rounding.
 
-        It is told by the motions up to the next special points: farther away another fold may have turned the branch.
+        It follows from the motions up to the next special points: farther away another fold may have turned the branch.
         """
         ways = [float(point.tangent[-1]) for point in (before, after)]
         if ways[0] * ways[1] >= 0.0:
@@ -52,5 +52,5 @@ class Fold(Kind):
         return f"opens to {'higher' if ways[1] > 0.0 else 'lower'} values"
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
-        """How far a multiplier is from +1."""
+        """Evaluate the distance of a multiplier from +1."""
         return smallest_singular_value(monodromy - np.eye(len(monodromy)))

@@ -1,4 +1,4 @@
-"""Grazing: where a contact just touches a breakpoint, so that the contact pattern changes along the branch."""
+"""Grazing: a contact just touches a breakpoint, so that the contact pattern changes along the branch."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from gapwalk.orbit.survey import Turns, apart
 
 _EPS = float(np.finfo(float).eps)
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
-_BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down in any case
-_NEAR = 0.02  # of all extremes, how near is near
-_LONELY = 0.05  # angle from an extreme to the nearest of another motion beyond which it was not there
-_DRIFT = 4.0  # times the change of other extremes by which a pair may have moved since it appeared
-_TOUCH = 1e-6  # depth of a graze, relative to those at the ends of its bracket, that is nothing but rounding
+_BIRTH = 2e-4  # arclength to which the appearance of a pair of extrema near a breakpoint is always narrowed down
+_NEAR = 0.02  # share of the range of all extrema within which a pair counts as near a breakpoint
+_LONELY = 0.05  # angle from an extremum to the nearest of the other motion beyond which it has no counterpart there
+_DRIFT = 4.0  # factor on the change of other extrema that bounds the motion of a pair since it appeared
+_TOUCH = 1e-6  # depth of a graze, relative to the depths at the ends of its bracket, that is only rounding
 _DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
 
 
 class Grazing(Kind):
-    """A deflection just reaches the clearance of a stage.
+    """Grazing: a deflection just reaches the clearance of a stage.
 
-    It has no test function of its own: each extremum of each deflection has one, its depth past its breakpoint, and
-    extrema come and go along a branch.
+    It has no test function of its own. Each extremum of each deflection has one, its depth beyond its breakpoint, and
+    extrema appear and vanish along a branch.
     """
 
     turn = 0
     symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
 
     def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
-        """As told by both sides: the depth may rise on one of them and stay all but zero on the other."""
+        """Estimate the error from both sides: the depth may rise on one side and stay almost zero on the other."""
         return location_error(zero, second, [search.near(zero.point), *search.known_sides(zero.point)])
 
     @property
     def no_locus(self) -> str:
-        """It has one: the depth of the extremum that grazes is zero along it."""
+        """Empty string, since it has a locus: the depth of the extremum that grazes is zero along it."""
         return ""
 
     def points_in(self, search: Search) -> list[Zero]:
-        """All grazing points of a step; see `find_grazing`."""
+        """Return all grazing points of a step; see `find_grazing`."""
         return [
             Zero(
                 self,
@@ -61,7 +61,7 @@ class Grazing(Kind):
 
 
 class Graze(NamedTuple):
-    """A grazing point: the point of the branch, which switch grazes, when, and its bracket's width in arclength."""
+    """Grazing point: the point of the branch, the switch that grazes, its angle, and the bracket's arclength."""
 
     point: BranchPoint
     switch: int
@@ -70,11 +70,11 @@ class Graze(NamedTuple):
 
 
 def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
-    """All grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
+    """Find all grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
 
-    A change of the pattern between two points is halved until each grazing point stands alone and can be located. Two
-    changes that undo each other within one step leave no trace in the pattern: wherever extrema of a deflection may
-    have touched their breakpoint between two points all the same, the step is halved until that doubt is gone.
+    A step with a change of the pattern is halved until it contains one grazing point, which can then be located. Two
+    changes that cancel within one step are not visible in the pattern. Therefore the step is also halved as long as
+    extrema of a deflection may have touched their breakpoint between its two points.
     """
     changes = [
         0 if gapless else then - now
@@ -96,7 +96,7 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
 
 
 def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
-    """Whether grazing points that undo each other may hide between two points with these changes of the pattern."""
+    """Return whether grazing points that cancel may hide between two points with these changes of the pattern."""
     length = last.arclength - first.arclength
     full = PERIOD * first.orbit.period
     gapless = _gapless(first, last)
@@ -106,7 +106,7 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
         now, then = (point.orbit.turning_depths[switch] for point in (first, last))
         if _crossings(now, then, full) > abs(change):
             return True
-        # a pair that is born may graze once more than the change of the pattern tells: in, up to rest inside, and out
+        # a new pair may graze once more than the change of the pattern shows: enter, stay inside, and leave
         if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
             return True
         if not change and before is not None and _may_touch(before, first, last, switch):
@@ -115,16 +115,16 @@ def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoi
 
 
 def _gapless(first: BranchPoint, last: BranchPoint) -> list[bool]:
-    """For each switch whether its stage has no gap at one of two points at least: without a gap nothing can touch."""
+    """Return for each switch whether its stage has no gap at one of two points: without a gap nothing can touch."""
     both = zip(first.orbit.system.gapless, last.orbit.system.gapless, strict=True)
     return [now or then for now, then in both]
 
 
 def _crossings(now: Turns, then: Turns, full: float) -> int:
-    """How many extremes have gone from one side of their breakpoint to the other.
+    """Count the extrema that have passed from one side of their breakpoint to the other.
 
-    One that comes in and one that goes out may leave the pattern as it was: a maximum makes one visit more or less, a
-    minimum one less or more.
+    One that enters and one that leaves may cancel in the pattern: a maximum that enters adds a visit, a minimum that
+    enters removes one.
     """
     if [depth > 0.0 for depth in now.values] == [depth > 0.0 for depth in then.values]:
         return 0
@@ -138,10 +138,11 @@ def _crossings(now: Turns, then: Turns, full: float) -> int:
 
 
 def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> bool:
-    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint, and may have passed it since.
+    """Return whether a pair of extrema appeared or vanished near a breakpoint, which it may then have passed.
 
-    Near is this share of the way between all extremes, or as far as others moved meanwhile. The shorter the time, the
-    nearer is that: so a pair that passes a breakpoint just after it appeared is found, however soon.
+    Near means within the given share of the range of all extrema, or within the distance that other extrema moved
+    meanwhile. That distance shrinks with the step. So a pair that passes a breakpoint just after it appeared is found,
+    however soon.
     """
     fewer, more = sorted((now, then), key=lambda turns: len(turns.thetas))
     if len(more.thetas) < len(fewer.thetas) + 2:
@@ -157,7 +158,7 @@ def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> 
 
 
 def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:
-    """Whether an extremum of a deflection, seen at three points, may have touched a breakpoint between the last two."""
+    """Return whether an extremum, known at three points, may have touched a breakpoint between the last two."""
     if first.arclength <= before.arclength:
         return False
     ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
@@ -175,17 +176,17 @@ def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switc
 
 
 def describe_switch(orbit: Orbit, switch: int) -> str:
-    """Contact, stage and side of a switch, such as ``stage2 -``."""
+    """Return contact, stage and side of a switch, such as ``stage2 -``."""
     contact, stage, side = switch_names(orbit.system)[switch]
     return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
 
 
 def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
-    """The point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
+    """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
 
-    None if the extremum that reaches it cannot be tracked: it may be born on the way.
+    Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
     """
-    from scipy.optimize import brentq  # imported late: it takes long
+    from scipy.optimize import brentq  # imported late, because the import is slow
 
     fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
     tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
@@ -207,7 +208,7 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
 
 
 def _shortest_visit(orbit: Orbit, switch: int) -> float:
-    """Middle of the shortest time between two events of one switch: the visit or the absence about to vanish."""
+    """Return the middle of the shortest time between two events of a switch: the visit or absence about to vanish."""
     thetas = np.array([event.theta for event in orbit.events if event.switch == switch])
     full = PERIOD * orbit.period
     following = np.append(thetas[1:], thetas[0] + full)
@@ -216,18 +217,18 @@ def _shortest_visit(orbit: Orbit, switch: int) -> float:
 
 
 def depth_near(orbit: Orbit, switch: int, theta: float) -> float:
-    """How far the deflection's extremum nearest to an angle is past the breakpoint of a switch."""
+    """Return the depth beyond the breakpoint of a switch of the deflection's extremum nearest to an angle."""
     return _extremum(orbit, switch, theta)[1]
 
 
 def _touch(orbit: Orbit, switch: int) -> float:
-    """The angle of the extremum that is nearest to the breakpoint of a switch."""
+    """Return the angle of the extremum that is nearest to the breakpoint of a switch."""
     turns = orbit.turning_depths[switch]
     return turns.thetas[int(np.argmin(np.abs(turns.values)))]
 
 
 def _extremum(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
-    """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
+    """Return angle, and depth beyond the breakpoint, of the deflection's extremum nearest to an angle."""
     turns = orbit.turning_depths[switch]
     nearest = turns.nearest(near, PERIOD * orbit.period)
     return turns.thetas[nearest], turns.values[nearest]

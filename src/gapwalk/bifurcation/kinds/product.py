@@ -1,6 +1,6 @@
 """Products over multipliers: smooth along a branch, and zero where one of the factors is.
 
-Factors larger than 1 in size are cut to 1, so that a large or a small multiplier cannot drown the one that matters.
+Factors larger than 1 in absolute value are reduced to 1, so that a large multiplier cannot dominate the critical one.
 (Kuznetsov, Elements of Applied Bifurcation Theory, section 10.2.)
 """
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from gapwalk.orbit.floquet import REAL
 
-_MANY = 8  # multipliers from which a product of them all, or of all their pairs, would drown the one that matters
+_MANY = 8  # number of multipliers above which a product over all of them, or over all pairs, becomes too small
 _FEW = 4
 
 
 def bounded_product(factors: NDArray[np.complex128]) -> float:
-    """The product of factors, each cut to 1 in size."""
+    """Return the product of factors, each limited to 1 in absolute value."""
     product = 1.0 + 0.0j
     for factor in factors.tolist():
         product *= factor / max(1.0, abs(factor))
@@ -26,7 +26,7 @@ def bounded_product(factors: NDArray[np.complex128]) -> float:
 
 
 def nearest(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Of many factors the few nearest to zero, and the sign of the others: the product of them all would drown."""
+    """Return the few factors nearest to zero, and the phase of the others, since a product of many would vanish."""
     if len(factors) <= _MANY:
         return factors
     order = np.argsort(np.abs(factors))
@@ -35,9 +35,9 @@ def nearest(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def pair_factors(multipliers: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """``mu_i mu_j - 1`` over all pairs; over the conjugate pairs alone, ``1 - |mu|^2``, where there are many.
+    """Return ``mu_i mu_j - 1`` over all pairs; if there are many, ``1 - |mu|^2`` over the conjugate pairs alone.
 
-    Among many multipliers some unrelated two have a product near 1 all the time.
+    Among many multipliers, two unrelated ones nearly always have a product near 1.
     """
     if len(multipliers) <= _MANY:
         first, second = _pairs(len(multipliers))

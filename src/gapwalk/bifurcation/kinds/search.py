@@ -1,8 +1,8 @@
-"""The search of one step of a walk for zeros of test functions, so that none hides between its two points.
+"""Search of one step of a walk for zeros of test functions, including zeros that leave no sign change.
 
-A sign change of a test function is located by bracketing. But two zeros in one step leave no sign change: wherever a
-test function bends so much that it may dip through zero between two points, the step is halved until that doubt is
-gone. Zeros that are already known are divided out first, so that only unknown ones raise doubt.
+A sign change of a test function is located by bracketing. Two zeros in one step, however, leave no sign change.
+Therefore the step is halved wherever a test function bends so much that it may cross zero twice between two points.
+Known zeros are divided out first, so that only unknown ones cause further halving.
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ from gapwalk.errors import NumericalError
 if TYPE_CHECKING:
     from gapwalk.bifurcation.kind import Kind
 
-_DOUBT = 1.0  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
-# between equal ends; unequal ones count with their geometric mean, as a dip to zero has to leave the larger one too
-_CROWDED = 1e-6  # arclength over which rates of test functions would be made of rounding
-_BESIDE = 1e-4  # arclength within which a test function is straight, for the error of its zero
-_NOISE = 1e-10  # size of a test function that is nothing but rounding
+_DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
+# between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
+_CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
+_BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
+_NOISE = 1e-10  # absolute value of a test function that is only rounding
 _EXACT = 1e-14  # arclength to which zeros are located
 
 
 @dataclass(frozen=True)
 class Zero:
-    """A special point as it was located.
+    """Special point as it was located.
 
     Attributes
     ----------
     kind
-        What happens there.
+        Its kind.
     point
         The point of the branch.
     spread
         Width of its bracket in arclength.
     function
-        What is zero there, with a change of sign.
+        The function that is zero there, with a change of sign.
     contact
         For a grazing point: contact, stage and side that grazes; otherwise empty.
     noise
-        Size of the function that is nothing but rounding.
+        Absolute value of the function that is only rounding.
     """
 
     kind: Kind
@@ -59,20 +59,20 @@ class Zero:
 
 
 class Search:
-    """The search of one step of a walk.
+    """Search of one step of a walk.
 
     Parameters
     ----------
     corrector
-        Corrects onto the branch.
+        Corrector for the branch.
     first, last
-        The points between which to look.
+        The points between which to search.
     before
         The point before them, if it is known.
     rates
-        By test function, its rate of change before `first`, where that is known; kept up to date.
+        Per test function, its rate of change before `first` if known; updated.
     recent
-        By test function, the arclengths of its last zeros; kept up to date.
+        Per test function, the arclengths of its last zeros; updated.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Search:
         self._rates, self._recent = rates, recent
 
     def zeros(self, kind: Kind) -> list[Zero]:
-        """All zeros of the test function of a kind that can be told apart, in no order.
+        """Return all distinguishable zeros of the test function of a kind, in no order.
 
         Raises
         ------
@@ -110,9 +110,9 @@ class Search:
         return self._resolved(kind, zeros)
 
     def crossing(self, a: BranchPoint, b: BranchPoint) -> Crossing | None:
-        """Where another branch crosses between two points; None if the branch is not smooth enough for that.
+        """Return the crossing with another branch between two points; None if the branch is not smooth enough.
 
-        Once it is found, points near it are interpolated: no orbit can be held there.
+        Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
         """
         for crossing in self.stretch.crossings:
             if a.arclength < crossing.arclength < b.arclength:
@@ -124,7 +124,7 @@ class Search:
         return self.stretch.crossings[-1]
 
     def near(self, point: BranchPoint) -> BranchPoint:
-        """A point close to another, but not crowding about it."""
+        """Return a point close to another one, but not so close that their difference is only rounding."""
         points = self.stretch.points
         away = {abs(each.arclength - point.arclength): each for each in points}
         nearest = min((distance for distance in away if distance > _CROWDED), default=math.inf)
@@ -134,25 +134,25 @@ class Search:
         return self.stretch.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
 
     def known_sides(self, point: BranchPoint) -> list[BranchPoint]:
-        """The nearest known points on both sides of another, but not those that crowd about it."""
+        """Return the nearest known points on both sides of another one, except those dominated by rounding."""
         offsets = [(each.arclength - point.arclength, each) for each in self.stretch.points]
         sides = [[(abs(s), each) for s, each in offsets if s * way > _CROWDED] for way in (-1.0, 1.0)]
         return [min(side, key=lambda known: known[0])[1] for side in sides if side]
 
     def sides(self, marks: list[float], index: int) -> tuple[BranchPoint, BranchPoint]:
-        """Points on both sides of a special point: halfway to its neighbours, or these if they are the ends.
+        """Return points on both sides of a special point: halfway to its neighbours, or the ends of the step.
 
         Parameters
         ----------
         marks
             Arclengths of the first point, all special points, and the last point.
         index
-            Of the special point among them.
+            Index of the special point among them.
         """
         return self.stretch.at(_between(marks, index, -1)), self.stretch.at(_between(marks, index, 1))
 
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
-        """All zeros between two points, given the rate of change before them (if any) and the zeros known already."""
+        """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
         length = b.arclength - a.arclength
         at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
         changes = at_a * at_b < 0.0
@@ -160,7 +160,7 @@ class Search:
         if not changes and (length < self.stretch.finest or math.sqrt(at_a * at_b) > _DOUBT * bend):
             return []
         if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
-            return []  # it vanishes all along, as with multipliers that stay on the unit circle without damping
+            return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
         if changes:
             zero = kind.locate(self, a, b) or self._bracketed(kind, a, b, known)
             known.append(zero.point.arclength)
@@ -170,7 +170,7 @@ class Search:
         return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
 
     def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         def function(arclength: float) -> float:
             return _deflated(kind, self.stretch.at(arclength), known)
@@ -182,10 +182,10 @@ class Search:
         return Zero(kind, point, _EXACT * 10 if report.converged else math.inf, kind.at)
 
     def _resolved(self, kind: Kind, zeros: list[Zero]) -> list[Zero]:
-        """The zeros of one test function that can be told apart.
+        """Return the distinguishable zeros of one test function.
 
-        Where the branch turns within lengths that are made of rounding, as where it grazes a stiff stop, the function
-        has zeros wherever rounding puts them: if its sign changes over all of them they are one, if not there is none.
+        Where the branch turns within lengths that are only rounding, such as at a graze of a stiff stop, rounding
+        produces spurious zeros. A group of such zeros counts as one if the sign changes over all of them, else as none.
         """
         groups: list[list[Zero]] = []
         for zero in sorted(zeros, key=lambda zero: zero.point.arclength):
@@ -206,7 +206,7 @@ class Search:
 
 
 def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
-    """The test function with its known zeros divided out."""
+    """Return the test function with its known zeros divided out."""
     result = kind.at(point)
     for zero in known:
         result /= point.arclength - zero if point.arclength != zero else 1e-300
@@ -214,7 +214,7 @@ def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
 
 
 def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
-    """The points but those that crowd about a zero: between them test functions change by no more than rounding."""
+    """Return the points except those crowded around a zero, between which test functions change only by rounding."""
     kept = points[:1]
     for point in points[1:-1]:
         if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
@@ -227,7 +227,7 @@ def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> flo
 
 
 def _between(marks: list[float], index: int, side: int) -> float:
-    """An arclength between a special point and its neighbour on one side: the neighbour itself if it is an end."""
+    """Return an arclength between a special point and its neighbour on one side: the neighbour itself at an end."""
     neighbour = marks[index + side]
     is_end = index + side in (0, len(marks) - 1)
     return neighbour if is_end else 0.5 * (marks[index] + neighbour)

@@ -1,7 +1,7 @@
-"""How the touches of an orbit change along a locus: how far ahead one will graze, and whether a step leaps over any.
+"""Change of the turning points of deflections along a locus: the arclength to the next graze, and steps that miss one.
 
-A touch adds two events: the deflection turns a little way past its breakpoint, at a depth d, and goes back. Beside it
-the multipliers change like the square root of d, so that is the length by which a locus is measured there.
+A touch adds two events: the deflection turns slightly beyond its breakpoint, at a depth d, and returns. Near it the
+multipliers change like the square root of d, so that is the length in which a locus is measured there.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
 
 _SAME = 0.3  # radians by which a turning point may move between two points
-_LEAP = 0.5  # share of its root depth by which a touch may differ from what the points before foretell
+_LEAP = 0.5  # largest error of a predicted touch, as a share of the square root of its depth
 
 
 class Turning(NamedTuple):
-    """A turning point of a deflection: switch, angle, depth past the breakpoint, and whether it is a touch."""
+    """Turning point of a deflection: switch, angle, depth beyond the breakpoint, and whether it is a touch."""
 
     switch: int
     theta: float
@@ -34,14 +34,14 @@ class Turning(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """A turning point that heads for its breakpoint: the arclength ahead at which it will be there, and which it is."""
+    """Turning point that approaches its breakpoint, with the arclength after which it will reach it."""
 
     reach: float
     turning: Turning
 
 
 def approaches(before: BranchPoint | None, point: BranchPoint) -> list[Approach]:
-    """The turning points that come nearer to their breakpoints, the first to reach it first."""
+    """Return the turning points that approach their breakpoints, the first to arrive first."""
     if before is None:
         return []
     found, length = [], point.arclength - before.arclength
@@ -52,9 +52,9 @@ def approaches(before: BranchPoint | None, point: BranchPoint) -> list[Approach]
 
 
 def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
-    """Whether a step changes a touch in a way that the points before it do not foretell.
+    """Return whether a step changes a touch in a way that the points before it do not predict.
 
-    Arcs of a locus that differ by a touch alone run close to one another, and a step may leap from one to the other.
+    Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
     """
     rates: dict[tuple[int, float], float] = {}
     if before is not None:
@@ -69,7 +69,7 @@ def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> 
 
 
 def turnings(point: BranchPoint) -> list[Turning]:
-    """All turning points of all deflections of an orbit."""
+    """Return all turning points of all deflections of an orbit."""
     found = point.memo.get("turnings")
     if found is None:
         found = []
@@ -77,12 +77,12 @@ def turnings(point: BranchPoint) -> list[Turning]:
             for index, (theta, depth) in enumerate(zip(thetas, depths, strict=True)):
                 is_highest = depth >= depths[index - 1]
                 found.append(Turning(switch, theta, depth, (depth > 0.0) is is_highest))
-        point.memo["turnings"] = found  # when it is whole: another thread may ask
+        point.memo["turnings"] = found  # stored only when complete: another thread may read it
     return found
 
 
 def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Turning]]:
-    """The turning points of one orbit, each with that of another nearby that it has become."""
+    """Yield the turning points of one orbit, each with the nearby one of the other orbit that it has become."""
     full = PERIOD * first.orbit.period
     for turning in turnings(last):
         others = [other for other in turnings(first) if other.switch == turning.switch]

@@ -1,4 +1,4 @@
-"""Orbits in the plane of two parameters by harmonic balance: from the Fourier lines of their contact deflections."""
+"""Orbits in the plane of two parameters by harmonic balance, from the Fourier lines of their contact deflections."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 
-_LEAST_ERROR = 1e-12  # that may be asked of a balance
+_LEAST_ERROR = 1e-12  # smallest truncation error that may be required
 
 
 @dataclass(frozen=True)
 class BalancedPlane:
-    """The balanced equation ``x - x_free + G F(x) = 0``; see `OrbitPlane`.
+    """Equation of harmonic balance, ``x - x_free + G F(x) = 0``; see `OrbitPlane`.
 
-    Folds are those of that equation, where its Jacobian is singular, as they are on a balanced branch. Its second
-    derivatives along the critical vector come, as by shooting, from one difference of exact Jacobians. Flips and
-    Neimark-Sacker points are those of the multipliers, again as on a branch; the derivatives of the monodromy matrix
-    come from a difference for each unknown, for one pass over the period costs no more than an evaluation.
+    Folds are those of that equation, where its Jacobian is singular, as on a branch by harmonic balance. Its second
+    derivatives along the critical vector come from one difference of exact Jacobians, as in shooting. Flips and
+    Neimark-Sacker points are those of the multipliers, again as on a branch. The derivatives of the monodromy matrix
+    come from one difference per unknown, since one pass over the period costs no more than an evaluation.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class BalancedPlane:
     names
         The two parameters.
     period
-        m, forcing periods.
+        m, number of forcing periods.
     options
-        How to balance.
+        Options of harmonic balance.
     harmonics
         H, the highest harmonic of the forcing frequency.
     """
@@ -72,7 +72,7 @@ class BalancedPlane:
         return self._equation.orbit_at(system, unknowns, evaluation._replace(evidence=evaluation.evidence.evidence))
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """The real forms of the deflections."""
+        """Return the real forms of the deflections."""
         return self._equation.unknowns(orbit)
 
     def scales(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -122,7 +122,7 @@ class BalancedPlane:
         return values, derivatives
 
     def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
-        """See `OrbitPlane.flip_coefficient`; of the doubled equation, which has its flip beside that of the motion."""
+        """See `OrbitPlane.flip_coefficient`; it is that of the doubled equation, whose flip is near the motion's."""
         twice, shared = self._doubled, self._doubled.shared()
         start = np.zeros(len(shared))
         start[shared] = place.unknowns
@@ -146,13 +146,13 @@ class BalancedPlane:
         return replace(self, period=self.period // 2)
 
     def shared(self) -> NDArray[np.bool_]:
-        """The lines whose numbers are even."""
+        """Return a mask of the lines with even numbers."""
         count = self._equation.count
         k = np.append(np.arange(count + 1), np.arange(1, count + 1))
         return np.tile(k % 2 == 0, len(self.system.structure.contacts))
 
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
-        """See `OrbitPlane.mean_of_halves`: half a period turns the odd lines round."""
+        """See `OrbitPlane.mean_of_halves`: a shift by half a period reverses the odd lines."""
         return self.unknowns(orbit)[self.shared()]
 
     def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
@@ -177,7 +177,7 @@ class BalancedPlane:
         return Place(unknowns, coefficients, slopes, one.residual, jacobian, one.evidence)
 
     def _beside(self, place: Place, index: int, step: float) -> Evidence:
-        """What is known of the motion whose unknown, or whose parameter, of an index is larger by a step."""
+        """Return the evidence of the motion with one unknown or parameter, given by its index, larger by a step."""
         evidence: Evidence = place.evidence
         lines, laws, coefficients = evidence.lines, evidence.laws, place.coefficients
         size = len(place.unknowns)
@@ -193,7 +193,7 @@ class BalancedPlane:
         )
 
     def _monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
-        """The monodromy matrix, with velocities in units of the frequency where it is that of positions and momenta."""
+        """Return the monodromy matrix of positions and momenta, with velocities in units of the frequency."""
         matrix, n = self._equation.monodromy(evidence, linearised), self.system.size
         if len(matrix) != 2 * n:
             return matrix

@@ -1,4 +1,4 @@
-"""The orbits of a locus on which a contact is about to touch: found by how far from its breakpoint it turns."""
+"""Orbits of a locus on which a contact is about to touch, found by the depth at which its deflection turns."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _SECANT = Secant()
 
 
 class Brink:
-    """The orbits of a locus of multipliers on which one deflection turns at a given depth past its breakpoint.
+    """Orbits of a locus of multipliers on which one deflection turns at a given depth beyond its breakpoint.
 
-    The condition on the multipliers changes like the square root of that depth. But the orbits of a given depth form a
-    smooth curve, near to the grazing locus and like it, and along it the condition is smooth: so they are found by
-    following that curve to where the condition holds.
+    The condition on the multipliers changes like the square root of that depth. The orbits of a given depth, however,
+    form a smooth curve close to the grazing locus, and the condition is smooth along it. So the orbits are found by
+    following that curve to the point where the condition holds.
 
     Parameters
     ----------
     corrector
-        Corrects onto the locus of multipliers.
+        Corrector for the locus of multipliers.
     switch
-        Which stage on which side: index into `Equations.switches`.
+        Stage and side, as an index into `Equations.switches`.
     """
 
     def __init__(self, corrector: Corrector, switch: int) -> None:
@@ -42,21 +42,21 @@ class Brink:
         self._scales = np.insert(corrector.scales, -2, PERIOD)
 
     def beside(self, point: BranchPoint, theta: float) -> NDArray[np.float64]:
-        """The variables from which to look for orbits near a point of the locus, the turning point being at `theta`."""
+        """Return the initial variables for orbits near a point of the locus, with the turning point at `theta`."""
         return np.insert(point.x, -2, theta / PERIOD)
 
     def turns_highest(self, start: NDArray[np.float64]) -> bool:
-        """Whether the deflection turns from rising to falling, seen from outside the breakpoint."""
+        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
         evaluation = self._touch.evaluate(start[:-1] * self._scales[:-1], float(start[-1] * self._scales[-1]))
         return evaluation.by_unknowns[-1, -2] < 0.0
 
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
-        """The orbit with a given depth, found along the curve of all of that depth; None if none is found."""
+        """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
         corrector = Corrector(replace(self._touch, depth=depth), self._scales)
         return zero_along(corrector, start, self._criticality, _SECANT)
 
     def orbit(self, correction: Correction) -> Orbit:
-        """The orbit of a correction."""
+        """Return the orbit of a correction."""
         x = correction.x * self._scales
         return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
 
@@ -65,10 +65,10 @@ class Brink:
 
 
 def is_highest(correction: Correction) -> bool:
-    """Whether the deflection turns from rising to falling on the orbit of a correction."""
+    """Return whether the deflection has a maximum on the orbit of a correction."""
     return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
 
 
 def on_locus(correction: Correction) -> NDArray[np.float64]:
-    """The variables of the locus for the orbit of a correction: those without the angle at which it turns."""
+    """Return the locus variables of the orbit of a correction: all except the angle of the turning point."""
     return np.delete(correction.x, -3)

@@ -1,9 +1,9 @@
-"""Corners: where a contact grazes at a bifurcation, its locus turns sharply, and a walk has to be helped round.
+"""Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
 
-The monodromy matrix changes like the square root of the depth of a touch. So with depth d and the condition
-``g = s + c sqrt(d)``, s being smooth, the locus crosses the grazing locus on the side without the touch, and on the
-other it leaves it tangentially, like the parabola ``d = (s / c)^2``: two smooth arcs that meet at an angle. Seen from
-the grazing locus both are smooth curves, over d on the one side and over its square root on the other (see `Brink`).
+The monodromy matrix changes like the square root of the depth of a touch. With depth d and the condition
+``g = s + c sqrt(d)``, where s is smooth, the locus crosses the grazing locus on the side without the touch. On the
+other side it leaves it tangentially, like the parabola ``d = (s / c)^2``. So two smooth arcs meet at an angle. Seen
+from the grazing locus both are smooth curves, over d on one side and over its square root on the other (see `Brink`).
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 
-_NEAR = 1e-3  # distance from a breakpoint, in units of the state, within which a turning point may be the corner's
-_STRAIGHT = 0.9  # cosine of the angle within which the corner must lie ahead
-_HALVINGS = 4  # how often the distance to the corner is halved, to see that the locus leads there
-_LEAST = 3.0  # and the least depth in doing so, in margins
-_NEARER = 0.8  # share of the distance that may be left
-_SHALLOW = 1e-7  # depth, in units of the state, at which the locus beyond the corner is looked for first
-_SHORTENINGS = 10  # how often the next depth there may be brought nearer to the one before
-_STRAYED = 0.1  # share of its distance from the one before by which a place may differ from what is foretold
-_TINY = 1e-7  # scaled distance by which it may differ in any case
-_FAR_ENOUGH = 0.5  # distance from the corner, in lengths of AWAY, from which the walk can go on
+_NEAR = 1e-3  # distance from a breakpoint, in units of the state, within which a turning point may form the corner
+_STRAIGHT = 0.9  # smallest cosine of the angle between the tangent and the direction of the corner
+_HALVINGS = 4  # number of times that the depth is reduced to check that the locus leads to the corner
+_LEAST = 3.0  # smallest depth in that check, in margins
+_NEARER = 0.8  # largest ratio of successive distances from the corner in that check
+_SHALLOW = 1e-7  # depth, in units of the state, at which the locus beyond the corner is sought first
+_SHORTENINGS = 10  # number of times that the next depth there may be brought closer to the one before
+_STRAYED = 0.1  # largest deviation of a place from its prediction, as a share of its distance from the one before
+_TINY = 1e-7  # scaled deviation that is always allowed
+_FAR_ENOUGH = 0.5  # distance from the corner, in multiples of AWAY, from which the walk can continue
 
 AWAY = 1e-3
-"""Scaled distance from a corner within which a walk does not go: it is led round."""
+"""Scaled distance from a corner within which a walk does not step, but is led round the corner."""
 
 
 class Corner(NamedTuple):
-    """A corner of a locus: what happens there, and the point of the locus beyond, from where the walk goes on."""
+    """Corner of a locus: what happens there, and the point of the locus beyond, from which the walk continues."""
 
     finding: Finding
     beyond: BranchPoint
@@ -49,18 +49,18 @@ class Corner(NamedTuple):
 def turn_corner(
     corrector: Corrector, point: BranchPoint, within: float, ahead: Sequence[Approach] = ()
 ) -> Corner | None:
-    """The corner just ahead of a point of a locus; None if there is none that can be turned.
+    """Return the corner just ahead of a point of a locus; None if there is none that can be turned.
 
     Parameters
     ----------
     corrector
-        Corrects onto the locus.
+        Corrector for the locus.
     point
         The last point before the corner.
     within
         Scaled distance within which the corner must lie.
     ahead
-        The turning points that may graze there; by default all that are near to their breakpoints are tried.
+        The turning points that may graze there; by default all near their breakpoints are tried.
     """
     candidates = [each.turning for each in ahead]
     if not candidates:
@@ -77,7 +77,7 @@ def turn_corner(
 
 
 def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turning) -> Corner | None:
-    """The corner at which one turning point grazes, if the locus leads there and on."""
+    """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
     brink = Brink(corrector, turning.switch)
     start = brink.beside(point, turning.theta)
     corner = brink.at(-brink.margin if brink.turns_highest(start) else brink.margin, start)
@@ -102,7 +102,7 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
 
 
 def _leads_there(brink: Brink, start: NDArray[np.float64], corner: Correction, turning: Turning) -> bool:
-    """Whether the locus leads from a start to a corner: as the depth dwindles, it comes nearer in proportion."""
+    """Return whether the locus leads from a start to a corner: its distance must shrink in proportion to the depth."""
     there, depth = on_locus(corner), turning.depth
     distance = float(np.linalg.norm(np.delete(start, -3) - there))
     for _ in range(_HALVINGS):
@@ -120,9 +120,9 @@ def _leads_there(brink: Brink, start: NDArray[np.float64], corner: Correction, t
 
 
 def _beyond(corrector: Corrector, brink: Brink, corner: Correction, turning: Turning) -> BranchPoint | None:
-    """The point of the locus a little beyond its corner, where the deflection turns on the other side.
+    """Return the point of the locus slightly beyond its corner, where the deflection turns on the other side.
 
-    It is followed from the corner outwards over the measure in which it is smooth: the depth, or its square root.
+    The locus is followed outwards from the corner over the measure in which it is smooth: the depth or its square root.
     """
     side = -np.sign(turning.depth) * brink.unit
     power, growth = (1, 3.0) if turning.is_touch else (2, 2.0)
@@ -150,7 +150,7 @@ def _beyond(corrector: Corrector, brink: Brink, corner: Correction, turning: Tur
 
 
 def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]) -> bool:
-    """Whether an orbit is so far from what those before it foretell that it belongs to another arc."""
+    """Return whether an orbit deviates so far from its prediction that it belongs to another arc."""
     if len(places) == 1:
         return False
     foretold = float(np.linalg.norm(guess - places[-1].x))
@@ -158,7 +158,7 @@ def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]
 
 
 def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
-    """The place at a measure by the parabola through the last three places, or what fewer allow."""
+    """Return the place at a measure by the parabola through the last three places, or a lower order with fewer."""
     nodes, known = measures[-3:], places[-3:]
     result = np.zeros_like(known[0])
     for i, place in enumerate(known):

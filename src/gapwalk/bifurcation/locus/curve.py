@@ -1,4 +1,4 @@
-"""Move along the curve of solutions of an equation from a place nearby: onto it, and to where a function vanishes."""
+"""Moves along the solution curve of an equation from a place nearby: onto it, and to the zero of a function."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gapwalk.continuation.corrector import Correction, Corrector
 
 @dataclass(frozen=True, slots=True)
 class Secant:
-    """How the secant method goes along a curve; all lengths are scaled.
+    """Options of the secant method along a curve; all lengths are scaled.
 
     Parameters
     ----------
@@ -22,13 +22,13 @@ class Secant:
     longest
         The longest step.
     farthest
-        How far from the start it may go.
+        Largest distance from the start.
     exact
-        Step at which it ends.
+        Step below which it has converged.
     noise
-        Step from which it ends too if steps no longer shrink: rounding.
+        Step below which it has also converged if steps no longer shrink, because of rounding.
     steps
-        Most steps.
+        Largest number of steps.
     """
 
     first: float = 1e-4
@@ -40,7 +40,7 @@ class Secant:
 
 
 def onto_curve(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correction | None, NDArray[np.float64]]:
-    """The point of a curve nearest to a start in scaled variables, if there is one, and the tangent near there."""
+    """Return the point of a curve nearest to a start in scaled variables, or None, and the tangent near there."""
     x = start * corrector.scales
     evaluation = corrector.equation.evaluate(x[:-1], float(x[-1]))
     assert evaluation.by_parameter is not None
@@ -52,7 +52,7 @@ def onto_curve(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correc
 def zero_along(
     corrector: Corrector, start: NDArray[np.float64], function: Callable[[Correction], float], secant: Secant
 ) -> Correction | None:
-    """The point of a curve near a start where a function vanishes, by the secant method; None if none is found."""
+    """Locate a zero of a function on a curve near a start by the secant method; None if none is found."""
     correction, tangent = onto_curve(corrector, start)
     if correction is None:
         return None

@@ -1,4 +1,4 @@
-"""Where a locus can begin: a special point in the plane of two parameters, heading one way."""
+"""Beginning of a locus: a special point in the plane of two parameters, and a direction."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
-"""The ranges of both parameters."""
+"""Ranges of both parameters."""
 
-_FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another one
-_LITTLE = 0.01  # share of the error that is allowed, below which more harmonics would not help
-_COARSE = 1e-2  # the same where the two are resolved with different numbers of harmonics
+_FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another point
+_LITTLE = 0.01  # share of the allowed error below which more harmonics would not help
+_COARSE = 1e-2  # largest scaled distance if the two are resolved with different numbers of harmonics
 
 
 @dataclass(frozen=True)
 class LocusDeparture:
-    """A point and a direction from which a locus can be walked.
+    """Point and direction from which a locus can be walked.
 
     Attributes
     ----------
     kind
-        What happens on the locus.
+        Kind of the locus.
     corrector
-        Corrects onto the locus; it holds the equation and the scales.
+        Corrector for the locus; it holds the equation and the scales.
     first
         The point; its tangent gives the direction.
     within
@@ -63,28 +63,28 @@ class LocusDeparture:
 
     @property
     def equation(self) -> MultiplierEquation | TouchEquation:
-        """The equation whose solutions form the locus."""
+        """Equation whose solutions form the locus."""
         equation = self.corrector.equation
         assert isinstance(equation, MultiplierEquation | TouchEquation)
         return equation
 
     @property
     def plane(self) -> OrbitPlane:
-        """The orbits among which the locus lies."""
+        """Orbits among which the locus lies."""
         return self.equation.plane
 
 
 def depart_locus(
     special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
 ) -> list[LocusDeparture]:
-    """Leave a special point along its locus, in both directions: towards smaller `first`, then towards larger.
+    """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger.
 
     Raises
     ------
     ModelError
-        If its kind has no locus, or for parameters or ranges that make no sense.
+        If its kind has no locus, or for invalid parameters or ranges.
     ConvergenceError
-        If the point is none, to the tolerance of the method.
+        If the point is not a special point to the tolerance of the method.
     """
     within = _checked(special, first, second, to)
     corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
@@ -93,14 +93,14 @@ def depart_locus(
 
 
 def refined(departure: LocusDeparture) -> LocusDeparture | None:
-    """The same departure with the next finer resolution of its orbits; None where there is none."""
+    """Return the beginning with the next finer resolution of its orbits; None if there is none."""
     equation, scales = departure.equation, departure.corrector.scales
     plane = equation.plane.finer()
     if plane is None:
         return None
     size = len(plane.unknowns(departure.first.orbit))
     others = scales[len(equation.plane.unknowns(departure.first.orbit)) :]
-    scales = np.concatenate((np.full(size, scales[0]), others))  # finer ones are more of the same kind
+    scales = np.concatenate((np.full(size, scales[0]), others))  # a finer resolution adds unknowns of the same kind
     if isinstance(equation, MultiplierEquation):
         corrector = Corrector(replace(equation, plane=plane, scales=scales), scales)
     else:
@@ -110,12 +110,12 @@ def refined(departure: LocusDeparture) -> LocusDeparture | None:
 
 
 def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
-    """A point of a locus as one of the same locus posed by a finer equation; None if Newton's method fails."""
+    """Return a point of a locus, posed by a finer equation of the same locus; None if Newton's method fails."""
     equation = corrector.equation
     assert isinstance(equation, MultiplierEquation | TouchEquation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     if isinstance(equation, TouchEquation):
-        x[-3] = point.x[-3]  # the orbit itself does not tell which turning point it is
+        x[-3] = point.x[-3]  # the orbit itself does not determine which turning point grazes
     correction, tangent = onto_curve(corrector, x)
     if correction is None or correction.distance > _COARSE:
         return None
@@ -126,7 +126,7 @@ def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
 
 
 def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]) -> tuple[Corrector, BranchPoint]:
-    """The corrector onto the locus of a special point, as fine as it takes, and the point, heading upwards."""
+    """Return the corrector for the locus of a special point, refined as necessary, and its first point."""
     names, value = plane.names, special.orbit.system[plane.names[1]]
     make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
     corrector, start = make(plane, special, within)
@@ -138,9 +138,9 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
         if finer is not None and plane.doubt(orbit, _LITTLE):
             return _started(finer, special, within)
-        raise ConvergenceError(doubt or f"the start is no {special.kind.value} at {_place(special, names)}")
+        raise ConvergenceError(doubt or f"the start is not a {special.kind.value} at {_place(special, names)}")
     held = corrector.at_value(correction.x, value)
-    if held is not None and held.distance <= _FAR:  # the same point, with the second parameter exact: it may be a bound
+    if held is not None and held.distance <= _FAR:  # the same point at the exact second parameter: it may be a limit
         correction = held
     if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
         tangent = -tangent
@@ -154,14 +154,14 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
 
 
 def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
-    """The orbit from which a locus is to start, as its equation takes it."""
+    """Return the orbit from which a locus is to start, without correction."""
     equation, x = corrector.equation, start * corrector.scales
     return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
 
 
 @singledispatch
 def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
-    """The orbits like that of a special point in the plane of two parameters, as a method poses them.
+    """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def _balanced(method: Balance, orbit: Orbit, names: tuple[str, str]) -> OrbitPla
 
 
 def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
-    """The corrector onto the locus of a grazing point, and the start in its variables."""
+    """Return the corrector for the locus of a grazing point, and the start in its variables."""
     switch = next(
         k for k in range(len(switch_names(plane.system))) if describe_switch(special.orbit, k) == special.contact
     )
@@ -204,7 +204,7 @@ def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Ran
 
 
 def _multiplier_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
-    """The corrector onto the locus of a point that the multipliers tell, and the start in its variables."""
+    """Return the corrector for the locus of a point defined by multipliers, and the start in its variables."""
     scales = _scales(plane.scales(special.orbit), [], within)
     equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
     start = np.append(equation.unknowns(special.orbit), special.orbit.system[plane.names[1]])
@@ -217,7 +217,7 @@ def _scales(states: NDArray[np.float64], others: Sequence[float], within: tuple[
 
 
 def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:
-    """The ranges, if the request makes sense."""
+    """Return the ranges; raise a ModelError if the request is invalid."""
     system = special.orbit.system
     if special.kind.no_locus:
         raise ModelError(special.kind.no_locus)

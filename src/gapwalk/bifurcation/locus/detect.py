@@ -1,7 +1,7 @@
-"""Find and locate the points of codimension two in one step along a locus.
+"""Detection and location of the points of codimension two in one step along a locus.
 
-In the way of `gapwalk.bifurcation.detect`: a change of sign is located by bracketing, and wherever a test function
-bends so much that it may dip through zero between two points, the step is halved until that doubt is gone.
+As in `gapwalk.bifurcation.detect`, a change of sign is located by bracketing. Wherever a test function bends so much
+that it may cross zero twice between two points, the step is halved until that is excluded.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.survey import apart
 
-_DOUBT = 0.5  # share of the bend over an interval by which a test function may dip between its ends; 1/8 for a parabola
-_FINEST = 1e-5  # arclength below which two zeros are not told apart
-_NOISE = 1e-8  # size of a test function that is nothing but rounding
+_DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
+_FINEST = 1e-5  # arclength below which two zeros are not distinguished
+_NOISE = 1e-8  # absolute value of a test function that is only rounding
 _TOUCHING = 1e-7  # depth, in units of the unknowns, within which a turning point grazes
-_MERGED = 0.1  # radians within which it is the one that grazes all along a grazing locus
+_MERGED = 0.1  # radians from the turning point that grazes all along a grazing locus, within which it is the same one
 _EXACT = 1e-13  # arclength to which zeros are located
-_BESIDE = 1e-5  # arclength from a cusp at which the locus has taken up speed again
-_TURNED = 0.5  # share of the change of a speed that is left over, beside a cusp, where it should only change its sign
+_BESIDE = 1e-5  # arclength from a cusp at which the parameters change at normal speed again
+_TURNED = 0.5  # largest sum of the tangents on both sides of a cusp, where they should be opposite, by their difference
 
 
 class Finding(NamedTuple):
-    """A point of codimension two: what happens, where, and which contact grazes, if any."""
+    """Point of codimension two: its kind, its place, and the contact that grazes, if any."""
 
     kind: Codim2
     point: BranchPoint
@@ -43,7 +43,7 @@ class Finding(NamedTuple):
 def find_codim2(
     locus: Kind, corrector: Corrector, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
 ) -> list[Finding]:
-    """The points of codimension two between two neighbouring points, in order; `before` is the point before them.
+    """Return the points of codimension two between two neighbouring points, in order; `before` is the point before.
 
     Raises
     ------
@@ -67,9 +67,10 @@ def find_codim2(
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch) -> bool:
-    """Whether a zero of a test function is what it is taken for.
+    """Return whether a zero of a test function is a point of the expected kind.
 
-    At a sharp cusp rounding leaves some speed in the plane. What tells it then is that both parameters turn back.
+    At a sharp cusp, rounding leaves some speed in the parameter plane. It is then accepted if both parameters turn
+    back.
     """
     if is_genuine(locus, what, point):
         return True
@@ -84,7 +85,7 @@ def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, stretch: Stretch)
 
 
 def _is_echo(corrector: Corrector, graze: Graze) -> bool:
-    """Whether a grazing locus has met its own touch alone, where the margin changes sides or its two turns merge."""
+    """Return whether the touch belongs to a grazing locus itself, where the margin changes sides or its turns merge."""
     equation = corrector.equation
     if not isinstance(equation, TouchEquation) or equation.switch != graze.switch:
         return False
@@ -97,12 +98,12 @@ def _is_echo(corrector: Corrector, graze: Graze) -> bool:
 def _search(
     function: Callable[[BranchPoint], float], stretch: Stretch, a: BranchPoint, b: BranchPoint, rate: float | None
 ) -> list[BranchPoint]:
-    """All zeros between two points, given the rate of change before them, if any."""
+    """Return all zeros between two points, given the rate of change before them, if any."""
     length, at_a, at_b = b.arclength - a.arclength, function(a), function(b)
     if not max(abs(at_a), abs(at_b)) >= _NOISE:
-        return []  # undefined, or zero all along, as with multipliers that stay on the unit circle without damping
+        return []  # undefined, or zero everywhere, as with multipliers on the unit circle without damping
     if at_a * at_b < 0.0:
-        from scipy.optimize import brentq  # imported late: it takes long
+        from scipy.optimize import brentq  # imported late, because the import is slow
 
         root = brentq(lambda s: function(stretch.at(s)), a.arclength, b.arclength, xtol=_EXACT, rtol=1e-14)
         return [stretch.at(float(root))]

@@ -1,4 +1,4 @@
-"""Follow a special point in two parameters: its locus, with the points of codimension two on the way."""
+"""Continuation of a special point in two parameters: its locus, with its points of codimension two."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gapwalk.errors import Interrupted
 from gapwalk.orbit.method import Method
 
 LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
-"""Called with each new point and the points of codimension two before it."""
+"""Function called with each new point and the points of codimension two before it."""
 
 
 def follow_locus(
@@ -41,18 +41,18 @@ def follow_locus(
     walk
         Options of the walk.
     method
-        How orbits are posed: `Shooting` in one segment (the default), or `Balance`, whatever the point was found with.
+        Discretisation of the orbits: `Shooting` in one segment (default), or `Balance`, however the point was found.
     report
         Called with each new point and the points of codimension two before it.
 
     Raises
     ------
     ModelError
-        For a branch point, which has no locus; for unknown or equal parameters; for ranges without the start.
+        For a branch point, which has no locus; for unknown or equal parameters; for ranges that exclude the start.
     ConvergenceError
-        If the start is no special point of its kind, to the tolerance of the method; or if it takes more harmonics.
+        If the start is not a special point of its kind to the tolerance of the method, or needs too many harmonics.
     Interrupted
-        After Ctrl-C; its `found` is the locus as far as it was walked.
+        After Ctrl-C; its `found` is the locus as far as it was followed.
     """
     steps = trace_locus(depart_locus(special, first, second, to, method), walk)
     try:
@@ -67,22 +67,22 @@ def follow_locus(
 
 
 LocusTracing = Tracing[LocusDeparture, LocusTrail, LocusStep]
-"""A locus as it is traced."""
+"""Tracing of a locus."""
 
 
 def trace_locus(departures: list[LocusDeparture], walk: WalkOptions | None = None) -> LocusTracing:
-    """A locus as an iterator over its steps, from departures in one or both directions."""
+    """Return an iterator over the steps of a locus, from beginnings in one or both directions."""
     return Tracing(departures, lambda departure, state: LocusTrail(departure, walk, state))
 
 
 def traced_locus(steps: LocusTracing) -> Locus:
-    """The locus as far as it was traced; one direction shows the whole of a closed curve."""
+    """Return the locus as far as it was traced; one direction covers the whole of a closed curve."""
     kept = slice(-1, None) if steps.traces[-1].is_closed else slice(None)
     return join_locus(steps.traces[kept], steps.steps[kept])
 
 
 def join_locus(trails: list[LocusTrail], walked: list[list[LocusStep]]) -> Locus:
-    """One locus from its one or two trails and the steps that they yielded, in one direction of travel."""
+    """Join one or two tracers and the steps that they yielded into one locus with one direction of travel."""
     departure, start = trails[0].departure, trails[-1].first
     ends = [
         trail.end or LocusEnd(LocusEndReason.STOPPED, _last(trail, steps))

@@ -1,4 +1,4 @@
-"""The records of a finished locus: its points, its ends, and the points of codimension two on it."""
+"""Records of a finished locus: its points, its ends, and its points of codimension two."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class LocusEndReason(Enum):
-    """Why a locus ends; the value is the sentence that a user reads."""
+    """Reason why a locus ends; the value is the sentence that a user reads."""
 
     START = "the start lies on the edge of the range"
     RANGE = "the edge of the range was reached"
     CLOSED = "the locus closed on itself"
     RESONANCE = "the locus ends at a strong resonance"
-    JOINED = "the locus ends where its orbits take half their period"
+    JOINED = "the locus ends where its orbits reach half their period"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
@@ -27,22 +27,22 @@ class LocusEndReason(Enum):
 
     @property
     def is_failure(self) -> bool:
-        """Whether the numerics gave up."""
+        """True if the numerics gave up."""
         return self in (LocusEndReason.COARSE, LocusEndReason.STEP)
 
 
 @dataclass(frozen=True, slots=True)
 class LocusEnd:
-    """Where and why a locus ends.
+    """Place and reason of the end of a locus.
 
     Attributes
     ----------
     reason
-        Why.
+        The reason.
     values
-        Both parameters there.
+        Values of both parameters there.
     detail
-        More about it; may be empty.
+        Further explanation; may be empty.
     """
 
     reason: LocusEndReason
@@ -57,19 +57,19 @@ class LocusEnd:
 
 @dataclass(frozen=True, eq=False)
 class LocusPoint:
-    """One point of a locus.
+    """Point of a locus.
 
     Attributes
     ----------
     values
-        Both parameters.
+        Values of both parameters.
     orbit
-        The orbit, on the verge of its bifurcation; its system carries all parameter values.
+        The orbit at its bifurcation; its system carries all parameter values.
     angle
         Argument of the critical multiplier in radians, from 0 (fold) to pi (flip); on a grazing locus the angle
         ``theta*`` at which the contact touches.
     x : shape (N + 1,)
-        Unknowns of the equation, then the second parameter, in scaled variables; the first parameter is the one before.
+        Unknowns of the equation, then the second parameter, scaled; the first parameter is the last unknown.
     tangent : shape (N + 1,)
         Unit tangent of the locus there, in scaled variables, in the direction of the walk.
     arclength
@@ -84,7 +84,7 @@ class LocusPoint:
     arclength: float
 
     def measure(self, name: str) -> float:
-        """One figure of the motion; see `Orbit.measure`."""
+        """Return one measure of the motion; see `Orbit.measure`."""
         return self.orbit.measure(name)
 
     def __repr__(self) -> str:
@@ -93,10 +93,10 @@ class LocusPoint:
 
 
 class Codim2(StrEnum):
-    """What happens at a point of codimension two."""
+    """Kind of a point of codimension two."""
 
     CUSP = "cusp"
-    """Two folds meet and vanish."""
+    """Two folds merge and vanish."""
     FOLD_FLIP = "fold-flip"
     """A multiplier at +1 and one at -1."""
     FOLD_NEIMARK_SACKER = "fold-neimark-sacker"
@@ -112,11 +112,11 @@ class Codim2(StrEnum):
     RESONANCE_1_4 = "1:4"
     """The critical pair at fourth roots of 1."""
     GENERALISED_FLIP = "generalised-flip"
-    """The flip changes from super- to subcritical: a fold locus of the doubled motions ends there."""
+    """The flip changes from supercritical to subcritical: a fold locus of the doubled motions ends there."""
     GRAZING = "grazing"
     """A contact grazes at the bifurcation; on a grazing locus: another contact, or the same one a second time."""
     DEGENERATE_GRAZING = "degenerate-grazing"
-    """The highest and the lowest turning point that graze merge: the grazing locus has a cusp."""
+    """The maximum and the minimum that graze merge: the grazing locus has a cusp."""
     FOLD_GRAZING = "fold-grazing"
     """On a grazing locus: a multiplier at +1."""
     FLIP_GRAZING = "flip-grazing"
@@ -127,16 +127,16 @@ class Codim2(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Codim2Point:
-    """A point of a locus where a second thing happens.
+    """Point of a locus at which a second condition holds.
 
     Attributes
     ----------
     kind
-        What happens.
+        Its kind.
     point
-        The point of the locus, located.
+        The located point of the locus.
     contact
-        The contact, stage and side that grazes, such as ``stage2 -``; empty where none does.
+        The contact, stage and side that grazes, such as ``stage2 -``; empty if none does.
     """
 
     kind: Codim2
@@ -145,12 +145,12 @@ class Codim2Point:
 
     @property
     def values(self) -> tuple[float, float]:
-        """Both parameters."""
+        """Values of both parameters."""
         return self.point.values
 
     @property
     def orbit(self) -> Orbit:
-        """The orbit at the point."""
+        """Orbit at the point."""
         return self.point.orbit
 
     def __repr__(self) -> str:
@@ -161,22 +161,22 @@ class Codim2Point:
 
 @dataclass(frozen=True, eq=False)
 class Locus:
-    """The special points of one kind in the plane of two parameters, as one curve.
+    """Curve of special points of one kind in the plane of two parameters.
 
     Attributes
     ----------
     kind
-        What happens on it: fold, flip, Neimark-Sacker, grazing.
+        Kind of the special points: fold, flip, Neimark-Sacker, grazing.
     first, second
         Names of the parameters.
     period
-        m, forcing periods of the orbits.
+        m, number of forcing periods of the orbits.
     points
         Its points in the order of the walk.
     codim2_points
         Points of codimension two in the order of the walk.
     ends
-        Where and why it ends, at its beginning and at its end.
+        Where and why it ends, at its first and at its last point.
     contact
         For a grazing locus: contact, stage and side that grazes, such as ``stage2 -``; otherwise empty.
     """
@@ -192,20 +192,20 @@ class Locus:
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """Both parameters at each point, shape (points, 2)."""
+        """Values of both parameters at each point, shape (points, 2)."""
         return np.array([point.values for point in self.points])
 
     @property
     def is_closed(self) -> bool:
-        """Whether it is a closed curve."""
+        """True if it is a closed curve."""
         return self.ends[-1].reason is LocusEndReason.CLOSED
 
     def codim2(self, kind: Codim2 | str) -> tuple[Codim2Point, ...]:
-        """The points of codimension two of one kind."""
+        """Return the points of codimension two of one kind."""
         return tuple(point for point in self.codim2_points if point.kind == kind)
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """One measure (see `Orbit.measure`) at each point, shape (points,)."""
+        """Return one measure (see `Orbit.measure`) at each point, shape (points,)."""
         return np.array([point.measure(name) for point in self.points])
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Where a fold locus of doubled motions ends: at a generalised flip, where they take half their period."""
+"""End of a fold locus of doubled motions: a generalised flip, where they reach half their period."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 
-_SECANT = Secant(first=1e-3, exact=1e-9)  # as well as the coefficient is known
-_OVER = 2.0  # distance within which the end must lie, in distances that were estimated
+_SECANT = Secant(first=1e-3, exact=1e-9)  # the accuracy to which the coefficient is known
+_OVER = 2.0  # largest distance of the end, in estimated distances
 
 
 def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float:
-    """Arclength ahead at which the halves of an orbit will coincide; infinite if they do not come nearer."""
+    """Return the arclength ahead at which the halves of an orbit will coincide; infinite if they do not approach."""
     if before is None or point.orbit.period % 2 or not is_close(point):
         return float("inf")
     past, now = (float(np.linalg.norm(halves_apart(each.orbit))) for each in (before, point))
@@ -26,10 +26,10 @@ def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float
 
 
 def find_merging(corrector: Corrector, point: BranchPoint, distance: float) -> BranchPoint | None:
-    """The end of a fold locus, where its orbits take half their period, at about a distance ahead; None if not found.
+    """Locate the end of a fold locus, where its orbits reach half their period, at about a distance ahead.
 
-    The equation is singular there, because every flip of the parent solves it too. So the end is found on the locus
-    of those flips: as the zero of their cubic coefficient, by the secant method.
+    The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
+    of those flips as the zero of their cubic coefficient, by the secant method. None if it is not found.
     """
     equation = corrector.equation
     assert isinstance(equation, MultiplierEquation)

@@ -1,4 +1,4 @@
-"""Orbits in the plane of two parameters by shooting: exact motions, from their state at theta = 0."""
+"""Orbits in the plane of two parameters by shooting, from their exact state at theta = 0."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from gapwalk.orbit.shooting import Shooting
 
 @dataclass(frozen=True)
 class ShotPlane:
-    """``Phi(u; a, b) - u = 0``, in one segment; see `OrbitPlane`.
+    """Equation of shooting in one segment, ``Phi(u; a, b) - u = 0``; see `OrbitPlane`.
 
-    The derivatives of Phi are exact. Those of the multipliers need second derivatives of Phi, along the critical
-    vectors only: as those are symmetric, differences of the first derivatives along each vector give them all.
+    The derivatives of Phi are exact. Those of the multipliers need second derivatives of Phi, but only along the
+    critical vectors. Since second derivatives are symmetric, differences of the first ones along each vector suffice.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ class ShotPlane:
     names
         The two parameters.
     period
-        m, forcing periods.
+        m, number of forcing periods.
     options
-        How to shoot.
+        Options of shooting.
     """
 
     system: System
@@ -74,7 +74,7 @@ class ShotPlane:
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """The state at theta = 0."""
+        """Return the state at theta = 0."""
         return orbit.state.copy()
 
     def scales(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -139,7 +139,7 @@ class ShotPlane:
         return replace(self, period=self.period // 2)
 
     def shared(self) -> NDArray[np.bool_]:
-        """All: the state."""
+        """Return a mask of all unknowns, since they form the state."""
         return np.ones(2 * self.system.size, dtype=bool)
 
     def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -148,20 +148,20 @@ class ShotPlane:
         return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
 
     def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
-        """Empty: what shooting finds is a motion to the accuracy of the flow."""
+        """Return an empty string: an orbit by shooting is as accurate as the flow."""
         return ""
 
     def finer(self) -> None:
-        """None: the flow is exact to rounding as it is."""
+        """Return None: the flow is already accurate to rounding."""
         return None
 
     def _turn(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], slopes: NDArray[np.float64]) -> Arc:
-        """The motion from a state over the whole period, with all sensitivities."""
+        """Integrate the motion from a state over the whole period, with all sensitivities."""
         return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes)
 
     @staticmethod
     def _scaled(arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The monodromy matrix of an arc, in units of the state."""
+        """Return the monodromy matrix of an arc, in units of the state."""
         matrix = _transition(arc)
         units = scales[: len(matrix)]
         return matrix * units / units[:, None]
@@ -185,6 +185,6 @@ def _transition(arc: Arc) -> NDArray[np.float64]:
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
-    """Derivatives of the final state by the initial one and by both parameters, shape (2n, 2n + 2)."""
+    """Return the derivatives of the final state by initial state and both parameters, shape (2n, 2n + 2)."""
     assert arc.sensitivity is not None
     return np.concatenate((_transition(arc), arc.sensitivity), axis=1)

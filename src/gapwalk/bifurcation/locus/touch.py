@@ -1,4 +1,4 @@
-"""Grazing in two parameters: a periodic orbit on which a contact just touches a breakpoint."""
+"""Equation of grazing in two parameters: a periodic orbit on which a contact just touches a breakpoint."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 
 MARGIN = 1e-11
-"""How far, in units of the state, a grazing orbit stays from the breakpoint, on the side without the extra event.
+"""Distance, in units of the state, of a grazing orbit from the breakpoint, on the side without the extra event.
 
-So small, and yet so large that the touch itself leaves no event and no trace in the multipliers, which change like the
-square root of its depth.
+It is very small, and yet so large that the touch itself causes no event and does not affect the multipliers, which
+change like the square root of its depth.
 """
 
 
 @dataclass(frozen=True)
 class TouchEquation:
-    """An orbit on which, at ``theta*``, a deflection past a breakpoint has the value `depth` and turns.
+    """Equation of an orbit whose deflection turns at ``theta*``, at a given `depth` beyond a breakpoint.
 
-    The unknowns are those of the orbit, ``theta*`` and the first parameter; the second is the one to follow.
+    The unknowns are those of the orbit, ``theta*`` and the first parameter; the second parameter is followed.
 
     Parameters
     ----------
     plane
-        The orbits among which to look.
+        The plane of orbits.
     switch
-        Which stage on which side: index into `Equations.switches`.
+        Stage and side, as an index into `Equations.switches`.
     depth
-        How far past the breakpoint the deflection turns.
+        Depth beyond the breakpoint at which the deflection turns.
     tolerance
         Largest residual, relative to the size of the unknowns.
     """
@@ -44,21 +44,21 @@ class TouchEquation:
 
     @property
     def system(self):
-        """The system at the start."""
+        """System at the start."""
         return self.plane.system
 
     @property
     def parameter(self) -> str:
-        """The second parameter."""
+        """Name of the second parameter."""
         return self.plane.names[1]
 
     @property
     def period(self) -> int:
-        """m, forcing periods of the orbits."""
+        """m, number of forcing periods of the orbits."""
         return self.plane.period
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Residual and derivatives; see `Equation.evaluate`. Errors as in `OrbitPlane.place`."""
+        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
         place, size = self._place(unknowns, value), len(unknowns) - 2
         jacobian = np.zeros((size + 2, size + 3))
         jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
@@ -68,17 +68,17 @@ class TouchEquation:
         return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """The orbit of a solution."""
+        """Return the orbit of a solution."""
         return self.plane.orbit(unknowns[:-2], float(unknowns[-1]), value, evaluation)
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Those of an orbit, with the angle of the turning point that comes nearest to the breakpoint."""
+        """Return the unknowns of an orbit, with the angle of the turning point nearest to the breakpoint."""
         thetas, depths = orbit.turning_depths[self.switch]
         theta = thetas[int(np.argmin(np.abs(depths)))]
         return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
 
     def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
-        """Whether the deflection turns from rising to falling, seen from outside the breakpoint."""
+        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
         _, derivatives = self.plane.turning(self.switch, self._place(unknowns, value), float(unknowns[-2]))
         return bool(derivatives[1, -3] < 0.0)
 

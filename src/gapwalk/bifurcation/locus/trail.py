@@ -1,4 +1,4 @@
-"""The trail along a locus: a walk with its points of codimension two, step by step, that can be stopped and resumed."""
+"""Locus tracer: a walk along a locus with its points of codimension two, which can be stopped and resumed."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.errors import NumericalError
 from gapwalk.motion.flow import PERIOD
 
-_CORNER = 1e-7  # step below which a corner is looked for if none was seen to come
-_AT = 100.0  # distance within which it must lie then, in lengths of that step
-_OVER = 3.0  # distance within which a corner that was seen to come must lie, in distances that were estimated
-_SHALLOW, _WIDE = 1e-6, 1e-2  # depth, in units of the state, of a touch that is led to its corner from so far away
-_SHARE = 0.7  # of the way to a corner that a step may cover
-_BESIDE = 0.1 * AWAY  # distance from the way round a corner within which the start lies on it
-_EDGE = 1e-12  # distance from the edge of a range, in widths, within which the start lies on it
-_RESTART = 0.2  # first step beyond a corner, in lengths of the way there from the corner
+_CORNER = 1e-7  # step below which a corner is searched for if none was predicted
+_AT = 100.0  # distance within which it must then lie, in lengths of that step
+_OVER = 3.0  # distance within which a predicted corner must lie, in estimated distances
+_SHALLOW, _WIDE = 1e-6, 1e-2  # a touch shallower than this, in units of the state, is led to a corner this far ahead
+_SHARE = 0.7  # share of the distance to a corner that a step may cover
+_BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the start lies on it
+_EDGE = 1e-12  # distance from the limit of a range, in widths, within which the start lies on it
+_RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
 _REASONS = {
     EndReason.RANGE: LocusEndReason.RANGE,
     EndReason.TURNED_BACK: LocusEndReason.RANGE,
@@ -43,29 +43,29 @@ _REASONS = {
 
 
 class LocusStep(NamedTuple):
-    """A new point of a locus, and the points of codimension two between it and the one before."""
+    """New point of a locus, and the points of codimension two between it and the point before."""
 
     point: LocusPoint
     codim2: list[Codim2Point]
 
 
 class LocusState(NamedTuple):
-    """Where a trail along a locus has come to."""
+    """Progress of a locus tracer."""
 
     walk: WalkState
 
 
 class LocusTrail(Iterator[LocusStep]):
-    """One direction of a locus as it is walked.
+    """Tracer of a locus in one direction.
 
     Parameters
     ----------
     departure
-        Where it begins, and which way.
+        Where it begins, and in which direction.
     walk
         Options of the walk.
     resume
-        `state` of a trail from the same departure that was stopped.
+        `state` of a stopped tracer with the same beginning.
     """
 
     def __init__(
@@ -81,16 +81,16 @@ class LocusTrail(Iterator[LocusStep]):
 
     @property
     def state(self) -> LocusState:
-        """Where the trail has come to; a trail made with it as `resume` goes on as if never stopped."""
+        """Progress so far; a tracer made with it as `resume` continues as if never stopped."""
         return LocusState(self.walk.state)
 
     @property
     def is_closed(self) -> bool:
-        """Whether the locus has closed on itself."""
+        """True if the locus has closed on itself."""
         return self.end is not None and self.end.reason is LocusEndReason.CLOSED
 
     def finish_with(self, end: LocusEnd) -> None:
-        """Take over the end that the walk had come to before it was stopped."""
+        """Set the end that the walk had reached before it was stopped."""
         self.end = end
 
     def __next__(self) -> LocusStep:
@@ -133,11 +133,11 @@ class LocusTrail(Iterator[LocusStep]):
                 step = None
             if step is not None:
                 return step
-            # no points lead from one to the other: the step went astray, or over a corner
+            # no points connect the two: the step went astray, or over a corner
             self.walk.go_back(state, point)
 
     def _around_corner_ahead(self) -> LocusStep | None:
-        """The step round a corner that is near; otherwise the next step is shortened to end before the next corner."""
+        """Return the step round a nearby corner; without one, limit the next step to end before the next corner."""
         if self.departure.kind is Kind.GRAZING:
             return None
         ahead = approaches(self.walk.previous, self.walk.point)
@@ -156,11 +156,11 @@ class LocusTrail(Iterator[LocusStep]):
         return None
 
     def _is_smooth(self, state: WalkState, last: BranchPoint, is_coarse: bool) -> bool:
-        """Whether a step stays on its arc.
+        """Return whether a step stays on its arc.
 
-        Between arcs that avoid one another narrowly, the orientation of the Jacobian tells them apart; only where they
-        truly cross does it change along an arc, and there the smallest steps are let through. A locus of multipliers
-        has a corner wherever a contact begins or ceases to touch.
+        Arcs that nearly meet are distinguished by the orientation of the Jacobian. Along one arc the orientation
+        changes only where arcs really cross; there the smallest steps are accepted. A locus of multipliers has a corner
+        wherever a contact begins or ceases to touch.
         """
         if is_coarse and last.determinant * state.point.determinant < 0.0:
             return False
@@ -171,7 +171,7 @@ class LocusTrail(Iterator[LocusStep]):
         return not leaps(state.previous, state.point, last)
 
     def _refine(self) -> bool:
-        """Resolve the locus more finely, as if it had been so from the beginning; whether that can be done."""
+        """Resolve the locus more finely, as if from its beginning; return whether that was possible."""
         finer = refined(self.departure)
         if finer is None:
             return False
@@ -179,7 +179,7 @@ class LocusTrail(Iterator[LocusStep]):
         return True
 
     def _go_on_more_finely(self, state: WalkState) -> bool:
-        """Go on from a state with a finer resolution; whether that can be done."""
+        """Continue from a state with a finer resolution; return whether that was possible."""
         if not self._refine():
             return False
         point = lift(state.point, self.departure.corrector)
@@ -201,7 +201,7 @@ class LocusTrail(Iterator[LocusStep]):
         )
 
     def _step(self, state: WalkState, point: BranchPoint) -> LocusStep | None:
-        """The step to a point, cut off at the first range's edge and where the locus ends; None to step shorter."""
+        """Return the step, cut off at the limit of the first range or the end of the locus; None to step shorter."""
         reason = None
         if self._first_value(point) not in self.departure.within[0]:
             edge = self._at_edge(state.point, point)
@@ -219,7 +219,7 @@ class LocusTrail(Iterator[LocusStep]):
         return step
 
     def _to_merging(self) -> LocusStep | None:
-        """The last step, if it leads to where the orbits take half their period."""
+        """Return the last step, if it leads to the point where the orbits reach half their period."""
         if self.departure.kind is not Kind.FOLD:
             return None
         state = self.walk.state
@@ -237,7 +237,7 @@ class LocusTrail(Iterator[LocusStep]):
         return step
 
     def _at_edge(self, inside: BranchPoint, outside: BranchPoint) -> BranchPoint | None:
-        """The point of the locus on the edge of the range of the first parameter that a step has passed."""
+        """Return the point of the locus at the limit of the first parameter that a step has passed."""
         corrector = self.departure.corrector
         value = self.departure.within[0].bound(self._first_value(outside)) / corrector.scales[-2]
         share = (value - inside.x[-2]) / (outside.x[-2] - inside.x[-2])
@@ -247,11 +247,11 @@ class LocusTrail(Iterator[LocusStep]):
         if correction is None:
             return None
         length = inside.arclength + float(np.linalg.norm(correction.x - inside.x))
-        correction.x[-2] = value  # to rounding, it is already
+        correction.x[-2] = value  # it differs only by rounding
         return corrector.point(correction, inside.tangent, length)
 
     def _around_corner(self, within: float, ahead: list[Approach]) -> LocusStep | None:
-        """The step round the corner at which the walk has come; None if there is none, or if it was just turned."""
+        """Return the step round the corner at the present point; None if there is none, or if it was just turned."""
         state = self.walk.state
         if self.departure.kind is Kind.GRAZING or (state.previous is None and state.point is not self.departure.first):
             return None
@@ -267,14 +267,14 @@ class LocusTrail(Iterator[LocusStep]):
         return LocusStep(self._point(corner.beyond), [self._codim2(corner.finding)])
 
     def _passes_start(self, point: BranchPoint, corner: Corner) -> bool:
-        """Whether the way round a corner leads over the point from which the trail began."""
+        """Return whether the path round a corner passes the first point of the tracer."""
         if point.arclength < 4.0 * self.options.first_step:
             return False
         places = [point.x, corner.finding.point.x, corner.beyond.x]
         return any(_distance(self.first.x, a, b) < _BESIDE for a, b in pairwise(places))
 
     def _starts_outwards(self) -> bool:
-        """Whether the first step would leave the ranges at once."""
+        """Return whether the first step would leave the ranges at once."""
         state, first = self.walk.state, self.departure.first
         if state.point is not first:
             return False
@@ -285,7 +285,7 @@ class LocusTrail(Iterator[LocusStep]):
         return False
 
     def _end_with_walk(self) -> None:
-        """Take over the end of the walk."""
+        """Set the end to that of the walk."""
         end = self.walk.end
         assert end is not None
         self.end = LocusEnd(_REASONS[end.reason], self._values(self.walk.point), end.detail)
@@ -309,6 +309,6 @@ class LocusTrail(Iterator[LocusStep]):
 
 
 def _distance(x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Distance of a place from the straight way between two others."""
+    """Return the distance of a place from the straight line segment between two others."""
     share = float((x - a) @ (b - a)) / float((b - a) @ (b - a))
     return float(np.linalg.norm(x - a - min(1.0, max(0.0, share)) * (b - a)))

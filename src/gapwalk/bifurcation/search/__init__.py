@@ -1,4 +1,4 @@
-"""The search for isolated branches and other attractors: many starts, settled transients, Newton's method."""
+"""Search for isolated branches and other attractors, with many starts, settled transients, and Newton's method."""
 
 from gapwalk.bifurcation.search.coverage import coverage, next_is_new, unseen_share
 from gapwalk.bifurcation.search.isolated import Isolated, isolated

@@ -1,4 +1,4 @@
-"""The distinct orbits of one system, with how often each was met."""
+"""Catalogue of the distinct orbits of one system, with the number of times each was found."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAME = 1e-6
 
 @dataclass(eq=False)
 class Entry:
-    """One orbit, its `phases`, and how often it was met in which way."""
+    """One orbit, its `phases`, and the numbers of transients and of Newton iterations that reached it."""
 
     orbit: Orbit
     states: NDArray[np.float64]
@@ -30,12 +30,12 @@ class Entry:
 
 
 class Catalogue:
-    """Orbits of one system, no motion twice, in whatever phase it is met.
+    """Catalogue of the orbits of one system, which holds no motion twice, whatever its phase.
 
     Parameters
     ----------
     scales : shape (2n,)
-        Half-widths of the box of states, in which distances are measured.
+        Half-widths of the box of states, by which distances are scaled.
     """
 
     def __init__(self, scales: NDArray[np.float64]) -> None:
@@ -48,7 +48,7 @@ class Catalogue:
         self._stable = np.zeros(0, dtype=bool)
 
     def add(self, orbit: Orbit) -> Entry:
-        """The entry of an orbit, an old one if there is one."""
+        """Add an orbit and return its entry, which may exist already."""
         known = self.at(orbit.state, orbit.period)
         if known is None:
             known = Entry(orbit, phases(orbit))
@@ -60,16 +60,16 @@ class Catalogue:
         return known
 
     def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
-        """The entry that passes through a state and repeats after `period` forcing periods."""
+        """Return the entry that passes through a state and repeats after `period` forcing periods."""
         entry, distance = self.nearest(state, period)
         return entry if distance <= _SAME else None
 
     def nearest(self, state: NDArray[np.float64], period: int) -> tuple[Entry | None, float]:
-        """The entry nearest to a state of those that repeat after `period` forcing periods, and its distance."""
+        """Return the nearest entry to a state of those that repeat after `period` forcing periods, and its distance."""
         return self._nearest(state, period % self._periods == 0)
 
     def nearest_stable(self, state: NDArray[np.float64]) -> tuple[Entry | None, float]:
-        """The stable entry nearest to a state, whatever its period, and its distance."""
+        """Return the stable entry nearest to a state, whatever its period, and its distance."""
         return self._nearest(state, self._stable)
 
     def _nearest(self, state: NDArray[np.float64], asked: NDArray[np.bool_]) -> tuple[Entry | None, float]:
@@ -81,12 +81,12 @@ class Catalogue:
         return self._owners[nearest], float(distances[nearest])
 
     def states(self, period: int) -> NDArray[np.float64]:
-        """All phases of orbits that repeat after `period` of them; shape (K, 2n)."""
+        """Return all phases of orbits that repeat after `period` forcing periods; shape (K, 2n)."""
         return self._states[period % self._periods == 0]
 
 
 def exact_orbit(system: System, period: int, state: NDArray[np.float64]) -> Orbit | None:
-    """The orbit through a state that nearly repeats, exact and with its true period; None if there is none."""
+    """Return the exact orbit, with its true period, through a state that nearly repeats; None if there is none."""
     try:
         orbit = find_orbit(system, period, state, newton=Newton(iterations=10))
         shortest = true_period(orbit)

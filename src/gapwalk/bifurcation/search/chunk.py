@@ -1,4 +1,4 @@
-"""One piece of a search: a block of starts at one value of the parameter, worked off by a pure function."""
+"""Chunk of a search: a block of starts at one value of the parameter, processed by a pure function."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import ShootingEquation
 
 _EARLY = 1  # forcing periods after which the state of a transient is a start of Newton's method for short periods
-_SHORT = 3  # the longest of them
-_LATE = 2  # forcing periods, besides those sought, after which it is a start for any
-_THERE = 1e-2  # distance from a known orbit within which Newton's method would only come back to it
-_FEW = 0.25  # share of the starts that get more patience if no more than that have not settled
-_PATIENCE = 5  # times the patience that they get
-_MOST = 40  # new orbits beside which others are looked for: without damping there are whole families of them
-_KICK = 0.1  # how far from a known orbit the search for its neighbours begins, in half-widths of the box
+_SHORT = 3  # the longest of the short periods
+_LATE = 2  # forcing periods, in addition to the period sought, after which it is a start for any period
+_THERE = 1e-2  # distance from a known orbit within which Newton's method would only return to it
+_FEW = 0.25  # largest share of unsettled starts for which the patience is extended
+_PATIENCE = 5  # factor by which it is extended
+_MOST = 40  # largest number of new orbits whose neighbourhood is searched: without damping there are families of them
+_KICK = 0.1  # distance from a known orbit at which the search for its neighbours begins, in half-widths of the box
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """A block of starts at one value of the parameter.
+    """Block of starts at one value of the parameter.
 
     Attributes
     ----------
     value
         The value of the parameter.
     block
-        Number of the block among those of this value.
+        Index of the block among those of this value.
     system
         The system at that value.
     box : shape (2n,)
@@ -44,9 +44,9 @@ class Chunk:
     starts : shape (count, 2n)
         The starts.
     known
-        Orbits that are known to exist at that value.
+        Orbits known at that value.
     options
-        How thoroughly to search.
+        Options of the search.
     """
 
     value: float
@@ -60,18 +60,18 @@ class Chunk:
 
 @dataclass(frozen=True, eq=False)
 class Catch:
-    """What one chunk has found: orbits with their hits from transients and from Newton's method, and the rest.
+    """Result of one chunk: orbits with their hits by transients and by Newton's method, and the other transients.
 
     Attributes
     ----------
     orbits
-        Each orbit with the number of transients that settled to it, and of Newton's iterations that ended on it.
+        Each orbit with the number of transients that settled on it, and of Newton iterations that ended on it.
     unsettled : shape (count, 2n)
         Last states of the transients that did not become periodic.
     ran_away
-        Transients that could not be followed.
+        Number of transients that could not be followed.
     newton_starts
-        How often Newton's method was started.
+        Number of starts of Newton's method.
     """
 
     orbits: tuple[tuple[Orbit, int, int], ...]
@@ -81,10 +81,10 @@ class Catch:
 
 
 def search_chunk(chunk: Chunk) -> Catch:
-    """Work off one chunk. The result depends on the chunk alone, so chunks can be mapped over processes.
+    """Process one chunk. The result depends on the chunk alone, so chunks can be distributed over processes.
 
-    Every start is let settle. From the transients, states by the way are starts of Newton's method for orbits of
-    several periods, stable or not. Last, Newton's method with deflation looks for orbits beside each new one.
+    Every start is followed until it settles. States along the transients are starts of Newton's method for orbits of
+    several periods, stable or not. Finally, Newton's method with deflation searches near each new orbit for others.
     """
     hunt, options = _Hunt(chunk), chunk.options
     settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience)
@@ -100,9 +100,7 @@ def search_chunk(chunk: Chunk) -> Catch:
             unsettled.append(settling.path[-1])
         if every and number % every == 0:
             hunt.along(number // every, settling)
-    if len(unsettled) <= _FEW * len(
-        chunk.starts
-    ):  # where most have settled, a few may be lingering by a chaotic saddle
+    if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
         unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
     if every:
         hunt.beside()
@@ -112,7 +110,7 @@ def search_chunk(chunk: Chunk) -> Catch:
 
 
 def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Catalogue) -> list[NDArray[np.float64]]:
-    """Follow transients on with more patience; the last states of those that have not settled even so."""
+    """Follow transients with more patience and return the last states of those that have not settled even so."""
     settler = Settler(chunk.system, catalogue, chunk.options.periods, _PATIENCE * chunk.options.patience)
     unsettled = []
     for state in states:
@@ -125,7 +123,7 @@ def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Ca
 
 
 class _Hunt:
-    """Looks for orbits, stable or not, by Newton's method."""
+    """Search for orbits, stable or not, by Newton's method."""
 
     def __init__(self, chunk: Chunk) -> None:
         self._chunk = chunk
@@ -138,11 +136,11 @@ class _Hunt:
         self._known = len(self.catalogue.entries)
 
     def along(self, number: int, settling: Settling) -> None:
-        """From states along a transient; where it has not settled, from where it came back most closely too.
+        """Search from states along a transient; if it has not settled, also from its closest return.
 
-        One transient in m serves period m, so that all periods have the same time. Newton's method for long periods
-        reaches less far, so it begins later, when the transient is nearer to where it leads; that for short periods
-        begins early too, where it may reach orbits from which the transient leads away.
+        One transient in m is used for period m, so that all periods take the same time. Newton's method for long
+        periods converges from fewer states. It therefore begins later, when the transient is nearer to its attractor.
+        For short periods it begins early too, where it may reach orbits that the transient moves away from.
         """
         path = settling.path
         for period in self._chunk.options.newton_periods:
@@ -157,12 +155,12 @@ class _Hunt:
                 self._try(path[int(np.argmin(returns))], period)
 
     def beside(self) -> None:
-        """From a little beside each orbit met, all known ones deflated: where one is, a partner is often near.
+        """Search near each orbit found, with all known ones deflated: a second orbit is often near.
 
-        Not beside those that were known before: what is near them is on their branches, or attached to these.
+        Orbits known beforehand are skipped: orbits near them lie on their branches, or on branches attached to these.
         """
         done = self._known
-        while done < min(len(self.catalogue.entries), self._known + _MOST):  # it grows
+        while done < min(len(self.catalogue.entries), self._known + _MOST):  # the list grows in the loop
             orbit = self.catalogue.entries[done].orbit
             kick = self._random.normal(size=len(orbit.state))
             kick *= _KICK / np.linalg.norm(kick)
@@ -170,7 +168,7 @@ class _Hunt:
             done += 1
 
     def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> None:
-        """Newton's method from a start, given up where it leads to an orbit that was met before."""
+        """Apply Newton's method from a start, and give up if it leads to an orbit that is already in the catalogue."""
         self.tried += 1
         met: list[Entry] = []
 

@@ -1,4 +1,4 @@
-"""Newton's method that keeps away from orbits already known (Farrell, Birkisson, Funke 2015).
+"""Newton's method with deflation, which avoids known orbits (Farrell, Birkisson, Funke 2015).
 
 Instead of ``G(x) = 0`` it solves ``M(x) G(x) = 0`` with the deflation operator
 
@@ -9,7 +9,7 @@ one, so by the formula of Sherman and Morrison its Newton step is the ordinary o
 
     1 / (1 - grad ln M . d)
 
-Its reach r is short: with r as wide as the whole box of states, measured on the paper's system, the known solutions
+Its reach r is short. With r as wide as the whole box of states, measured on the paper's system, the known solutions
 flatten everything between them, and fewer new ones are found than without any deflation.
 """
 
@@ -29,19 +29,19 @@ from gapwalk.orbit.newton import is_solved
 
 @dataclass(frozen=True, slots=True)
 class Deflation:
-    """How to look for orbits other than the known ones. Lengths are shares of the box of states.
+    """Options of the search for further orbits. Lengths are shares of the box of states.
 
     Parameters
     ----------
     iterations, halvings
-        Most Newton steps; how often a step that does not bring the deflated residual down is halved before the
-        search is given up.
+        Largest number of Newton steps; largest number of halvings of a step that does not reduce the deflated residual,
+        before the search is given up.
     power, shift, reach
         p, s and r of the deflation operator.
     longest
         Longest step.
     farthest
-        Distance from the middle of the box at which the search is given up.
+        Distance from the centre of the box at which the search is given up.
     """
 
     iterations: int = 15
@@ -61,22 +61,22 @@ def newton_aside(
     options: Deflation = Deflation(),
     is_enough: Callable[[NDArray[np.float64]], bool] = lambda _: False,
 ) -> NDArray[np.float64] | None:
-    """A solution other than the known ones, from a start; None if Newton's method comes to none.
+    """Find a solution other than the known ones, from a start; return None if Newton's method finds none.
 
     Parameters
     ----------
     equation
         The equation, without a parameter.
     start : shape (N,)
-        Where to begin.
+        The initial guess.
     scales : shape (N,)
-        Half-widths of the box of states, which are the units of length.
+        Half-widths of the box of states, the units of length.
     known : shape (K, N)
-        The known solutions; without any it is Newton's method with damping and bounds.
+        The known solutions; without any, this is Newton's method with damping and bounds.
     options
-        How to look.
+        Options of the search.
     is_enough
-        Asked after each step; True gives up, for instance because it leads to where nothing new is.
+        Called after each step; if it returns True, the search is given up, for instance near a known solution.
     """
     known = np.zeros((0, len(start))) if known is None else known
     x, evaluation = start, _evaluate(equation, start, scales, options)
@@ -101,7 +101,7 @@ def newton_aside(
 
 
 def _stretch(away: NDArray[np.float64], step: NDArray[np.float64], options: Deflation) -> float:
-    """The number by which deflation stretches (or turns) the Newton step."""
+    """Return the factor by which deflation stretches (or reverses) the Newton step."""
     p, distance2 = options.power, np.maximum((away * away).sum(axis=1), 1e-300)
     slopes = -p / (distance2 * (1.0 + options.shift * distance2 ** (p / 2.0)))
     rest = 1.0 - float(slopes @ (away @ step))
@@ -109,7 +109,7 @@ def _stretch(away: NDArray[np.float64], step: NDArray[np.float64], options: Defl
 
 
 def _line_search(equation, x, evaluation, step, scales, known, options: Deflation):
-    """The first of the halved steps that brings the deflated residual down; without an evaluation if none does."""
+    """Return the first of the halved steps that reduces the deflated residual; None as evaluation if none does."""
     before, factor = _merit(x, evaluation, scales, known, options), 1.0
     for _ in range(options.halvings + 1):
         there = x + factor * step
@@ -121,7 +121,7 @@ def _line_search(equation, x, evaluation, step, scales, known, options: Deflatio
 
 
 def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> float:
-    """Logarithm of the size of the deflated residual."""
+    """Return the logarithm of the size of the deflated residual."""
     size = math.log(max(math.hypot(*(evaluation.residual / scales).tolist()), 1e-300))
     if not len(known):
         return size
@@ -131,7 +131,7 @@ def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> floa
 
 
 def _evaluate(equation: Equation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:
-    """The equation at a point; None outside the bounds, where impacts become so hard that motions take for ever."""
+    """Evaluate the equation at a point; None outside the bounds, where hard impacts make integration extremely slow."""
     if not np.abs(x / scales).max() <= options.farthest:
         return None
     try:

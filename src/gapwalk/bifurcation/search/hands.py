@@ -1,4 +1,4 @@
-"""Who does the pieces of work of a search: this process alone, or others too if the caller has them."""
+"""Executors of the pieces of work of a search: this process alone, or others that the caller provides."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 
 class Hands(Protocol):
-    """Whoever does independent pieces of work, in whatever processes; `gapwalk.study.work.workers` has such hands."""
+    """Executor of independent pieces of work in any processes; see `gapwalk.study.work.workers` for several cores."""
 
     def run(
         self,
@@ -16,7 +16,7 @@ class Hands(Protocol):
         accept: Callable[[int, Any], None],
         is_needed: Callable[[int], bool],
     ) -> None:
-        """Apply a function, importable by its name, to each piece that is needed when its turn comes.
+        """Apply a function, importable by its name, to each piece that is still needed when its turn comes.
 
         `accept` takes the number of each piece and its result, in this process.
         """
@@ -24,7 +24,7 @@ class Hands(Protocol):
 
 
 class Alone:
-    """Does one piece after the other in this process."""
+    """Executor that processes the pieces one after another in this process."""
 
     def run(
         self,

@@ -1,4 +1,4 @@
-"""From orbits that a search has found to the branches on which they lie, each followed once."""
+"""Branches through orbits found by a search, each followed once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gapwalk.orbit.method import Method
 
 @dataclass(frozen=True)
 class Isolated:
-    """What became of the orbits of a search.
+    """Result of following the orbits of a search.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Isolated:
     lost
         Orbits from which no branch could be followed, each with the reason.
     complete
-        False if it was stopped before its end.
+        False if the work was stopped before its end.
     """
 
     branches: tuple[Branch, ...]
@@ -44,9 +44,9 @@ def isolated(
     report: Callable[[Branch], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Isolated:
-    """Follow each new orbit of a search that lies on no branch followed before: neither known nor new.
+    """Follow each orbit of a search that lies on no known branch and on no branch followed before it.
 
-    Those to which most transients have settled come first. `stop` ends it between two branches.
+    Orbits on which most transients have settled come first.
 
     Parameters
     ----------
@@ -63,12 +63,12 @@ def isolated(
     report
         Called with each new branch.
     stop
-        Asked before each new branch; True ends it.
+        Called before each new branch; True stops the work.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, or a range that does not hold an orbit.
+        For an unknown parameter, or a range that does not contain an orbit.
     """
     curves = [Curve(branch) for branch in known if branch.parameter == parameter]
     branches: list[Branch] = []

@@ -1,4 +1,4 @@
-"""How thoroughly to search, and at which values of a parameter."""
+"""Options of a search: its thoroughness, and the values of the parameter."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 
 VALUES = 300
-"""Values of a parameter in a range at which a search is thorough: it misses no island wider than a 300th of it."""
+"""Number of values in a range for a thorough search: it misses no isolated branch wider than a 300th of the range."""
 
-_MOST = 100_000  # starts, or values
+_MOST = 100_000  # largest number of starts, or of values
 
 
 @dataclass(frozen=True, slots=True)
 class SearchOptions:
-    """How thoroughly to search at each value of the parameter.
+    """Thoroughness of a search at each value of the parameter.
 
-    The defaults suit many values, of which several lie on each island; at a single value take more starts.
+    The defaults suit many values, several of which lie on each isolated branch; at a single value use more starts.
 
     Parameters
     ----------
     starts
-        Starts at each value of the parameter, from which transients are let settle.
+        Starts of transients at each value of the parameter.
     periods
-        Highest period, in forcing periods, of the orbits to which a transient may settle.
+        Longest period, in forcing periods, of the orbits on which a transient may settle.
     newton_starts
-        How many of the starts at each value serve Newton's method too, which finds unstable orbits; 0: none.
+        Number of starts at each value that Newton's method uses too, to find unstable orbits; 0 for none.
     newton_periods
-        Periods, in forcing periods, of the orbits that Newton's method looks for. One of those starts in m serves
-        period m; orbits that repeat earlier are found too.
+        Periods, in forcing periods, of the orbits that Newton's method searches for. One of those starts in m is used
+        for period m; orbits of shorter periods are found too.
     patience
         Forcing periods after which a transient whose returns no longer shrink counts as not periodic.
     box
         Half-widths of the box of starts about zero, 2n numbers: positions, then velocities. By default it is derived
         from the system; see `state_box`.
     spread
-        How many times larger than the motions the derived box is.
+        Ratio of the derived box to the motions.
     seed
-        Of the starts: the same seed gives the same result.
+        Seed of the starts: the same seed gives the same result.
     block
-        Starts in one piece of work. It is part of the result's definition, as a piece does not know what others find.
+        Starts in one piece of work. It affects the result, because a piece does not use what others find.
     """
 
     starts: int = 24
@@ -62,7 +62,7 @@ class SearchOptions:
         for name in ("newton_starts", "seed"):
             _check_integer(name, getattr(self, name), 0)
         if max(self.starts, self.newton_starts) > _MOST:
-            raise ModelError(f"starts is {self.starts}, newton_starts {self.newton_starts}; they may be {_MOST:,}")
+            raise ModelError(f"starts is {self.starts}, newton_starts {self.newton_starts}; at most {_MOST:,} each")
         for period in self.newton_periods:
             _check_integer("each of newton_periods", period, 1)
         if self.newton_starts and not self.newton_periods:
@@ -72,17 +72,17 @@ class SearchOptions:
 
 
 def values_between(low: float, high: float, narrowest: float | None = None) -> NDArray[np.float64]:
-    """Values of a parameter, spread evenly, so dense that each island of some width holds one of them at least.
+    """Return evenly spaced values of a parameter, so dense that each isolated branch of some width contains one.
 
-    An island is a branch that hangs together with no other, and exists over a part of the range only.
+    An isolated branch (isola) is connected to no other, and exists only over a part of the range.
 
     Parameters
     ----------
     low, high
         The range of the parameter.
     narrowest
-        Width of the narrowest island that must not lie between two of the values, in units of the parameter; by
-        default a three-hundredth of the range.
+        Width of the narrowest isolated branch that must not lie between two of the values, in units of the parameter;
+        by default a 300th of the range.
 
     Returns
     -------
@@ -95,12 +95,12 @@ def values_between(low: float, high: float, narrowest: float | None = None) -> N
         For an empty range, or a width that is not positive.
     """
     if not low < high < math.inf or low == -math.inf:
-        raise ModelError(f"the range is from {low!r} to {high!r}; it must go up, between finite numbers")
+        raise ModelError(f"the range is from {low!r} to {high!r}; its limits must be finite and increasing")
     if narrowest is not None and not 0.0 < narrowest < math.inf:
         raise ModelError(f"narrowest is {narrowest!r}; it must be a number > 0, in units of the parameter")
     ratio = VALUES if narrowest is None else (high - low) / narrowest * (1.0 - 1e-12)
     if ratio > _MOST:
-        raise ModelError(f"narrowest is {narrowest!r}, which takes {ratio:.3g} values; there may be {_MOST:,}")
+        raise ModelError(f"narrowest is {narrowest!r}, which takes {ratio:.3g} values; at most {_MOST:,} are allowed")
     count = math.ceil(ratio)
     return low + (high - low) * (np.arange(count) + 0.5) / count
 

@@ -1,4 +1,4 @@
-"""The records of a search: the orbits found, what was tried, and the whole result."""
+"""Records of a search: the orbits found, the starts tried, and the whole result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gapwalk.orbit.orbit import Orbit
 
 @dataclass(frozen=True)
 class Found:
-    """One orbit that the search has met.
+    """One orbit that the search has found.
 
     Attributes
     ----------
@@ -21,11 +21,11 @@ class Found:
     orbit
         The orbit, with its true period.
     hits_settled
-        Transients that settled to it.
+        Number of transients that settled on it.
     hits_newton
-        Times that Newton's method ended on it.
+        Number of Newton iterations that ended on it.
     branch
-        Number of the known branch on which it lies; None if it is new.
+        Index of the known branch on which it lies; None if it is new.
     """
 
     value: float
@@ -36,13 +36,13 @@ class Found:
 
     @property
     def is_new(self) -> bool:
-        """Whether it lies on none of the known branches."""
+        """True if it lies on none of the known branches."""
         return self.branch is None
 
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """What was tried at one value of the parameter.
+    """Counts of the search at one value of the parameter.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class Tally:
     box : shape (2n,)
         Half-widths of the box of starts.
     starts, settled, ran_away
-        Transients followed; those that settled to a periodic orbit; those that could not be followed.
+        Transients followed; those that settled on a periodic orbit; those that could not be followed.
     unsettled : shape (count, 2n)
-        Last states of those that did not become periodic: tori, chaos, or too slow.
+        Last states of the transients that did not become periodic: tori, chaos, or slow decay.
     newton_starts
-        How often Newton's method was started.
+        Number of starts of Newton's method.
     """
 
     value: float
@@ -69,7 +69,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search has found.
+    """Result of a search.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class SearchResult:
         The distinct orbits in the order of the values; at each value in the order of their periods, then of their
         hits.
     tallies
-        What was tried at each value.
+        Counts at each value.
     complete
         False if the search was stopped before its end.
     """
@@ -91,16 +91,16 @@ class SearchResult:
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Values of the parameter at which was searched."""
+        """Values of the parameter at which the search was made."""
         return tuple(tally.value for tally in self.tallies)
 
     @property
     def new(self) -> tuple[Found, ...]:
-        """The orbits that lie on none of the known branches."""
+        """Orbits that lie on none of the known branches."""
         return tuple(each for each in self.found if each.is_new)
 
     def at(self, value: float) -> tuple[Found, ...]:
-        """The orbits found at one value."""
+        """Return the orbits found at one value."""
         return tuple(each for each in self.found if each.value == value)
 
     def __repr__(self) -> str:

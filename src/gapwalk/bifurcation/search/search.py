@@ -1,4 +1,4 @@
-"""The search for isolated branches and other attractors: orbits at several values of a parameter, from many starts."""
+"""Search for isolated branches and other attractors: orbits at several values of a parameter, from many starts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gapwalk.orbit.orbit import Orbit
 
 
 class Progress(NamedTuple):
-    """How far a search has come: pieces of work done, of how many; and the value and the catch of the last one."""
+    """Progress of a search: pieces of work done, their total number, and the value and result of the last one."""
 
     done: int
     total: int
@@ -43,7 +43,7 @@ def search(
 ) -> SearchResult:
     """Search for periodic orbits at several values of a parameter, from many starts.
 
-    `stop` ends it between two pieces of work: what has been found is returned, and not `complete`.
+    If `stop` ends it between two pieces of work, the result holds the orbits found so far, and is not `complete`.
 
     Parameters
     ----------
@@ -54,23 +54,23 @@ def search(
     values
         Its values.
     known
-        Branches along this parameter that have been followed already: orbits on them are not new.
+        Known branches along this parameter: orbits on them are not new.
     options
-        How thoroughly to search.
+        Options of the search.
     hands
-        Who does the work; by default this process alone. ``with gapwalk.study.work.workers.workers() as hands:`` is all
-        local cores. The result does not depend on it.
+        Executor of the work; by default this process alone. ``with gapwalk.study.work.workers.workers() as hands:``
+        uses all local cores. The result does not depend on it.
     report
         Called after each piece of work.
     stop
-        Asked between two pieces of work; True ends the search.
+        Called between two pieces of work; True ends the search.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a value that is not allowed, or options that make no sense.
+        For an unknown parameter, a value that is not allowed, or inconsistent options.
     Interrupted
-        After Ctrl-C; its `found` is what there is by then, not `complete`.
+        After Ctrl-C; its `found` is the result so far, not `complete`.
     """
     chosen = [float(value) for value in dict.fromkeys(np.asarray(values, dtype=float).ravel().tolist())]
     if not chosen:
@@ -95,7 +95,7 @@ def search(
 def _result(
     parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
 ) -> SearchResult:
-    """What has been found by the pieces of work that are done."""
+    """Return what the completed pieces of work have found."""
     found: list[Found] = []
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):
@@ -109,7 +109,7 @@ def _result(
 def _chunks(
     system: System, parameter: str, value: float, curves: list[Curve], options: SearchOptions
 ) -> Iterator[Chunk]:
-    """The pieces of work at one value."""
+    """Yield the pieces of work at one value."""
     there = system.at({parameter: value})
     on_branches = (_exact(orbit) for curve in curves for orbit in curve.orbits_at(value))
     known = tuple(orbit for orbit in on_branches if orbit is not None)
@@ -122,12 +122,12 @@ def _chunks(
 
 
 def _exact(orbit: Orbit) -> Orbit | None:
-    """An orbit of a known branch as transients and Newton's method see it; None if there is none."""
+    """Return an orbit of a known branch as shooting finds it; None if there is none near an orbit that is not exact."""
     return orbit if orbit.is_exact else exact_orbit(orbit.system, orbit.period, orbit.state)
 
 
 def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
-    """What was tried at one value."""
+    """Return the counts at one value."""
     return Tally(
         value,
         done[0][0].box,
@@ -140,7 +140,7 @@ def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
 
 
 def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]) -> Iterator[Found]:
-    """The orbits of all chunks at one value, none twice."""
+    """Yield the distinct orbits of all chunks at one value."""
     catalogue = Catalogue(done[0][0].box)
     for _, catch in done:
         for orbit, settled, newton in catch.orbits:

@@ -1,4 +1,4 @@
-"""Transients, followed until they repeat: a test of settling, not a fixed number of forcing periods."""
+"""Transients that are followed until they repeat, instead of for a fixed number of forcing periods."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit.shooting import ShootingEquation
 
-_EVERY = 8  # forcing periods from one look at the returns to the next
+_EVERY = 8  # forcing periods between two examinations of the returns
 _STROBES = np.array([PERIOD * k for k in range(_EVERY + 1)])  # in one call: a call costs as much as a period
-_RETURN = 1e-3  # a state that returns so closely, in half-widths of the box, may be settling
-_FINEST = 1e-11  # the closest return that is asked for
-_NEAR = 1e-2  # distance from a stable orbit within which a transient that returns has settled to it
-_SHRINKING = 0.75  # change of the returns, over half the patience, up to which a transient goes on
-_LONGEST = 10  # times the patience: the longest transient; what shrinks more slowly would not be there by then
-_DOUBTS = 8  # times in one patience that a long transient is asked whether its returns shrink
+_RETURN = 1e-3  # distance of a return, in half-widths of the box, below which a transient may be settling
+_FINEST = 1e-11  # the closest return that is required
+_NEAR = 1e-2  # distance from a stable orbit within which a transient that returns has settled on it
+_SHRINKING = 0.75  # ratio of the returns, over half the patience, up to which a transient is continued
+_LONGEST = 10  # longest transient, as a multiple of the patience; slower decay would not end by then
+_DOUBTS = 8  # number of times per patience that the returns of a long transient are examined
 
 
 @dataclass(frozen=True, eq=False)
 class Settling:
-    """What became of one transient.
+    """Outcome of one transient.
 
     Attributes
     ----------
     path : shape (periods + 1, 2n)
-        Its states at the start of each forcing period.
+        States at the start of each forcing period.
     entry
-        The stable orbit to which it settled, or None.
+        The stable orbit on which it settled, or None.
     ran_away
-        Whether it could not be followed.
+        True if it could not be followed.
     """
 
     path: NDArray[np.float64]
@@ -46,16 +46,16 @@ class Settling:
 
 
 class Settler:
-    """Lets the transients of one system settle.
+    """Integrator that follows the transients of one system until they settle.
 
     Parameters
     ----------
     system
         The system.
     catalogue
-        The orbits met so far; new ones are added, those met by the way too.
+        The orbits found so far; new ones are added, including unstable ones found on the way.
     periods
-        Highest period, in forcing periods, for which a return is looked for.
+        Longest period, in forcing periods, for which a return is sought.
     patience
         Forcing periods after which a transient whose returns no longer shrink is given up.
     """
@@ -65,10 +65,10 @@ class Settler:
         self._flow, self._coefficients = flow_of(system), coefficients_of(system)
 
     def settle(self, state: NDArray[np.float64]) -> Settling:
-        """Follow the transient from a state until it has settled, has run away, or shows no sign of settling.
+        """Follow the transient from a state until it has settled, has diverged, or shows no sign of settling.
 
-        It has settled where it returns closely and Newton's method finds a stable orbit there; or, which is seen
-        sooner, where it comes nearer and nearer to a stable orbit that is known already.
+        It has settled if it returns closely and Newton's method finds a stable orbit there. Earlier than that, it has
+        settled if it approaches a known stable orbit from one examination to the next.
         """
         path, finest, beside, before = [state], _RETURN, None, math.inf
         try:
@@ -89,33 +89,33 @@ class Settler:
         return Settling(np.array(path), None)
 
     def _goes_on(self, path: list[NDArray[np.float64]]) -> bool:
-        """Whether to follow a transient further: it has been followed for a short time only, or its returns shrink."""
+        """Return whether to follow a transient further: it is still short, or its returns shrink."""
         length = len(path) - 1
         if length < max(self._patience, 4 * self._periods):  # before that there are no two halves to compare
             return True
         if length >= _LONGEST * self._patience:
             return False
         if (length - self._patience) % max(_EVERY, self._patience // _DOUBTS // _EVERY * _EVERY) >= _EVERY:
-            return True  # it is not time to ask yet
+            return True  # the next examination is not due yet
         half = max(self._patience // 2, 2 * self._periods)
         last, before = self._closeness(path[-half:]), self._closeness(path[-2 * half : -half])
         return last < _SHRINKING * before
 
     def _closeness(self, path: list[NDArray[np.float64]]) -> float:
-        """How closely the states of a piece of path return after some number of forcing periods: least median."""
+        """Return the median distance of returns in a section of the path, for the period that returns most closely."""
         states = np.array(path) / self._catalogue.scales
         returns = [np.abs(states[m:] - states[:-m]).max(axis=1) for m in range(1, self._periods + 1) if m < len(states)]
         return min(float(np.median(each)) for each in returns)
 
     def _returns(self, path: list[NDArray[np.float64]], finest: float) -> int:
-        """The smallest number of forcing periods after which the last state is back as closely as asked; or 0."""
+        """Return the smallest number of forcing periods after which the last state recurs within `finest`, or 0."""
         last = np.array(path[-self._periods - 1 :]) / self._catalogue.scales
         distances = np.abs(last[-1] - last[-2::-1]).max(axis=1)
         close = np.flatnonzero(distances <= finest)
         return int(close[0]) + 1 if len(close) else 0
 
     def _orbit_near(self, state: NDArray[np.float64], period: int) -> Entry | None:
-        """The stable orbit to which a state that nearly returns has settled."""
+        """Return the stable orbit on which a state that nearly returns has settled."""
         entry, distance = self._catalogue.nearest(state, period)
         if entry is None or distance > _NEAR or not entry.orbit.stable:
             equation = ShootingEquation(self._system, None, period)

@@ -1,4 +1,4 @@
-"""Where a search begins: the box of states that a system may visit, and starts spread evenly over it."""
+"""Starts of a search: the box of states that a system may visit, and starts spread evenly over it."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
-_REACH = 20.0  # a gap that many times wider than the motion without it is never closed
-_SAMPLES = 64  # a forcing period, at which the velocities of a known orbit are read
-_RESONANCE = 5.0  # largest amplitude, in static deflections, that is believed of a linear resonance
-_SINGULAR = 1e12  # condition number from which a stiffness holds nothing back
+_REACH = 20.0  # a gap this many times wider than the motion without it is assumed never to close
+_SAMPLES = 64  # samples per forcing period of the velocities of a known orbit
+_RESONANCE = 5.0  # upper bound of the amplitude of a linear resonance, in static deflections
+_SINGULAR = 1e12  # condition number above which a stiffness does not support the system
 
 
 def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) -> NDArray[np.float64]:
-    """Half-widths of a box about zero in which the motions of a system lie, with room to spare; shape (2n,).
+    """Return the half-widths of a box about zero that contains the motions of a system with a margin; shape (2n,).
 
-    Positions: as far as the static load, the widths of the gaps and the excitation carry the system while its contacts
-    touch, and at least as wide as the gaps; where a contact has one side only, as far as the system goes without any.
-    Velocities: that times the frequency of the coordinate with the others held and the contacts touching, or that of
-    the excitation if it is higher. Or as far as a known orbit goes.
+    Positions: as far as the static load, the widths of the gaps and the excitation move the system while its contacts
+    touch, and at least as wide as the gaps; if a contact has one side only, as far as the system moves without it.
+    Velocities: the positions times the natural frequency of the coordinate with the others fixed and the contacts
+    touching, or times the excitation frequency if that is higher. Known orbits enlarge the box if necessary.
 
     Parameters
     ----------
     system
         The system.
     known
-        Orbits that the box must hold.
+        Orbits that the box must contain.
     spread
-        How many times larger than all that the box is.
+        Factor by which the box is enlarged.
     """
     stiffness, positions = _touching(system)
     positions[positions == 0.0] = positions.max() or 1.0
@@ -45,11 +45,11 @@ def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) 
 
 
 def spread_starts(box: NDArray[np.float64], count: int, seed: int, value: float) -> NDArray[np.float64]:
-    """Starts spread evenly over a box by a scrambled Sobol sequence, shape (count, 2n).
+    """Return starts spread evenly over a box by a scrambled Sobol sequence, shape (count, 2n).
 
-    The same for the same seed and value of the parameter, whatever else is searched.
+    They depend only on the seed and the value of the parameter, not on what else is searched.
     """
-    from scipy.stats import qmc  # imported late: it takes longer than all the rest
+    from scipy.stats import qmc  # imported late, because the import takes longer than everything else here
 
     engine = qmc.Sobol(len(box), scramble=True, rng=generator(seed, value))
     points = engine.random_base2((count - 1).bit_length())[:count]
@@ -57,14 +57,14 @@ def spread_starts(box: NDArray[np.float64], count: int, seed: int, value: float)
 
 
 def generator(seed: int, value: float, block: int = 0) -> np.random.Generator:
-    """Random numbers that belong to one value of the parameter, and to one block of starts there."""
+    """Return the random numbers for one value of the parameter, and for one block of starts there."""
     return np.random.default_rng([seed, int(np.float64(value).view(np.uint64)), block])
 
 
 def _touching(system: System) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Stiffness by unit of mass with the contacts touching, and how far the positions go.
+    """Return the stiffness per unit of mass with the contacts touching, and the extent of the positions.
 
-    A gap far wider than the motion without it is left out: a stop that is never met says nothing of the motion.
+    A gap far wider than the motion without it is left out: a stop that is never reached does not affect the motion.
     """
     layout, coefficients, n = layout_of(system.structure), coefficients_of(system), system.size
     rows = coefficients[layout.accelerations]
@@ -95,10 +95,9 @@ def _linear_motion(
     load: NDArray[np.float64],
     resonance: float,
 ) -> NDArray[np.float64]:
-    """How far a static load and the excitation carry the positions of a linear system; infinite if nothing holds them.
+    """Return the extent of the positions of a linear system under static load and excitation; infinite if unsupported.
 
-    Of a resonance as much is believed as that many times the deflection if all loads were static: gaps detune it, and
-    contacts damp it.
+    A resonance is limited to `resonance` times the deflection under static loads: gaps detune it, and contacts damp it.
     """
     n, orders = system.size, layout_of(system.structure).orders
     if np.linalg.cond(stiffness) > _SINGULAR:
@@ -119,12 +118,12 @@ def _linear_motion(
 def _side(
     contact: ContactSlots, sign: int, coefficients: NDArray[np.float64], reach: float
 ) -> tuple[float, float, float]:
-    """Stiffness of a contact on one side, what its springs carry over their gaps, and its widest gap within reach."""
+    """Return the stiffness of a contact on one side, the load of its springs over their gaps, and its widest gap."""
     slope = pull = width = 0.0
     for stage in contact.stages:
         clearance = float(coefficients[stage.clearance])
         if stage.sign == sign and clearance <= reach:
-            # a cubic spring counts as stiff as it is one clearance deep
+            # a cubic spring counts with its stiffness at a depth of one clearance
             spring = float(coefficients[stage.stiffness] + coefficients[stage.cubic] * clearance**2)
             slope, pull, width = slope + spring, pull + abs(spring) * clearance, max(width, clearance)
     return slope, pull, width
