@@ -26,6 +26,7 @@ ORDER = (
     "reduction",
     "attractor",
     "measurement",
+    "results",
     "study",
     "paper",
     "plot",

@@ -12,8 +12,10 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
+from gapwalk.results import file
 from gapwalk.study.diagram import diagram as growing
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
 from tests.study.diagrams import clutch_diagram, many_branches
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
@@ -138,19 +140,17 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
 
 
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
-    from gapwalk.study.store import rows
+    insert, count = file._insert, 0
 
-    write, count = rows.write_points, 0
-
-    def write_some(*arguments) -> None:
+    def insert_some(*arguments) -> int:
         nonlocal count
         count += 1
-        if count == 3:
+        if count == 4:  # two make the file, with its first branch
             raise OSError(28, "No space left on device")
-        write(*arguments)
+        return insert(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(rows, "write_points", write_some)
+        patch.setattr(file, "_insert", insert_some)
         with pytest.raises(StoreError, match="No space left"):
             gw.run(clutch_diagram(), path)
     assert gw.load(path).names == ("P1-1", "P2-1")
@@ -231,22 +231,22 @@ def test_a_branch_may_end_anywhere(path) -> None:
 @pytest.mark.parametrize(
     "statement",
     [
-        "DELETE FROM branch WHERE id = 1",
-        "UPDATE branch SET name = 'P1-1'",
-        "UPDATE branch SET ends = NULL WHERE id = 2",
-        "UPDATE branch SET ends = '[]'",
-        "UPDATE branch SET period = 0",
-        'UPDATE branch SET begins = \'{"parent": "P3-1", "special": 0}\' WHERE id = 2',
-        'UPDATE branch SET joins = \'{"parent": "P1-1", "special": 99}\' WHERE id = 2',
-        'UPDATE branch SET joins = \'{"parent": "P2-1", "special": 0}\' WHERE id = 2',
-        "DELETE FROM result WHERE key = 'diagram'",
+        "DELETE FROM part WHERE name = 'branch' AND number = 0",
+        'UPDATE part SET head = replace(head, \'"name":"P2-1"\', \'"name":"P1-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"ends\":', '\"end\":') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"ends":{"count":2\', \'"ends":{"count":3\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, ',\"period\":2', ',\"period\":0') WHERE name = 'branch'",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P3-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"special\":', '\"special\":9') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P2-1"\') WHERE name = \'branch\'',
+        "DELETE FROM part WHERE name = 'diagram'",
+        'UPDATE part SET head = replace(head, \'"max_period":{"is":"int","int":\', '
+        '\'"max_period":{"is":"int","int":-\') WHERE name = \'diagram\'',
     ],
 )
 def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
-    from tests.study.test_store import change
-
     path.write_bytes(whole_file)
-    change(path, statement)
+    change_sealed(path, statement)
     with pytest.raises(StoreError, match="damaged"):
         gw.load(path)
 

@@ -15,10 +15,10 @@ from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.map import charting
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
 from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
-from tests.study.tampering import change_sealed
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -253,12 +253,13 @@ def test_a_result_of_another_plane_is_not_resumed(path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("DELETE FROM locus WHERE id = 2", "a locus is missing"),
-        ("UPDATE locus SET checksum = checksum + 1", "the checksum of some points is wrong"),
-        ("UPDATE locus SET unknowns = 7", "numbers are stored where"),
-        ("DELETE FROM branch WHERE id = 2", "branches of a section are missing"),
-        ("UPDATE locus SET ends = '[]'", "values to unpack"),
-        ("DROP TABLE codim2_point", "its tables are not those of gapwalk"),
+        ("DELETE FROM part WHERE name = 'locus' AND number = 1", "a section or a locus is missing"),
+        ("DELETE FROM part WHERE name = 'section' AND number = 1", "a section or a locus is missing"),
+        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are not there"),
+        ("UPDATE part SET head = replace(head, '\"ends\":[', '\"ends\":[0,') WHERE name = 'locus'", "Locus.ends"),
+        ("UPDATE part SET head = replace(head, '\"period\":2', '\"period\":3') WHERE name = 'locus'", "another period"),
+        ("UPDATE part SET name = 'loci' WHERE name = 'locus'", "a section or a locus is missing"),
+        ("UPDATE part SET head = replace(head, '\"frequency\"', '\"mean.x\"') WHERE name = 'map'", "does not belong"),
     ],
 )
 def test_a_damaged_file_is_named(path, change, message) -> None:

@@ -22,8 +22,8 @@ from gapwalk.paper.markdown import claims_page
 from gapwalk.paper.page import report_page
 from gapwalk.paper.reading import USUAL, Reading
 from gapwalk.study.export import export_csv, table_names, write_whole
+from gapwalk.study.load import load_result
 from gapwalk.study.result import Result
-from gapwalk.study.store.stored import load
 from gapwalk.study.work.workers import sharing, workers
 
 _FOLDER = Path("paper")
@@ -184,7 +184,7 @@ def _draw(piece: _Piece) -> list[str]:
     from gapwalk.plot.sheet import sheet_bytes
 
     figure, tables, folder = piece
-    results = {key: load(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
+    results = {key: load_result(folder / "results" / f"{key}.gapwalk") for key in figure.jobs}
     picture = draw_paper_figure(figure, results)
     for key, result in ((key, results[key]) for key in tables):
         export_csv(result, {name: folder / "results" / f"{key}-{name}.csv" for name in table_names(result)})

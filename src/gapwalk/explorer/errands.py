@@ -22,6 +22,8 @@ from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.explorer.news import News
+from gapwalk.results.file import lock
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.diagram.diagram import empty_diagram
 from gapwalk.study.diagram.others import grow_others
 from gapwalk.study.diagram.store import DiagramStore
@@ -29,11 +31,7 @@ from gapwalk.study.file import Study
 from gapwalk.study.map import Map
 from gapwalk.study.map.store import MapStore
 from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions
-from gapwalk.study.store.claim import earlier_result
-from gapwalk.study.store.database import lock
-from gapwalk.study.store.result_file import ResultFile
-from gapwalk.study.store.stored import StoredDiagram
-from gapwalk.study.store.versions import versions
+from gapwalk.study.request import request_file
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ class SwitchErrand:
         limb = Limb(f"P{branch.period}-1", branch)
         known = empty_diagram(options.parameter, within)
         tree = Diagram(options.parameter, known.within, (limb,), complete=complete)
-        with lock(output), ResultFile(output, study, versions(), exists=False) as file:
-            store = DiagramStore(file)
+        with lock(output), request_file(study, output) as file:
+            store = DiagramStore(file, known)
             store.add(tree, limb)
             store.finish(tree, finished=complete)
         return complete
@@ -87,12 +85,11 @@ class SearchErrand:
         within = (options.begin, options.end)
         with lock(output):
             earlier = earlier_result(output, study, resume=True, force=False) if resume else None
-            found = None if earlier is None else earlier.found
-            tree = found.diagram if isinstance(found, StoredDiagram) else empty_diagram(options.parameter, within)
+            tree = (earlier and earlier.diagram) or empty_diagram(options.parameter, within)
             for limb in tree.limbs:
                 news.limb(tree, limb)
-            with ResultFile(output, study, versions(), exists=earlier is not None) as file:
-                store = DiagramStore(file, len(tree.limbs))
+            with request_file(study, output, earlier and earlier.versions) as file:
+                store = DiagramStore(file, tree)
 
                 def keep(diagram: Diagram, limb: Limb) -> None:
                     store.add(diagram, limb)
@@ -132,12 +129,11 @@ class LocusErrand:
         # one direction shows the whole of a closed curve
         kept = slice(-1, None) if last is not None and last.reason is LocusEndReason.CLOSED else slice(None)
         locus = join_locus(way.trails[kept], way.walked[kept])
-        empty = Map(first, second, options.within)
         chart = Map(first, second, options.within, (locus,), complete=complete)
-        with lock(output), ResultFile(output, study, versions(), exists=False) as file:
-            store = MapStore(file, empty)
+        with lock(output), request_file(study, output) as file:
+            store = MapStore(file)
             store.add(chart, locus)
-            store.finish(chart, finished=complete)
+            store.finish(chart)
         return complete
 
 

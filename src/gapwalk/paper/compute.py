@@ -9,10 +9,10 @@ from typing import NamedTuple
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.paper.job import Job
 from gapwalk.paper.jobs import find_job
+from gapwalk.study.claim import check_claim
+from gapwalk.study.load import load_result
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
-from gapwalk.study.store.claim import check_claim
-from gapwalk.study.store.stored import load
 from gapwalk.study.work.processes import local_cores
 from gapwalk.study.work.workers import workers
 
@@ -33,7 +33,7 @@ class Computed(NamedTuple):
     def result(self, key: str) -> Result | None:
         """The result of a job; None if it has none."""
         path = self.paths.get(key)
-        return None if path is None else load(path)
+        return None if path is None else load_result(path)
 
 
 class _Piece(NamedTuple):
