@@ -203,7 +203,7 @@ def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
 
 def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
-    with pytest.raises(StoreError, match="the study's max_period is 4, and was 2"):
+    with pytest.raises(StoreError, match="max_period is 4, and was 2"):
         gw.run(clutch_diagram(), path, resume=True)
     response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
     with pytest.raises(StoreError, match="the study is of another kind"):

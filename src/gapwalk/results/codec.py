@@ -217,7 +217,8 @@ class Sequential(Column):
 
     def put(self, values: Sequence[Any], writer: Writer) -> Node:
         counts = self._counts.write([len(value) for value in values], writer)
-        return {"count": counts, "items": self._items.write([item for value in values for item in value], writer)}
+        items = [item for value in values for item in value]
+        return {"count": counts, "items": self._items.write(items, writer) if items else None}
 
     def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
         _check_type(node, dict)
@@ -225,7 +226,9 @@ class Sequential(Column):
         stops = list(accumulate(sizes, initial=0))
         if min(sizes, default=0) < 0 or stops[-1] > reader.size or set(node) != {"count", "items"}:
             raise ValueError(f"{max(sizes, default=0)} items are said to be there, and are not")
-        items = self._items.read(node["items"], stops[-1], reader)
+        if not stops[-1] and node["items"] is not None:
+            raise ValueError("there are items, and none are said to be there")
+        items = self._items.read(node["items"], stops[-1], reader) if stops[-1] else []
         return [tuple(items[first:last]) for first, last in pairwise(stops)]
 
 

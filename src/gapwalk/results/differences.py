@@ -14,7 +14,7 @@ from gapwalk.model.system import System
 _SHOWN = 3  # differences that are named
 
 
-def check_same(name: str, now: Any, then: Any) -> None:
+def check_same(name: str, now: Any, then: Any, otherwise: str = "choose another name, or remove the file") -> None:
     """Refuse to continue a file with another request.
 
     Parameters
@@ -23,6 +23,8 @@ def check_same(name: str, now: Any, then: Any) -> None:
         The file.
     now, then
         The request, and that of the file. Fields that are not compared change nothing of the result.
+    otherwise
+        What to do, in words.
 
     Raises
     ------
@@ -33,8 +35,8 @@ def check_same(name: str, now: Any, then: Any) -> None:
     if found:
         more = f"; and {len(found) - _SHOWN} more differences" if len(found) > _SHOWN else ""
         raise StoreError(
-            f"{name} holds the result of something else, so it cannot be continued: {'; '.join(found[:_SHOWN])}{more}. "
-            "Choose another name for the new result, or remove the file"
+            f"{name} holds the result of something else, so it cannot be continued: {'; '.join(found[:_SHOWN])}{more}; "
+            f"{otherwise}"
         )
 
 

@@ -52,7 +52,7 @@ class Systems(Column):
 
     def put(self, values: Sequence[Any], writer: Writer) -> Node:
         for value in values:
-            if value.structure != values[0].structure:
+            if value.structure is not values[0].structure and value.structure != values[0].structure:
                 raise MisfitError(f"{value!r:.60} cannot be kept beside systems of another structure")
         base, whole = writer.base, None
         if values and (base is None or base.structure != values[0].structure):

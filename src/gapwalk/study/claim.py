@@ -55,4 +55,7 @@ def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, for
 def _check_same(name: str, study: Study, stored: Study) -> None:
     """Refuse to resume another study; titles, texts and names change nothing of a result."""
     study = as_before(study, stored)
-    check_same(name, study, replace(study, system=stored.system, options=stored.options))
+    before = replace(study, system=stored.system, options=stored.options)
+    check_same(
+        name, study, before, "choose another name for the new result (--output), or write over this one (--force)"
+    )
