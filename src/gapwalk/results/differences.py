@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def differences(now: Any, then: Any, path: str = "") -> Iterator[str]:
             joined = ".".join(filter(None, (path, inner)))
             yield from differences(getattr(now, field.name), getattr(then, field.name), joined)
     elif not np.array_equal(now, then) if isinstance(now, np.ndarray) else now != then:
-        yield f"{path} is {now!r}, and was {then!r}"
+        yield f"{path} is {_said(now)!r}, and was {_said(then)!r}"
 
 
 def _system_differences(now: System, then: System) -> Iterator[str]:
@@ -69,3 +70,10 @@ def _system_differences(now: System, then: System) -> Iterator[str]:
 
 def _kind_of(value: Any) -> str:
     return getattr(value, "kind", None) or getattr(value, "asks", None) or type(value).__name__
+
+
+def _said(value: Any) -> Any:
+    """A value without the classes of enumerations."""
+    if isinstance(value, tuple):
+        return tuple(map(_said, value))
+    return value.value if isinstance(value, Enum) else value
