@@ -44,7 +44,7 @@ class Reader:
 
     def take(self, node: Node, code: str) -> NDArray[Any]:
         """The next array, of numbers of one kind."""
-        shape = node.get("shape") if isinstance(node, dict) else None
+        shape: Any = node.get("shape") if isinstance(node, dict) else None
         if not is_shape(shape) or set(node) != _KEYS or node["array"] != code:
             raise ValueError(f"there is {json.dumps(node):.60} where an array of the kind {code} should be")
         dtype = np.dtype(f"<{code}")

@@ -414,7 +414,7 @@ class Enumerated(Converted):
         return super().fits(value) or (isinstance(value, str) and value in self._values)
 
 
-_COLUMNS: dict[Any, Column] = {kind: Scalar(kind) for kind in (bool, int, float, str)} | {object: Free()}
+_COLUMNS: dict[Any, Column] = {object: Free(), **{kind: Scalar(kind) for kind in (bool, int, float, str)}}
 
 
 def register(kind: Any, column: Column) -> None:
@@ -443,7 +443,7 @@ def column_of(kind: Any) -> Column:
         return Sequential(arguments[0])
     if isinstance(kind, type) and issubclass(kind, Enum):
         return Enumerated(kind)
-    if is_dataclass(kind) or (isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")):
+    if isinstance(kind, type) and (is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields"))):
         return Record(kind)
     raise TypeError(f"values of the type {kind} cannot be kept")
 

@@ -93,7 +93,8 @@ class Parts:
     """
 
     def __init__(self, path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
-        self.path, self.base = path, None
+        self.path = path
+        self.base: Any = None
         self._connection = connection
 
     def all(self, part: Part) -> Iterator[tuple[int, Any]]:

@@ -66,7 +66,8 @@ class Systems(Column):
         return {"base": whole, "names": names, "values": writer.put(numbers, "f8")}
 
     def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
-        base, names = reader.base, node["names"]
+        base: Any = reader.base
+        names = node["names"]
         if node["base"] is not None:
             (whole,) = column_of(WholeSystem).read(node["base"], 1, reader)
             base = system_of(whole)

@@ -45,9 +45,6 @@ class Call(Request):
 REQUEST = Part("request", Request)
 VERSIONS = Part("versions", Mapping[str, str])
 
-Output = str | os.PathLike[str] | ResultFile | None
-"""Where a function keeps its result: a file by name, the open file of a study, or nowhere."""
-
 
 class NoFile:
     """Stands for the file of a job that keeps nothing."""
@@ -71,6 +68,9 @@ class NoFile:
 
 Keeper = ResultFile | NoFile
 """What keeps the parts of a job."""
+
+Output = str | os.PathLike[str] | Keeper | None
+"""Where a function keeps its result: a file by name, the open file of a study, or nowhere."""
 
 
 def request_file(
@@ -102,7 +102,7 @@ def call_file(call: Call, output: Output) -> Iterator[Keeper]:
     StoreError
         If the file is of something else, is being written by another run, or cannot be written.
     """
-    if isinstance(output, ResultFile):
+    if isinstance(output, ResultFile | NoFile):
         yield output
         return
     if output is None:

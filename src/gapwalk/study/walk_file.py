@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 from gapwalk.bifurcation.detect import DetectorState
@@ -29,7 +30,8 @@ Report = Callable[[BranchPoint, list[SpecialPoint]], object]
 T = TypeVar("T")
 
 
-class Progress(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Progress:
     """Where a walk has come to, but for its last two points: they are kept as points."""
 
     step: float
