@@ -74,8 +74,10 @@ class Systems(Column):
         numbers = reader.take(node["values"], "f8")
         if numbers.shape != (count, len(names)) or not np.isfinite(numbers).all():
             raise ValueError("the parameters of some systems are not there")
-        if base is None and count:
-            raise ValueError("there is no system from which others differ")
+        if base is None:
+            if count:
+                raise ValueError("there is no system from which others differ")
+            return []
         places = [base.structure.place(name) for name in names]
         return [_changed(base, places, row) for row in numbers.tolist()]
 
