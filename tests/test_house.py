@@ -49,8 +49,8 @@ PERMITTED = {
     ("attractor/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
     ("bifurcation/follow.py", "follow", "verification"): "follow(verify=True) is a convenience; walking never verifies",
-    ("continuation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
-    ("continuation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
+    ("bifurcation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
+    ("bifurcation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("motion/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
     ("notebook/shown.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
@@ -115,8 +115,8 @@ def test_no_committed_file_names_a_path_of_one_machine() -> None:
         ("errors.py", "from gapwalk.model import System"),
         ("orbit/newton.py", "from gapwalk.attic import x"),
         ("attic/box.py", "import numpy"),
-        ("continuation/branch.py", "from gapwalk.plot import draw"),
-        ("continuation/branch.py", "def show():\n    from gapwalk.plot import draw"),
+        ("bifurcation/branch.py", "from gapwalk.plot import draw"),
+        ("bifurcation/branch.py", "def show():\n    from gapwalk.plot import draw"),
         ("continuation/walk.py", "def plot():\n    from gapwalk.plot import draw"),
     ],
 )
@@ -136,7 +136,7 @@ def test_an_upward_import_is_seen(file: str, source: str) -> None:
         ("cli.py", "from gapwalk.explorer import serve\nfrom .plot import draw"),
         ("__init__.py", "from .cli import main\nfrom .orbit import Orbit"),
         ("__main__.py", "from gapwalk.cli import main"),
-        ("continuation/branch.py", "class Branch:\n    def plot(self):\n        from gapwalk import plot"),
+        ("bifurcation/branch.py", "class Branch:\n    def plot(self):\n        from gapwalk import plot"),
     ],
 )
 def test_a_downward_import_passes(file: str, source: str) -> None:

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from gapwalk.attractor.settled import Settled
     from gapwalk.attractor.spectrum import spectrum
     from gapwalk.attractor.waterfall import waterfall
+    from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
     from gapwalk.bifurcation.compare import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
     from gapwalk.bifurcation.follow import follow
     from gapwalk.bifurcation.locus import Locus, follow_locus
     from gapwalk.bifurcation.search import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.switch import switch
-    from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
     from gapwalk.continuation.options import WalkOptions
     from gapwalk.continuation.point import BranchPoint
     from gapwalk.explorer.kept import save_html

@@ -3,7 +3,7 @@
 import re
 from importlib.resources import files
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.plot.map_style import locus_options
 from gapwalk.plot.style import LINES, SYMBOLS
 

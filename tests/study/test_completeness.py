@@ -15,10 +15,10 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.clutch import ScipyClutch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.bifurcation.search import VALUES, values_between
 from gapwalk.continuation import EndReason
-from gapwalk.continuation.branch import Branch
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, flow_of

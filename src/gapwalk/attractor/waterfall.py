@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractor.spectrum import SpectrumOptions, spectrum
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.spline import SplineCurve
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.notebook.shown import Shown
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floquet import is_on_border

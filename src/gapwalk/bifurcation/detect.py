@@ -15,12 +15,12 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint, critical_multiplier
 from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import Graze, depth_near, describe_switch, find_grazing
 from gapwalk.bifurcation.second import ROUNDING, SAFETY, Neighbour, SecondOpinion, location_error
 from gapwalk.bifurcation.stretch import RESOLUTION, Stretch
-from gapwalk.continuation.branch import Kind, SpecialPoint, critical_multiplier
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError

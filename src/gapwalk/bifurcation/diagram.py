@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
-from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.equation import Method

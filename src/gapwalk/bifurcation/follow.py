@@ -6,10 +6,10 @@ import reprlib
 from collections.abc import Callable
 from dataclasses import replace
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure, depart, directions
 from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Step, Trail
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason

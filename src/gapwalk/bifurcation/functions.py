@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.floquet import REAL
 

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.space import Knot, orbit_of
-from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two

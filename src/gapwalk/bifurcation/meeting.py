@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.departure import Departure, depart
 from gapwalk.bifurcation.trail import Trail
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.space import Knot, Space
 from gapwalk.bifurcation.state_space import StateSpace
-from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System

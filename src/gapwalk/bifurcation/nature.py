@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import REACH, Kind, SpecialPoint
 from gapwalk.bifurcation.normal_form import Matrix, flip_coefficient
 from gapwalk.bifurcation.switch import Doubled, DoubledStart, least_singular
-from gapwalk.continuation.branch import REACH, Kind, SpecialPoint
 from gapwalk.continuation.corrector import TRUST
 from gapwalk.continuation.range import check_range
 from gapwalk.errors import NumericalError

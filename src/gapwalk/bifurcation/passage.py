@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.detect import opening
 from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.second import ROUNDING
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind, critical_multiplier
+from gapwalk.bifurcation.branch import Kind, critical_multiplier
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError

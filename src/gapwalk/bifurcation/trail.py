@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.counts import unexplained
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
@@ -15,7 +16,6 @@ from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, va
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.nature import with_nature
 from gapwalk.bifurcation.passage import pass_graze
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState

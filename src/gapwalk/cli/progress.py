@@ -12,11 +12,11 @@ from typing import Self
 
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.cli.console import console
 from gapwalk.cli.outcome import printable
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.jobs import JOBS

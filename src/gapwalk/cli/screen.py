@@ -9,10 +9,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.cli.chart import print_map
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol, signal_words
 from gapwalk.study.result import Result

@@ -7,9 +7,9 @@ from collections import Counter
 from rich.console import Console
 from rich.tree import Tree
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin
 from gapwalk.cli.outcome import printable
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.plot.words import parameter_symbol
 

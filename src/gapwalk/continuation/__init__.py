@@ -1,6 +1,6 @@
 """A family: the walk along a branch of orbits, and its records."""
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range

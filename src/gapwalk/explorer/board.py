@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
 from gapwalk.explorer.action import Action, Compute, Place, plain_action, read_action
 from gapwalk.explorer.entry import Entry, Line, State

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.locus import Codim2Point, Locus, LocusPoint
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Place

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.bifurcation import Trail, join, switch
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.bifurcation.locus.departure import depart_locus
 from gapwalk.bifurcation.locus.follow import join_locus
 from gapwalk.bifurcation.locus.trail import LocusTrail
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.explorer.news import News

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.locus import Codim2Point, Locus, LocusPoint
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.study.map import Map, Section
 

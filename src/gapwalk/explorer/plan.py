@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.range import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk

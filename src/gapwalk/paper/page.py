@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.paper.claims import Verdict
 from gapwalk.paper.document import Checked, notes
 from gapwalk.paper.figure import Figure

@@ -13,7 +13,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.plot.closeup import Region, crowded_region, draw_closeup
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.legend import draw_legend

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.plot.pieces import pieces_of
 from gapwalk.plot.sheet import new_sheet, sheet_bytes
 from gapwalk.plot.style import BLACK, BLUE, GREY, SIZE, SYMBOLS, VERMILLION, in_style

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from gapwalk.attractor.basins import Basins
 from gapwalk.attractor.regimes import Regimes
 from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.compare import Comparison
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.measurement.fit import Fit
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit

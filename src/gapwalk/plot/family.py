@@ -14,8 +14,8 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2
-from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.plot.map_style import CODIM2, SECTION, codim2_options, locus_options
 from gapwalk.plot.pieces import pieces_of

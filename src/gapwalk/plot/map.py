@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2Point, Locus
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.map_style import (

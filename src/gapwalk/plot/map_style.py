@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Codim2
-from gapwalk.continuation.branch import Kind
 from gapwalk.plot.size import points
 from gapwalk.plot.style import BLACK, BLUE, GREEN, GREY, VERMILLION
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Picture
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.paper.figure import Figure, Panel, View
 from gapwalk.paper.loops import LOOPS
 from gapwalk.plot.branch import begin_branches

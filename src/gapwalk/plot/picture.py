@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.plot.branch import plot_branches

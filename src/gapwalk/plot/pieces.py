@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.point import BranchPoint
 
 _BETWEEN = 5  # parts into which the way from one point to the next is divided, so that it looks as smooth as it is

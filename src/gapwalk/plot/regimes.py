@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.regime import Regime, regime_word
 from gapwalk.attractor.regimes import Regimes
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 from gapwalk.motion.signal import contact_to_show
 from gapwalk.plot.legend import draw_fill_legend

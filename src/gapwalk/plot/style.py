@@ -13,7 +13,7 @@ from typing import Any
 
 import matplotlib as mpl
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.plot.size import points
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gapwalk.continuation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.orbit.balance import Balance

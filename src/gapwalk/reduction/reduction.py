@@ -17,7 +17,7 @@ from gapwalk.reduction.basis import Basis
 from gapwalk.reduction.translation import Translation
 
 if TYPE_CHECKING:
-    from gapwalk.continuation.branch import Branch
+    from gapwalk.bifurcation.branch import Branch
     from gapwalk.orbit.balance import Balance
     from gapwalk.reduction.branch_check import BranchCheck
     from gapwalk.reduction.orbit_check import OrbitCheck

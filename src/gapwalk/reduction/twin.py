@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two, unknown_scales

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.compare import (
     common_range,
     compare_in,
@@ -18,7 +19,6 @@ from gapwalk.bifurcation.compare import (
 )
 from gapwalk.bifurcation.locus import Codim2Point, Locus
 from gapwalk.bifurcation.spline import SplineCurve
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.study.comparison import Lone, Pair, ResultComparison, Shift
 from gapwalk.study.map.chart import Map

@@ -6,9 +6,9 @@ import cmath
 import math
 from typing import Any
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.search import SearchResult, coverage
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.motion.motion import signal_names

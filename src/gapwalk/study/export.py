@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import StoreError
 from gapwalk.results.file import check_place
 from gapwalk.study.columns import (

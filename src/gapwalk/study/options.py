@@ -7,8 +7,8 @@ from enum import StrEnum
 from importlib import import_module
 from typing import ClassVar
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.search import SearchOptions
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.shooting import Shooting

@@ -13,7 +13,7 @@ from types import FrameType
 import numpy as np
 
 from gapwalk.bifurcation import Trail, TrailState, depart, directions, resumed_trail
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit

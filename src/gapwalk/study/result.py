@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
 from gapwalk.notebook.shown import Shown

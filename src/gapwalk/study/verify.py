@@ -7,8 +7,8 @@ import os
 from dataclasses import replace
 from itertools import chain
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.results.file import lock, seal_fault, write_more
 from gapwalk.study.family.record import Family

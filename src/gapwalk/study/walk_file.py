@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.detect import DetectorState
 from gapwalk.bifurcation.trail import TrailState
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.orbit.orbit import Orbit

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.counts import steps_of, unexplained
 from gapwalk.bifurcation.second import SecondOpinion
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border

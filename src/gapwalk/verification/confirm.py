@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import VerificationError
 from gapwalk.verification.branch import verify_branches
 from gapwalk.verification.verification import Ledger

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Locus, LocusPoint
-from gapwalk.continuation.branch import Kind
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.second import SecondOpinion
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.doubling import halves_apart
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason

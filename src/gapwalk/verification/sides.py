@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.functions import value
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.second import SecondOpinion
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError

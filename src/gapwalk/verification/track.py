@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Branch
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two

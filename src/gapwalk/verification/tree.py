@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin
 from gapwalk.bifurcation.doubling import halves_apart
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit

@@ -7,12 +7,12 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Trail
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.balance import Balance, BalancedOrbit

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.orbit.floquet import multipliers
 
 _REAL = 1e-9  # relative imaginary part within which two multipliers count as real or as conjugate

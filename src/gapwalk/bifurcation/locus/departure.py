@@ -9,13 +9,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.grazing import describe_switch
 from gapwalk.bifurcation.locus.curve import onto_curve
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.plane import OrbitPlane
 from gapwalk.bifurcation.locus.shot_plane import ShotPlane
 from gapwalk.bifurcation.locus.touch import MARGIN, TouchEquation
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range

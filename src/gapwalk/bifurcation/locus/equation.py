@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.condition import Criticality
 from gapwalk.bifurcation.locus.plane import OrbitPlane, Place
-from gapwalk.continuation.branch import Kind
 from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.locus.departure import Ranges, depart_locus
 from gapwalk.bifurcation.locus.locus import Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.locus.trail import LocusStep, LocusTrail
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted
 from gapwalk.orbit.equation import Method

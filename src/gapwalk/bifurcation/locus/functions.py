@@ -20,10 +20,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.condition import critical_pair
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.locus import Codim2
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 

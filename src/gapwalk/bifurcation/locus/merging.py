@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.doubling import halves_apart, is_close
 from gapwalk.bifurcation.locus.curve import Secant, zero_along
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.point import BranchPoint
 

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.condition import Criticality
-from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
 from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit

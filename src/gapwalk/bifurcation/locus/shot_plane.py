@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
 from gapwalk.bifurcation.normal_form import flip_coefficient
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.approach import Approach, approaches, leaps
 from gapwalk.bifurcation.locus.condition import critical_pair
 from gapwalk.bifurcation.locus.corner import AWAY, Corner, turn_corner
@@ -18,7 +19,6 @@ from gapwalk.bifurcation.locus.detect import Finding, find_codim2
 from gapwalk.bifurcation.locus.functions import ends_locus
 from gapwalk.bifurcation.locus.locus import Codim2, Codim2Point, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.locus.merging import distance_to_merging, find_merging
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkState

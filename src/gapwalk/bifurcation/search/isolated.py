@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.bifurcation.search.result import Found
-from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, NumericalError
 from gapwalk.orbit.equation import Method

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.bifurcation.search.catalogue import Catalogue, exact_orbit
 from gapwalk.bifurcation.search.chunk import Catch, Chunk, search_chunk
@@ -15,7 +16,6 @@ from gapwalk.bifurcation.search.hands import Alone, Hands
 from gapwalk.bifurcation.search.options import SearchOptions
 from gapwalk.bifurcation.search.result import Found, SearchResult, Tally
 from gapwalk.bifurcation.search.starts import spread_starts, state_box
-from gapwalk.continuation.branch import Branch
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.balance import BalancedOrbit

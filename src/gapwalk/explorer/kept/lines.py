@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.continuation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.family.record import Family

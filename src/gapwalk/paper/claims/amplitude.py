@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gapwalk.attractor.attractor import AttractorKind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.diagram import Limb
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, Verdict, holds
 from gapwalk.paper.claims.look import Range, beating, extent, flipped, limbs, main_branch, ranges, values, words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk.continuation.branch import Branch, Kind
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds
 from gapwalk.paper.claims.look import (
     MEASURE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapwalk.attractor.attractor import AttractorKind
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds
 from gapwalk.paper.claims.look import Range, beating, extent, flipped, limbs, main_branch, peaks, values, words
 from gapwalk.study.result import Result

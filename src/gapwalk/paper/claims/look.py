@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.diagram import Limb
-from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.orbit.floquet import Instability
 from gapwalk.study.result import Result
 

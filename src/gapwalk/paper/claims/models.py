@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.motion.hysteresis import Hysteresis
 from gapwalk.paper.claims.claim import Claim, Outcome, holds
 from gapwalk.paper.claims.look import MEASURE, Range, beating, flipped, highest, limbs, main_branch, values, words

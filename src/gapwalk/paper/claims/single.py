@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.compare import compare
-from gapwalk.continuation.branch import Kind
 from gapwalk.model.system import System
 from gapwalk.orbit.balance import Balance
 from gapwalk.paper.claims.claim import BOTH, Claim, Outcome, holds

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.departure import depart, directions
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.bifurcation.search import Progress, SearchOptions, coverage, search
 from gapwalk.bifurcation.switch import switch
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System

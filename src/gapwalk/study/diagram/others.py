@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.bifurcation.search import Progress
-from gapwalk.continuation.branch import Branch
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System

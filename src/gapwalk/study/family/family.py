@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.departure import directions
-from gapwalk.continuation.branch import Kind
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.model.system import System
 from gapwalk.model.way import WAY, on_the_way
 from gapwalk.study.family.member import Member

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.locus import LocusEndReason
-from gapwalk.continuation.branch import Kind, SpecialPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import is_same

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.study.family.member import Place
 
 

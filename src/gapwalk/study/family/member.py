@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from gapwalk.continuation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 
 
 class Place(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.branch import SpecialPoint
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.orbit.orbit import Orbit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.errors import ModelError
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
-from gapwalk.continuation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.model.system import System
 from gapwalk.notebook.shown import Shown
 from gapwalk.study.family.joint import Fate, Joint

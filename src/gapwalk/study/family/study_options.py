@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.over import Over
 from gapwalk.study.options import BranchOptions

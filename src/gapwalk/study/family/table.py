@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.model.fields import Count, Number, Text, one_of
 from gapwalk.model.system import System
 from gapwalk.study.changes import leaves_of

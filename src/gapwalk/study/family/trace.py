@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.locus import Codim2, Locus, LocusEndReason, follow_locus
 from gapwalk.bifurcation.locus.curve import Secant, zero_along
 from gapwalk.bifurcation.locus.departure import depart_locus
 from gapwalk.bifurcation.locus.locus import Codim2Point, LocusPoint
-from gapwalk.continuation.branch import SpecialPoint
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.orbit import Orbit

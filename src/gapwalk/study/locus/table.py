@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from gapwalk.continuation.branch import Kind
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.model.fields import Text
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.system import System

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gapwalk.continuation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.errors import ModelError
 from gapwalk.study.map.options import KINDS
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.continuation.branch import Branch, Kind
 from gapwalk.notebook.shown import Shown
 from gapwalk.study.map.options import KINDS
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.locus import Locus, follow_locus
-from gapwalk.continuation.branch import Branch, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System

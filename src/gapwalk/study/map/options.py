@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.search import SearchOptions
-from gapwalk.continuation.branch import Kind
 from gapwalk.errors import ModelError
 
 KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
