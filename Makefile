@@ -11,7 +11,7 @@ WORKERS ?= 2
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo docs screenshots explore browser test kernels check lint types bench campaign dense ranges fuzz lock clean
+.PHONY: help demo paper docs screenshots explore browser test kernels check lint types bench campaign dense ranges fuzz lock clean
 
 help:  ## show this list
 	@sed -nE 's/^([a-z]+):.*## (.*)$$/  make \1\t\2/p' Makefile | expand -t 18
@@ -19,6 +19,9 @@ help:  ## show this list
 demo: $(STAMP)  ## walk the branches of the clutch example, into out/
 	@mkdir -p out
 	$(VENV)/bin/gapwalk run examples/clutch.toml --output out/clutch.gapwalk --force
+
+paper: $(STAMP)  ## reproduce the figures and claims of Padmanabhan and Singh (1995), into out/paper (FIG=13: one)
+	$(PY) -m reproductions.padmanabhan_singh_1995 $(FIG) --output out/paper
 
 explore: $(STAMP)  ## open the examples in the browser (copies of them, in out/)
 	@mkdir -p out
@@ -53,7 +56,7 @@ types: $(STAMP)
 	$(PY) -m basedpyright --pythonpath $(PY)
 
 docs: $(STAMP)  ## build the documentation into out/docs; check its spelling, links and pictures
-	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples
+	$(VENV)/bin/codespell README.md CONTRIBUTING.md CHANGELOG.md docs src examples reproductions
 	$(PY) -m sphinx --builder html --fail-on-warning --keep-going --doctree-dir out/doctrees docs out/docs
 	$(PY) docs/_ext/links.py out/docs
 	$(PY) docs/_ext/pictures.py out/docs

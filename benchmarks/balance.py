@@ -133,7 +133,7 @@ def error(branch: Branch, reference: Branch, kind: Kind) -> str:
 
 def summary(branch: Branch) -> str:
     """Points and special points of a branch."""
-    kinds = ", ".join(f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind))
+    kinds = ", ".join(f"{len(branch.special(kind))} {kind.value}" for kind in Kind.known() if branch.special(kind))
     return f"{len(branch.points)} points, {kinds or 'no special points'}, {branch.ends[-1].reason.name.lower()}"
 
 

@@ -1,4 +1,4 @@
-"""All figures of the paper with all its claims, in a new process on one core."""
+"""All figures of Padmanabhan and Singh (1995) with all claims about them, in a new process on one core."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ _ALL = """\
 import os, sys
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-from gapwalk.cli import main
-from gapwalk.cli.outcome import DONE, FAILED
-sys.exit(main(["paper", *sys.argv[2:], "--output", sys.argv[1], "--force"]) not in (DONE, FAILED))
+from reproductions.padmanabhan_singh_1995.__main__ import DONE, FAILED, main
+sys.exit(main([*sys.argv[2:], "--output", sys.argv[1], "--force"]) not in (DONE, FAILED))
 """
 
 
@@ -30,6 +29,6 @@ def rows(effort: Effort) -> list[Row]:
         if whole:
             start.once(["-c", _ALL, f"{folder}/before", "9"])  # compiles the kernels of harmonic balance
         seconds = start.once(["-c", _ALL, f"{folder}/paper", *names])
-    what = "gapwalk paper: all figures and claims" if whole else "gapwalk paper 13"
+    what = "make paper: all figures and claims" if whole else "make paper FIG=13"
     note = "CPU time of all of it: walks, searches, pictures, tables, claims; compare it with the period above"
     return [Row(GROUP, what, seconds, targets=(Target(_TARGET),) if whole else (), note=note)]

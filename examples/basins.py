@@ -13,7 +13,7 @@ cells = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 found = gw.basins(system, {"q1": (-4, 4), "q1'": (-4, 4)}, cells)
 print(found)
 print(f"{found.check.border_wrong} labels at borders were mended; at most {found.check.limit:.2%} of all are wrong")
-found.plot("Starts with q3 = q3' = 0", strobes="all").savefig("basins.png")
+gw.plot.save(found, "basins.png", title="Starts with q3 = q3' = 0", strobes="all")
 
 whole = gw.basin_shares(system, {"q1": (-4, 4), "q3": (-4, 4), "q1'": (-4, 4), "q3'": (-4, 4)}, starts=10 * cells)
 for share in whole.shares:

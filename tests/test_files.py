@@ -8,7 +8,7 @@ import pytest
 from scipy import sparse
 
 from gapwalk.errors import ModelError
-from gapwalk.files import check_npz, open_file, why_no_file
+from gapwalk.files import array_header, check_npz, open_file, why_no_file
 from gapwalk.model.file import read_system
 
 MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'
@@ -70,4 +70,22 @@ def test_a_matrix_in_text_does_not_ask_for_more_than_it_has(tmp_path: Path, coun
     (tmp_path / "k.mtx").write_text(f"{head}1 1 {count}\n1 1 5.0\n")
     (tmp_path / "model.toml").write_text(MODEL.format("k.mtx"))
     with pytest.raises(ModelError, match=r'stiffness is "k.mtx", which'):
+        read_system(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize("head", ["(" * 5000, "-" * 9000 + "1", "'''", "{[]: 1}", "9" * 9000])
+def test_the_head_of_an_array_that_is_no_head_is_told(head: str) -> None:
+    content = b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
+    with pytest.raises(ValueError, match=r"head|Cannot parse"):
+        array_header(io.BytesIO(content), len(content))
+
+
+@pytest.mark.parametrize("shape", [(1 << 44,), (-5,), (-2, -2), (1000, 1000)])
+def test_an_array_in_a_file_has_the_entries_that_it_is_said_to_have(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    content = said(shape)
+    with pytest.raises(ValueError, match="are not there"):
+        array_header(io.BytesIO(content), len(content))
+    (tmp_path / "k.npy").write_bytes(content)
+    (tmp_path / "model.toml").write_text(MODEL.format("k.npy"))
+    with pytest.raises(ModelError, match=r'stiffness is "k.npy", which'):
         read_system(tmp_path / "model.toml")

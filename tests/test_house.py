@@ -5,12 +5,16 @@ import re
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+import gapwalk
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "src" / "gapwalk"
 FILES = sorted(SOURCE.rglob("*.py"))
+REPRODUCTIONS = sorted((ROOT / "reproductions").rglob("*.py"))
 
 # From the lowest to the highest. A module may import from its own package and from any before it.
 ORDER = (
@@ -18,6 +22,7 @@ ORDER = (
     "files",
     "notebook",
     "model",
+    "paper",
     "motion",
     "orbit",
     "continuation",
@@ -28,7 +33,6 @@ ORDER = (
     "measurement",
     "results",
     "study",
-    "paper",
     "plot",
     "explorer",
     "cli",
@@ -74,17 +78,52 @@ def test_imports_go_downwards() -> None:
     assert not upward, "\n" + "\n".join(upward)
 
 
+def test_reproductions_use_the_public_api_only() -> None:
+    complaints = [
+        complaint
+        for file in REPRODUCTIONS
+        for complaint in private_uses(file.relative_to(ROOT).as_posix(), file.read_text(encoding="utf-8"))
+    ]
+    assert REPRODUCTIONS
+    assert not complaints, "\n" + "\n".join(complaints)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from gapwalk.study.run import run",
+        "from gapwalk import follow",
+        "import gapwalk.plot.style",
+        "import gapwalk",
+        "import gapwalk as gw\ngw.model.System",
+        "import gapwalk as gw\ngw.no_such_name",
+        "import gapwalk as gw\ngw.plot.style",
+        "import gapwalk as gw\ngw.paper._CASES",
+        "import gapwalk as gw\ndef f(x: gw.study.file.Study): ...",
+        "from importlib import import_module\nimport_module('gapwalk.model')",
+    ],
+)
+def test_a_private_use_is_seen(source: str) -> None:
+    assert len(list(private_uses("x.py", source))) == 1
+
+
+def test_a_public_use_passes() -> None:
+    source = "import gapwalk as gw\ngw.run(gw.Study(gw.paper.case('13'), 0))\ngw.plot.figure\ngw.errors.ModelError"
+    assert list(private_uses("x.py", source)) == []
+
+
 def test_every_file_says_what_it_is_for() -> None:
     silent = [
         file.relative_to(ROOT).as_posix()
-        for file in FILES
+        for file in FILES + REPRODUCTIONS
         if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
     ]
     assert not silent, f"open these with a docstring of one sentence on what they are for: {silent}"
 
 
 def test_no_file_is_crowded() -> None:
-    lengths = {file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in FILES}
+    files = FILES + REPRODUCTIONS
+    lengths = {file.relative_to(ROOT).as_posix(): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
     crowded = {name: length for name, length in lengths.items() if length > MAX_LINES}
     assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
 
@@ -178,6 +217,34 @@ def imports(package: list[str], node: ast.AST, function: str = "") -> Iterator[t
         for path in modules:
             if path[0] == "gapwalk":
                 yield child.lineno, function, path[1] if len(path) > 1 else ""
+
+
+def private_uses(file: str, source: str) -> Iterator[str]:
+    """Complain about each use of gapwalk that is not `gw.name` or `gw.module.name` with public names."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "gapwalk":
+            yield f"{file}:{node.lineno}: write `import gapwalk as gw`, and its public names as gw.name"
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if alias.name.partition(".")[0] == "gapwalk" and (alias.name, alias.asname) != ("gapwalk", "gw"):
+                    yield f"{file}:{node.lineno}: write `import gapwalk as gw`, and its public names as gw.name"
+        elif isinstance(node, ast.Constant) and re.fullmatch(r"gapwalk(\.\w+)+", str(node.value)):
+            yield f"{file}:{node.lineno}: {node.value!r} looks like a module that is imported by its name"
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "gw":
+            if node.attr not in public_names(gapwalk):
+                yield f"{file}:{node.lineno}: gw.{node.attr} is not public"
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("gw.errors", "gw.paper", "gw.plot"):
+            module = ast.unparse(node.value)
+            if node.attr not in public_names(getattr(gapwalk, module.removeprefix("gw."))):
+                yield f"{file}:{node.lineno}: {module}.{node.attr} is not public"
+
+
+def public_names(module: ModuleType) -> set[str]:
+    """Return the names that a module promises."""
+    if module is gapwalk:
+        return {*gapwalk.__all__, "plot", "__file__"}
+    return {*getattr(module, "__all__", [name for name in vars(module) if not name.startswith("_")])}
 
 
 def tracked_files() -> list[str]:

@@ -47,7 +47,7 @@ def test_a_locus_that_is_interrupted_is_there_as_far_as_it_was_walked() -> None:
 
 
 def test_before_there_is_anything_there_is_nothing_to_find(monkeypatch) -> None:
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(sys.modules[gw.follow.__module__], "Trail", interrupt)

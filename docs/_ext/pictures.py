@@ -25,10 +25,10 @@ class Cell:
 
     @property
     def draws(self) -> bool:
-        """Whether it calls `plot`, or a function with such a name as `plot_branch`."""
+        """Whether it calls `plot` or `draw`."""
         calls = [node.func for node in ast.walk(ast.parse(self.code)) if isinstance(node, ast.Call)]
         names = [call.attr if isinstance(call, ast.Attribute) else getattr(call, "id", "") for call in calls]
-        return any(name == "plot" or name.startswith("plot_") for name in names)
+        return not {"plot", "draw"}.isdisjoint(names)
 
 
 class Page(HTMLParser):

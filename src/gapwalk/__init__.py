@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from gapwalk.homes import HOMES
 
 if TYPE_CHECKING:
-    from gapwalk import errors, paper
+    from gapwalk import errors, paper, plot
     from gapwalk.attractor.attractor import Attractor
     from gapwalk.attractor.basins import Basins, BasinShares
     from gapwalk.attractor.classify import ClassifyOptions, classify
     from gapwalk.attractor.contrast import Contrast, contrast
     from gapwalk.attractor.judge import RegimeOptions
-    from gapwalk.attractor.lyapunov import lyapunov
+    from gapwalk.attractor.lyapunov import LyapunovOptions, lyapunov
     from gapwalk.attractor.match import match
     from gapwalk.attractor.plane import Plane, impact_plane
     from gapwalk.attractor.rattle import rattle
@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from gapwalk.attractor.settled import Settled
     from gapwalk.attractor.spectrum import spectrum
     from gapwalk.attractor.waterfall import waterfall
-    from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+    from gapwalk.bifurcation.branch import Branch, SpecialPoint
     from gapwalk.bifurcation.compare import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
-    from gapwalk.bifurcation.follow import follow
+    from gapwalk.bifurcation.follow import BranchWalk, follow, walk
+    from gapwalk.bifurcation.kinds import Event, Kind
     from gapwalk.bifurcation.locus import Locus, follow_locus
     from gapwalk.bifurcation.search import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.switch import switch
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from gapwalk.motion.hysteresis import Hysteresis, hysteresis
     from gapwalk.motion.mass import MassOptions, mass_flow_of
     from gapwalk.motion.motion import integrate
+    from gapwalk.motion.signal import Signal
     from gapwalk.notebook.progress import show_progress
     from gapwalk.orbit.balance import Balance
     from gapwalk.orbit.find import find_orbit
@@ -72,6 +74,7 @@ if TYPE_CHECKING:
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
     from gapwalk.study.diagram.others import find_others
+    from gapwalk.study.export import save_tables
     from gapwalk.study.family.family import family
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
@@ -85,6 +88,8 @@ if TYPE_CHECKING:
     from gapwalk.study.regimes.options import RegimeMapOptions
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
+    from gapwalk.study.settle.finding import SettleFinding
+    from gapwalk.study.settle.study_options import SettleStudyOptions
     from gapwalk.study.sweep.options import SweepOptions
     from gapwalk.study.sweep.record import Sweep
     from gapwalk.study.sweep.sweeping import sweep
@@ -103,6 +108,7 @@ __all__ = [
     "Basins",
     "Branch",
     "BranchPoint",
+    "BranchWalk",
     "Cascade",
     "Check",
     "ClassifyOptions",
@@ -115,6 +121,7 @@ __all__ = [
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
+    "Event",
     "Family",
     "FamilyOptions",
     "Fit",
@@ -127,6 +134,7 @@ __all__ = [
     "Limb",
     "Locus",
     "LocusStudyOptions",
+    "LyapunovOptions",
     "Map",
     "MapOptions",
     "MapStudyOptions",
@@ -152,11 +160,14 @@ __all__ = [
     "SearchOptions",
     "SearchResult",
     "SecondParameter",
+    "SettleFinding",
     "SettleOptions",
+    "SettleStudyOptions",
     "Settled",
     "Shaft",
     "Shooting",
     "Side",
+    "Signal",
     "SpecialPoint",
     "Stage",
     "Study",
@@ -199,6 +210,7 @@ __all__ = [
     "on_cluster",
     "paper",
     "paper_numbers",
+    "plot",
     "rattle",
     "read_measurement",
     "read_studies",
@@ -208,6 +220,7 @@ __all__ = [
     "rest_of",
     "run",
     "save_html",
+    "save_tables",
     "search",
     "section",
     "settle",
@@ -218,6 +231,7 @@ __all__ = [
     "sweep",
     "switch",
     "verify",
+    "walk",
     "waterfall",
     "workers",
 ]

@@ -6,7 +6,8 @@ import errno
 import math
 import os
 import zipfile
-from typing import IO
+from tokenize import TokenError
+from typing import IO, Any
 
 import numpy as np
 
@@ -60,16 +61,36 @@ def check_npz(source: str | os.PathLike[str] | IO[bytes], most: int) -> None:
             raise ValueError(f"it holds more than {most / 1e6:g} MB")
         for entry in entries:
             with archive.open(entry) as content:
-                _check_array(content, entry)
+                array_header(content, entry.file_size, entry.filename)
 
 
-def _check_array(content: IO[bytes], entry: zipfile.ZipInfo) -> None:
+def array_header(content: IO[bytes], size: int, name: str = "it") -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """The shape and the kind of numbers of an array in NumPy's form (NPY), before its numbers are read.
+
+    Parameters
+    ----------
+    content
+        The array, as a file at its beginning.
+    size
+        Its bytes.
+    name
+        What messages call it.
+
+    Raises
+    ------
+    ValueError
+        If it is none, holds objects, or is said to have more entries than are there.
+    """
     version = np.lib.format.read_magic(content)
     heads = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in heads:
-        raise ValueError(f"{entry.filename} is stored in an unknown version of the format")
-    shape, _, dtype = heads[version](content)
+        raise ValueError(f"{name} is stored in an unknown version of the format")
+    try:
+        shape, _, dtype = heads[version](content)
+    except (SyntaxError, TypeError, TokenError, MemoryError, RecursionError):  # the head is a Python expression
+        raise ValueError(f"{name} has a head that cannot be read") from None
     if dtype.hasobject:
-        raise ValueError(f"{entry.filename} holds objects; only numbers and texts are read")
-    if math.prod(shape) * dtype.itemsize > entry.file_size:
-        raise ValueError(f"{entry.filename} is said to have {math.prod(shape):,} entries, but they are not there")
+        raise ValueError(f"{name} holds objects; only numbers and texts are read")
+    if any(length < 0 for length in shape) or math.prod(shape) * dtype.itemsize > size:
+        raise ValueError(f"{name} is said to have {math.prod(shape):,} entries, but they are not there")
+    return shape, dtype

@@ -10,7 +10,7 @@ import gapwalk as gw
 from gapwalk.attractor import agreement
 from gapwalk.attractor.line import line_name
 from gapwalk.errors import ModelError
-from gapwalk.plot import plot_settled, plot_spectrum, plot_waterfall
+from gapwalk.plot import draw
 from gapwalk.plot.card import card_of
 from gapwalk.study.settle.study import _line
 
@@ -57,7 +57,7 @@ def test_measures_and_waterfalls_count_in_the_same_way(orbit) -> None:
     found = gw.waterfall([orbit], "shaft.torque", top=6, parameter="speed")
     assert found.orders.tolist() == [0.0, 2.0, 4.0, 6.0]
     np.testing.assert_allclose(found.amplitudes[0, 1:], [torque(order) for order in TORQUES], rtol=1e-4)
-    ax = plot_waterfall(found, ax=Figure().add_subplot())
+    ax = draw(found, ax=Figure().add_subplot())
     assert ax.get_ylabel() == "order (per turn of the reference shaft)"
 
 
@@ -88,9 +88,9 @@ def test_what_is_printed_and_drawn_says_the_speed_and_the_orders(system, orbit) 
         assert "902" in card
         assert "188.9" not in card
     assert "(order 2), harmonic4 (order 4), harmonic6 (order 6)" in card_of(system)
-    figure = plot_settled(settled, figure=Figure(layout="constrained"))
+    figure = draw(settled, figure=Figure(layout="constrained"))
     assert "speed = 902 rpm" in figure.get_suptitle()
-    ax = plot_spectrum(gw.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())
+    ax = draw(gw.spectrum(orbit, "shaft.torque"), ax=Figure(figsize=(6, 4)).add_subplot())
     assert ax.get_xlabel() == "order (per turn of the reference shaft)"
     assert {text.get_text() for text in ax.texts} >= {"2", "4"}
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import follow, switch, walk_out
+from gapwalk.bifurcation import Kind, follow, switch, walk_out
 from gapwalk.bifurcation.locus import Codim2, Locus, LocusEndReason, LocusTrail, depart_locus, follow_locus
-from gapwalk.continuation import Kind, WalkOptions
+from gapwalk.continuation import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance, BalancedOrbit

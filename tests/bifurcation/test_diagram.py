@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gapwalk.attractor.strobe import Strobe
-from gapwalk.bifurcation import Trail, follow, switch, walk_out
+from gapwalk.bifurcation import Branch, Kind, SpecialPoint, Trail, follow, switch, walk_out
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.follow import join
-from gapwalk.continuation import Branch, BranchPoint, End, EndReason, Kind, SpecialPoint
+from gapwalk.continuation import BranchPoint, End, EndReason
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.floquet import Instability
 from gapwalk.paper import case

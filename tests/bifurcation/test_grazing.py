@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gapwalk import verify
-from gapwalk.bifurcation import follow
-from gapwalk.continuation import Kind
+from gapwalk.bifurcation import Kind, follow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance

@@ -11,9 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from gapwalk.bifurcation import follow, switch, walk_out
+from gapwalk.bifurcation import Kind, follow, switch, walk_out
 from gapwalk.bifurcation.locus import Codim2, LocusEndReason, LocusTrail, depart_locus, follow_locus
-from gapwalk.continuation import Kind, WalkOptions
+from gapwalk.continuation import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gapwalk import Balance, Harmonic, Kind, System, WalkOptions, backlash, find_orbit, follow
-from gapwalk.bifurcation.functions import _bounded_product, _pair_factors
+from gapwalk.bifurcation.kinds.product import bounded_product, pair_factors
 from gapwalk.orbit.floquet import classify
 
 BIFURCATIONS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.BRANCH_POINT)
@@ -50,7 +50,7 @@ def test_of_many_factors_the_smallest_give_the_size_and_all_of_them_the_sign() -
     for angle, radius, sign in ((2.0, 0.99, 1.0), (2.0, 1.01, -1.0)):
         mu = np.append(inside, radius * np.exp(1j * angle))
         mu = np.concatenate((mu, mu.conj()))
-        value = _bounded_product(_pair_factors(mu))
+        value = bounded_product(pair_factors(mu))
         assert value * sign > 0.0
         assert abs(value) > 1e-12
         assert classify(mu).pairs == (sign < 0.0)
@@ -61,5 +61,5 @@ def test_few_multipliers_are_all_multiplied() -> None:
     expected = np.prod([mu[i] * mu[j] - 1.0 for i in range(4) for j in range(i)])
     factors = np.array([mu[i] * mu[j] - 1.0 for i in range(4) for j in range(i)])
     bounded = np.prod(factors / np.maximum(1.0, np.abs(factors)))
-    assert _bounded_product(_pair_factors(mu)) == pytest.approx(bounded.real, abs=1e-14)
+    assert bounded_product(pair_factors(mu)) == pytest.approx(bounded.real, abs=1e-14)
     assert np.sign(expected.real) == np.sign(bounded.real)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import follow, switch, walk_out
+from gapwalk.bifurcation import Kind, follow, switch, walk_out
 from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.identity import stroboscopic

@@ -9,9 +9,8 @@ import pytest
 from scipy.optimize import fsolve
 
 from gapwalk import backlash
-from gapwalk.bifurcation import follow, switch
+from gapwalk.bifurcation import Branch, Kind, SpecialPoint, follow, switch
 from gapwalk.bifurcation.nature import with_nature
-from gapwalk.continuation import Branch, Kind, SpecialPoint
 from gapwalk.model import Harmonic, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case

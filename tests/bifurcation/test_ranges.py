@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gapwalk import Harmonic, System, backlash, find_orbit, follow
+from gapwalk import Branch, Harmonic, System, backlash, find_orbit, follow
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floquet import largest_move
@@ -72,3 +72,34 @@ def test_no_multiplier_turns_far_in_one_step():
     steps = zip(branch.points[:-1], branch.points[1:], strict=True)
     far = [a for a, b in steps if largest_move(a.orbit.multipliers, b.orbit.multipliers) > 0.8]
     assert len(far) <= 6  # steps cut short at a graze
+
+
+def grazes(branch: Branch) -> list[tuple[float, str]]:
+    return [(special.value, special.contact) for special in branch.special("grazing")]
+
+
+def test_grazing_points_of_extremes_born_in_the_step_of_another_are_found():
+    """In one step of the narrow walk two extremes are born and pass the breakpoint, while a third point grazes."""
+    orbit = find_orbit(random_system(86))
+    narrow, wide = (grazes(follow(orbit, "frequency", to)) for to in (0.65, 30.0))
+    assert [contact for _, contact in narrow] == ["gap +"] * 5
+    assert [value for value, _ in narrow] == pytest.approx([value for value, _ in wide[:5]], rel=1e-10)
+    assert any(abs(value - 0.5684616456) < 1e-9 for value, _ in narrow)
+
+
+def test_both_sides_of_a_symmetric_motion_graze_past_a_stiff_graze():
+    """The walk passes this graze by the depth of one touch; the touch on the other side is at the same place."""
+    branch = follow(find_orbit(random_system(130)), "frequency", 0.6)
+    assert not branch.unexplained
+    found = grazes(branch)
+    for side, other in (("gap +", "gap -"), ("gap -", "gap +")):
+        mirrored = [value for value, contact in found if contact == other]
+        assert [value for value, contact in found if contact == side] == pytest.approx(mirrored, rel=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "to", "near"), [(56, 30.0, 1.184836983), (158, 4.0, 0.389621311)])
+def test_the_error_of_a_branch_point_next_to_a_graze_is_known(seed: int, to: float, near: float):
+    branch = follow(find_orbit(random_system(seed)), "frequency", to)
+    point = min(branch.special("branch-point"), key=lambda special: abs(special.value - near))
+    assert abs(point.value - near) < 1e-8
+    assert point.uncertainty < 1e-8

@@ -70,7 +70,7 @@ def test_both_isolated_loops_of_figure_27(figure_27):
     assert span(main) == [-1.0, 1.0]
     assert islands.complete
     assert islands.lost == ()
-    assert all(branch.ends[-1].reason is EndReason.CLOSED for branch in islands.branches)
+    assert all(branch.closed for branch in islands.branches)
     mirrored, large, small = sorted((span(branch) for branch in islands.branches), key=lambda ends: ends[0])
     assert large == pytest.approx([-0.2614, 0.2614], abs=2e-4)
     assert small == pytest.approx([0.4840, 0.6023], abs=2e-4)

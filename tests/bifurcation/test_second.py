@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gapwalk import stop
-from gapwalk.bifurcation import follow
-from gapwalk.bifurcation.second import Neighbour, location_error
-from gapwalk.continuation import Branch, Kind
+from gapwalk.bifurcation import Branch, Kind, follow
+from gapwalk.bifurcation.kinds.search import Zero
+from gapwalk.bifurcation.second import _location_error, _Seen
 from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance
@@ -98,13 +98,15 @@ def test_an_error_is_not_stated_where_nothing_is_critical():
     branch = walked(preloaded_stop(), 1.3, None)
     here, beside = branch.points[30], branch.points[31]
     for kind in (Kind.FOLD, Kind.FLIP):
-        error = location_error(kind, Neighbour(here, 0.0), Neighbour(beside, 1.0), Neighbour(here, 0.0), 1e-13)
+        zero = Zero(kind, here, 1e-13, kind.at)
+        error = _location_error(zero, _Seen(here, 0.0), _Seen(here, 0.0), _Seen(beside, 1.0))
         assert error == math.inf
 
 
 def test_an_error_is_not_stated_where_the_test_function_does_not_vary():
     fold = walked(preloaded_stop(), 1.3, None).special(Kind.FOLD)[0].point
     beside = walked(preloaded_stop(), 1.3, None).points[0]
-    for zero in (0.0, np.nan):
-        error = location_error(Kind.FOLD, Neighbour(fold, 0.0), Neighbour(beside, zero), Neighbour(fold, 0.0), 1e-13)
+    zero = Zero(Kind.FOLD, fold, 1e-13, Kind.FOLD.at)
+    for value in (0.0, np.nan):
+        error = _location_error(zero, _Seen(fold, 0.0), _Seen(fold, 0.0), _Seen(beside, value))
         assert error == math.inf

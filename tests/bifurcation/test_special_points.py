@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
-from gapwalk.bifurcation import follow
-from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.bifurcation import Kind, follow
+from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of

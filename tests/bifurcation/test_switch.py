@@ -5,9 +5,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Trail, follow, switch, walk_out
+from gapwalk.bifurcation import Kind, Trail, follow, switch, walk_out
 from gapwalk.bifurcation.detect import Detector
-from gapwalk.continuation import EndReason, Kind
+from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.motion.flow import PERIOD, flow_of

@@ -57,14 +57,14 @@ def test_the_public_names_are_there() -> None:
         assert getattr(gw, name) is not None
         assert name in dir(gw)
     assert gw.paper.case("13").size == 2
-    with pytest.raises(AttributeError, match="no attribute 'walk'"):
-        gw.walk  # noqa: B018
+    with pytest.raises(AttributeError, match="no attribute 'stroll'"):
+        gw.stroll  # noqa: B018
 
 
 def test_help_names_every_command(capsys) -> None:
     assert main(["--help"]) == 0
     text = capsys.readouterr().out
-    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure", "paper"):
+    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure"):
         assert name in text
 
 
@@ -177,6 +177,6 @@ def test_texts_of_a_file_cannot_command_the_terminal(tmp_path, capsys) -> None:
 
 
 def test_each_command_explains_each_option(capsys) -> None:
-    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure", "paper"):
+    for name in ("new", "check", "modes", "run", "show", "export", "compare", "measure"):
         assert main([name, "--help"]) == 0
         assert "--debug" in capsys.readouterr().out

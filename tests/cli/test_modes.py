@@ -70,8 +70,8 @@ def test_many_inertias_are_told_by_the_largest(tmp_path, capsys) -> None:
 def test_bad_input_is_told(tmp_path, capsys) -> None:
     assert main(["modes", TRAIN, "--set", "third.clearence=1"]) == 2
     assert "did you mean 'third.clearance'" in capsys.readouterr().err
-    assert main(["modes", TRAIN, "--picture", "modes.pdf"]) == 2
-    assert "give it the ending .png or .svg" in capsys.readouterr().err
+    assert main(["modes", TRAIN, "--picture", "modes.jpg"]) == 2
+    assert "give it the ending .png, .svg or .pdf" in capsys.readouterr().err
     path = tmp_path / "bad.toml"
     path.write_text("inertia = 3")
     assert main(["modes", str(path)]) == 2

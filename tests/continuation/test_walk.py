@@ -6,8 +6,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Trail, depart, follow
-from gapwalk.continuation import EndReason, Kind, WalkOptions
+from gapwalk.bifurcation import Kind, Trail, depart, follow
+from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.motion.flow import Flow

@@ -20,7 +20,7 @@ TEXT = '<div class="cell_output docutils container"><div class="output"><pre>&lt
         ("<span>branch</span><span>.</span><span>plot</span>(&quot;max.x&quot;);", "", 1),
         ("branch.plot(&quot;max.x&quot;);", TEXT, 1),
         ("branch.plot(&quot;max.x&quot;);", PICTURE, 0),
-        ("plot_branches([branch], &quot;x&quot;);", "", 1),
+        ("gw.plot.draw([branch], &quot;x&quot;);", "", 1),
         ("print(branch)  # to plot() it comes later", TEXT, 0),
     ],
 )

@@ -366,6 +366,28 @@ def test_an_edit_of_the_file_is_noticed_and_results_are_told_apart(client, do, d
     assert [each["model"] for each in again] == [before["model"], after["model"], before["model"]]
 
 
+def test_an_edit_of_a_matrix_beside_the_file_is_noticed_and_results_are_told_apart(client, do, desk) -> None:
+    matrix, name = desk.workspace.root / "edited.npy", "edited.toml"
+    np.save(matrix, [[1.0]])
+    (desk.workspace.root / name).write_text(STOP.replace("stiffness = [1.0]", f'stiffness = "{matrix.name}"'))
+    first, before = do(name, do="compute"), about(client, name)
+    assert first["model"] == before["model"]
+    matrix.unlink()
+    assert desk.progress()["boards"][name]["stamp"] != before["stamp"]
+    assert "No such file" in about(client, name)["problem"]
+    np.save(matrix, [[1.5]])
+    after = about(client, name)
+    assert after["stamp"] == desk.progress()["boards"][name]["stamp"] != before["stamp"]
+    assert (after["problem"], after["values"]["stiffness.x.x"]) == ("", 1.5)
+    assert after["model"] != before["model"]
+    changed = do(name, do="compute", values={"stiffness.x.x": 1.25})
+    assert changed["model"] == after["model"]  # a value that was changed on the page is no other model
+    again = board_progress(Board(desk.workspace, name))
+    assert [each["model"] for each in again] == [before["model"], after["model"]]
+    np.save(matrix, [[1.0]])
+    assert about(client, name)["model"] == before["model"]
+
+
 def gw_mark(desk, model: str) -> str:
     return hashlib.sha256((desk.workspace.root / model).read_bytes()).hexdigest()[:8]
 

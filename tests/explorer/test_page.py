@@ -156,6 +156,23 @@ def test_a_bad_file_is_told_in_sentences_and_another_can_be_opened(page) -> None
     assert page.is_hidden("#error")
 
 
+def test_a_file_is_opened_while_curves_of_another_are_on_their_way(page) -> None:
+    computed(page)
+    asked = []
+    page.route("**/api/curve?*", lambda route: asked.append(route))  # noqa: PLW0108 (a builtin is refused)
+    page.select_option("#y", "min.q3")
+    until(page, "gapwalk.page.updating")
+    page.select_option("#file", "bad.toml")
+    until(page, "!document.getElementById('error').hidden")
+    for route in asked:
+        route.continue_()
+    until(page, "!gapwalk.page.updating")
+    page.unroute("**/api/curve?*")
+    assert "bad.toml" in page.inner_text("#error")
+    page.select_option("#file", "stop.toml")
+    until(page, "gapwalk.page.about?.file === 'stop.toml'")
+
+
 def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
     opened(page, "stop.toml")
     page.click("summary:text-is('Values')")

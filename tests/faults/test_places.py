@@ -236,7 +236,7 @@ def test_a_model_or_a_record_that_is_no_file_is_not_waited_for(tmp_path, monkeyp
         assert "pipe or a device" in capsys.readouterr().err.replace("\n", " ")
 
 
-@pytest.mark.parametrize("name", ["k.mtx", "k.npz"])
+@pytest.mark.parametrize("name", ["k.mtx", "k.npz", "k.npy", "k.csv"])
 def test_a_matrix_that_is_no_file_is_not_waited_for(tmp_path, name) -> None:
     os.mkfifo(tmp_path / name)
     (tmp_path / "model.toml").write_text(MODEL.replace("stiffness = [1.0]", f'stiffness = "{name}"'))

@@ -3,6 +3,7 @@
 import io
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import scipy.sparse as sp
 
 from gapwalk.model import ModelFileError, System
 from gapwalk.model.file import read_system
+from gapwalk.model.matrix_file import read_matrix
 
 CHAIN = sp.csr_array(2.0 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
 TEXT = 'coordinates = 6\nstiffness = "{}"\nfrequency = 1.0\n'
@@ -49,6 +51,55 @@ def test_a_symmetric_file_gives_both_halves(tmp_path: Path) -> None:
     assert read(tmp_path, "k.mtx").matrix("stiffness") == pytest.approx(CHAIN.toarray())
 
 
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i2", "<u1", "f2"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_an_array_of_numpy_is_read(tmp_path: Path, kind: str, order: Any) -> None:
+    matrix = np.arange(36).reshape(6, 6)
+    np.save(tmp_path / "k.npy", matrix.astype(kind, order=order))
+    assert read(tmp_path, "k.npy") == System([f"q{k}" for k in range(1, 7)], matrix)
+
+
+def test_a_row_of_numbers_in_an_array_of_numpy_is_a_diagonal_as_in_a_model_file(tmp_path: Path) -> None:
+    np.save(tmp_path / "m.npy", np.arange(1.0, 7.0))
+    text = f'coordinates = 6\nmass = "{{}}"\nstiffness = {CHAIN.toarray().tolist()}\nfrequency = 1.0\n'
+    assert read(tmp_path, "m.npy", text).matrix("mass") == pytest.approx(np.diag(np.arange(1.0, 7.0)))
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " ", " ; ", ", ", "  "])
+@pytest.mark.parametrize("begin", ["", "\ufeff", "# a chain of six\n\n"])
+def test_rows_of_numbers_are_read(tmp_path: Path, mark: str, begin: str) -> None:
+    rows = [mark.join(map(repr, row)) for row in (CHAIN.toarray() / 3.0).tolist()]
+    (tmp_path / "k.csv").write_bytes((begin + "\r\n".join(rows)).encode())
+    assert np.array_equal(read(tmp_path, "k.csv").matrix("stiffness"), CHAIN.toarray() / 3.0)
+
+
+@pytest.mark.parametrize("value", ["-0.0", "5e-324", "1.7976931348623157e308", "0.1"])
+def test_a_table_is_read_to_the_last_bit(tmp_path: Path, value: str) -> None:
+    (tmp_path / "k.csv").write_text(value)
+    assert read_matrix(str(tmp_path / "k.csv")).tobytes() == np.float64(value).tobytes()
+
+
+def test_a_table_of_numpy_is_read(tmp_path: Path) -> None:
+    matrix = np.random.default_rng(5).normal(size=(6, 6))
+    np.savetxt(tmp_path / "K.CSV", matrix, delimiter=",", header="stiffness in N/m", fmt="%.17g")
+    assert np.array_equal(read(tmp_path, "K.CSV").matrix("stiffness"), matrix)
+
+
+def test_the_largest_table_is_read_and_one_row_more_is_not(tmp_path: Path) -> None:
+    row = b",".join([b"-1.2345678901234567e-100"] * 1000) + b"\n"
+    (tmp_path / "k.csv").write_bytes(row * 1000)
+    assert read_matrix(str(tmp_path / "k.csv")).shape == (1000, 1000)
+    (tmp_path / "k.csv").write_bytes(row * 1001)
+    with pytest.raises(ValueError, match="there may be 1000 at most"):
+        read_matrix(str(tmp_path / "k.csv"))
+
+
+def array(value: object, **options: Any) -> bytes:
+    content = io.BytesIO()
+    np.save(content, np.asarray(value), **options)
+    return content.getvalue()
+
+
 def packed(**arrays) -> bytes:
     content = io.BytesIO()
     np.savez(content, **arrays)
@@ -69,6 +120,32 @@ def packed(**arrays) -> bytes:
         ("k.npz", b"PK no archive", "no sparse matrix of SciPy"),
         ("k.npz", packed(a=np.eye(6)), "no sparse matrix of SciPy"),
         ("k.npz", packed(format=np.array([object()])), "no sparse matrix of SciPy"),  # pickled
+        ("k.npy", b"no array", "no array of NumPy"),
+        ("k.npy", array([[object()]]), "holds objects"),
+        ("k.npy", array(np.eye(6))[:-1], "no array of NumPy"),
+        ("k.npy", array(np.ones((6, 5))), "a matrix of 6 x 5"),
+        ("k.npy", array(np.ones((1, 6, 6))), "a matrix of 1 x 6 x 6"),
+        ("k.npy", array(2.0), "holds one number"),
+        ("k.npy", array(np.eye(1001, dtype="i1")), "there may be 1000"),
+        ("k.npy", array(np.ones(1001)), "there may be 1000"),
+        ("k.npy", array(np.eye(6) + 0j), "complex128; they must be real"),
+        ("k.npy", array([["a"]]), "they must be real"),
+        ("k.npy", array(np.full((6, 6), np.inf)), "not finite"),
+        ("k.npy", array(np.full((6, 6), 2.0, np.longdouble) ** 5000), "not finite"),
+        ("k.csv", b"", "holds no numbers"),
+        ("k.csv", b"# only words\n\n", "holds no numbers"),
+        ("k.csv", b"q1,q2\n1,0\n0,1\n", '"q1", where only real numbers may stand in line 1'),
+        ("k.csv", b"1,0\n0,1+2j\n", '"1+2j", where only real numbers may stand in line 2'),
+        ("k.csv", b"1,0\n0,1_0\n", '"1_0", where only real numbers may stand'),
+        ("k.csv", b"1,0\n0,\n", '"", where only real numbers may stand in line 2'),
+        ("k.csv", b"1,5;0\n0;1,5\n", "write decimal points, not commas, in line 1"),
+        ("k.csv", b"1,0\n0,1,2\n", "has 3 numbers in line 2, but 2 in the first row"),
+        ("k.csv", b"1,0\n0,1\n1,1\n", "a matrix of 3 x 2"),
+        ("k.csv", b"1,nan\n0,1\n", "not finite"),
+        ("k.csv", b"1,1e999\n0,1\n", "not finite"),
+        ("k.csv", "1,2\n".encode("utf-16"), "no text in UTF-8"),
+        ("k.csv", b"0," * 1000 + b"0", "1,001 numbers"),
+        ("k.csv", b" " * 200_000, "more than 100,000 characters"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_told(tmp_path: Path, name: str, content: bytes | None, words: str) -> None:

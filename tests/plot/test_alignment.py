@@ -6,7 +6,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.plot import plot_hysteresis, save_picture
+from gapwalk.plot import draw, save
 from tests.systems import clutch
 
 mpl.use("Agg")
@@ -44,11 +44,11 @@ def test_a_record_is_drawn_over_the_motion(orbit, samples, marker) -> None:
 
 def test_files_of_a_record_are_written(orbit, tmp_path) -> None:
     found = gw.align(orbit, record_of(orbit, 60), "q1''")
-    save_picture(found, tmp_path / "a.png", tmp_path / "a.svg", title="costs $5")
+    save(found, tmp_path / "a.png", tmp_path / "a.svg", title="costs $5")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     assert "costs $5" in (tmp_path / "a.svg").read_text(encoding="utf-8")
     with pytest.raises(ModelError, match="shows its own signal, and no measure"):
-        save_picture(found, tmp_path / "b.png", measure="half.q1")
+        save(found, tmp_path / "b.png", measure="half.q1")
 
 
 def test_two_motions_are_drawn_signal_by_signal(orbit) -> None:
@@ -67,7 +67,7 @@ def test_two_motions_are_drawn_signal_by_signal(orbit) -> None:
 
 def test_loops_are_drawn_over_one_another() -> None:
     loops = [gw.hysteresis(clutch(**{"stage2.impact_damping": b}), 2.0) for b in (0.1, 0.2)]
-    ax = plot_hysteresis(loops, ["light", "heavy"])
+    ax = draw(loops, ["light", "heavy"])
     texts = [text.get_text() for text in ax.get_legend().get_texts()]
     assert texts == [f"light: loss {loops[0].loss:.4g} a cycle", f"heavy: loss {loops[1].loss:.4g} a cycle"]
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), loops[1].force)

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.plot import plot_branch, save_picture
-from gapwalk.plot.picture import draw_picture
-from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot import draw, save
+from gapwalk.plot.branches import pieces_of
+from gapwalk.plot.picture import picture_of
 from gapwalk.plot.words import full_measure, measure_words
 from tests.study.studies import stop_study
 from tests.systems import clutch
@@ -54,7 +54,7 @@ def test_the_drawn_line_goes_through_every_point(response) -> None:
 
 
 def test_labels_hide_neither_one_another_nor_the_symbols(response) -> None:
-    figure = draw_picture(response)
+    figure = picture_of(response)
     figure.draw_without_rendering()
     labelled = [*figure.axes, *figure.axes[0].child_axes]
     boxes = [text.get_window_extent() for ax in labelled for text in ax.texts]
@@ -70,7 +70,7 @@ def test_labels_hide_neither_one_another_nor_the_symbols(response) -> None:
 
 
 def test_a_crowd_of_special_points_is_enlarged_where_nothing_is_hidden(response) -> None:
-    figure = draw_picture(response)
+    figure = picture_of(response)
     figure.draw_without_rendering()
     ax = figure.axes[0]
     (closeup,) = ax.child_axes
@@ -100,9 +100,9 @@ def test_measures_have_short_names() -> None:
 
 def test_several_branches_share_axes(response, axes) -> None:
     (branch,) = response.branches
-    plot_branch(branch, ax=axes, labels=False, legend=False)
+    draw(branch, ax=axes, labels=False, legend=False)
     lines = len(axes.lines)
-    plot_branch(branch, "max.q1", ax=axes, labels=False, legend=False)
+    draw(branch, "max.q1", ax=axes, labels=False, legend=False)
     assert len(axes.lines) == 2 * lines
     assert axes.get_ylim()[1] > branch.measure("max.q1").max()
 
@@ -114,15 +114,15 @@ def test_an_unknown_measure_is_refused(response, axes) -> None:
 
 def test_a_branch_of_few_points_can_be_drawn(tmp_path) -> None:
     study = stop_study(end=0.701)
-    save_picture(gw.run(study), tmp_path / "few.png")
+    save(gw.run(study), tmp_path / "few.png")
     branch = gw.run(study).branches[0]
     first = gw.Branch(branch.parameter, branch.period, branch.points[:1], (), branch.ends)
-    save_picture(first, tmp_path / "one.png")
+    save(first, tmp_path / "one.png")
 
 
 def test_files_are_equal_for_equal_results(response, tmp_path) -> None:
     for name in ("a", "b"):
-        save_picture(response, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+        save(response, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
     for ending in ("png", "svg"):
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
@@ -131,8 +131,8 @@ def test_files_are_equal_for_equal_results(response, tmp_path) -> None:
 
 def test_files_are_drawn_without_pyplot() -> None:
     program = (
-        "import sys; from tests.study.studies import *; from gapwalk.plot import save_picture; "
-        "save_picture(run(stop_study(end=0.8))); assert 'matplotlib.pyplot' not in sys.modules"
+        "import sys; from tests.study.studies import *; from gapwalk.plot import save; "
+        "save(run(stop_study(end=0.8))); assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True, env=None)
 

@@ -12,13 +12,12 @@ from gapwalk.attractor.basins import Basins, Check
 from gapwalk.attractor.box import Window
 from gapwalk.attractor.regime import Regime
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
-from gapwalk.bifurcation import follow
+from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.locus import follow_locus
-from gapwalk.continuation import Kind
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
-from gapwalk.plot.basins import draw_basins, plot_basins
-from gapwalk.plot.regimes import draw_regimes, plot_contact_figures, plot_regimes
+from gapwalk.plot import draw
+from gapwalk.plot.picture import picture_of
 from tests.systems import clutch, far_and_near
 
 
@@ -55,7 +54,7 @@ def image_of(ax) -> AxesImage:
 
 
 def test_each_cell_has_the_colour_of_its_attractor(basins):
-    figure = draw_basins(basins, "A title", strobes="all")
+    figure = picture_of(basins, title="A title", strobes="all")
     (ax,) = figure.axes
     image = image_of(ax)
     colors = image.cmap(image.norm(image.get_array()))
@@ -75,28 +74,28 @@ def test_each_cell_has_the_colour_of_its_attractor(basins):
 
 
 def test_only_strobes_in_the_plane_are_marked_unless_all_are_wanted(basins):
-    assert not plot_basins(basins).lines  # q3 is 0 in the plane, but not on the orbit
-    marked = plot_basins(basins, strobes="all").lines
+    assert not draw(basins).lines  # q3 is 0 in the plane, but not on the orbit
+    marked = draw(basins, strobes="all").lines
     state = basins.attractors[0].state
     assert [line.get_xydata()[0].tolist() for line in marked] == [[state[0], state[2]]] * 2
     window = Window.of(
         basins.system, {"q1": (-2.0, 2.0), "q1'": (-1.0, 1.0)}, {"q3": float(state[1]), "q3'": float(state[3])}
     )
-    assert len(plot_basins(replace(basins, window=window)).lines) == 2
-    assert not plot_basins(replace(basins, window=window), strobes="none").lines
+    assert len(draw(replace(basins, window=window)).lines) == 2
+    assert not draw(replace(basins, window=window), strobes="none").lines
     with pytest.raises(ModelError, match='strobes is \'some\'; write "in the plane", "all" or "none"'):
-        plot_basins(basins, strobes="some")
+        draw(basins, strobes="some")
 
 
 def test_a_basin_picture_tells_what_was_checked(basins):
-    unchecked = draw_basins(replace(basins, check=Check(6)))
+    unchecked = picture_of(replace(basins, check=Check(6)))
     assert unchecked.legends[0].get_title().get_text() == "not checked with the exact flow"
-    some = draw_basins(replace(basins, check=Check(6, 4, 2, 1, 2, 0))).legends[0].get_title().get_text()
+    some = picture_of(replace(basins, check=Check(6, 4, 2, 1, 2, 0))).legends[0].get_title().get_text()
     assert some == "1 of 2 cells at borders and elsewhere 0 of 2 cells differed from the exact flow"
 
 
 def test_regimes_have_a_legend_and_forces_a_scale(chart):
-    figure = draw_regimes(chart, "A title", ("peak force", "impacts"))
+    figure = picture_of(chart, title="A title", panels=("peak force", "impacts"))
     top, force, impacts = figure.axes[:3]
     assert legend_of(figure) == ["period 1", "period 2", "period 3", "period 9 and more", "quasi-periodic", "chaotic"]
     assert figure.legends[0].get_title().get_text() == "checked with the exact flow: 1 of 5 cells differed"
@@ -112,21 +111,21 @@ def test_regimes_have_a_legend_and_forces_a_scale(chart):
 def test_a_map_without_contacts_has_one_panel(chart):
     nothing = np.zeros((2, 6, 0))
     bare = replace(chart, peak_force=nothing, impacts=nothing)
-    assert len(draw_regimes(bare).axes) == 1
+    assert len(picture_of(bare).axes) == 1
     with pytest.raises(ModelError, match="the map has no figures of contacts"):
-        plot_contact_figures(bare, ax=Figure().add_subplot())
+        picture_of(bare, panels=("impacts",))
     with pytest.raises(ModelError, match="there is no figure 'noise'"):
-        plot_contact_figures(chart, "noise", ax=Figure().add_subplot())
+        picture_of(chart, panels=("noise",))
 
 
 def test_the_forces_are_those_of_the_contact_that_is_hit_hardest_unless_another_is_named(chart):
     forces = np.concatenate((np.nan * chart.peak_force, chart.peak_force, chart.peak_force / 2.0), axis=2)
     both = replace(chart, system=far_and_near(), peak_force=forces)
     for contact, drawn in ((None, 1), ("near", 1), (1, 1), ("far", 0), (0, 0)):
-        image = image_of(draw_regimes(both, contact=contact).axes[1]).get_array()
+        image = image_of(picture_of(both, contact=contact).axes[1]).get_array()
         assert np.array_equal(np.ma.filled(image, np.nan), forces[..., drawn], equal_nan=True), contact
     with pytest.raises(ModelError, match="no figures of a contact 'wall'; contacts are far, near, other"):
-        draw_regimes(both, contact="wall")
+        picture_of(both, contact="wall")
 
 
 def test_loci_are_drawn_over_the_regimes(chart):
@@ -134,15 +133,15 @@ def test_loci_are_drawn_over_the_regimes(chart):
     branch = follow(find_orbit(system), "frequency", to=(0.5, 1.0))
     fold = branch.special(Kind.FOLD)[0]
     locus = follow_locus(fold, "frequency", "harmonic1.amplitude", chart.within)
-    figure = draw_regimes(chart, loci=[locus])
+    figure = picture_of(chart, loci=[locus])
     assert legend_of(figure)[-1] == "fold"
     casing, line = figure.axes[0].lines
     assert np.array_equal(line.get_xydata(), locus.values)
     assert casing.get_zorder() < line.get_zorder()
     with pytest.raises(ModelError, match="a locus is in the plane of frequency and harmonic1"):
-        plot_regimes(replace(chart, first="mean.q1"), loci=[locus])
+        picture_of(replace(chart, first="mean.q1"), loci=[locus])
 
 
 def test_records_draw_themselves(basins, chart):
-    assert len(basins.plot("Title").axes) == 1
+    assert basins.plot("Title").get_title("left") == "Title"
     assert len(chart.plot(panels=()).axes) == 1

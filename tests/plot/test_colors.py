@@ -4,8 +4,7 @@ import re
 from importlib.resources import files
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.plot.map_style import locus_options
-from gapwalk.plot.style import LINES, SYMBOLS
+from gapwalk.plot.style import LINES, SYMBOLS, locus_options
 
 PAGE = files("gapwalk.explorer") / "page"
 

@@ -8,10 +8,10 @@ import gapwalk as gw
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
 from gapwalk.orbit.identity import stroboscopic
-from gapwalk.plot import plot_diagram, save_picture
-from gapwalk.plot.picture import draw_picture
-from gapwalk.plot.strobes import Birth, Strobes
-from gapwalk.plot.style import PERIODS
+from gapwalk.plot import draw, save
+from gapwalk.plot.diagrams import births_of, crowded_range
+from gapwalk.plot.picture import picture_of
+from gapwalk.plot.style import period_color
 from tests.study.diagrams import clutch_diagram
 
 
@@ -22,7 +22,7 @@ def result() -> gw.Result:
 
 @pytest.fixture(scope="module")
 def figure(result) -> Figure:
-    figure = draw_picture(result)
+    figure = picture_of(result)
     figure.draw_without_rendering()
     return figure
 
@@ -62,8 +62,8 @@ def test_what_is_drawn_is_explained(figure) -> None:
 
 def test_a_motion_of_period_m_is_m_curves(result, figure) -> None:
     lines = [line for line in figure.axes[1].lines if line.get_marker() == "None"]
-    for limb, color in zip(result.diagram.limbs, PERIODS, strict=False):
-        own = [line for line in lines if line.get_color() == color]
+    for rank, limb in enumerate(result.diagram.limbs):
+        own = [line for line in lines if line.get_color() == period_color(rank)]
         drawn = np.concatenate([line.get_xydata() for line in own])
         broken = np.isnan(drawn).any(axis=1)
         assert broken[-1]
@@ -100,34 +100,33 @@ def test_a_part_can_be_enlarged(result) -> None:
 
 
 def test_a_crowd_is_enlarged_by_itself(result) -> None:
-    strobes = Strobes(result.diagram, "q1")
-    assert strobes.crowd() is None  # four are no crowd
     low, high = result.diagram.within
-    strobes.births = [Birth(value, np.zeros(1), 1) for value in (low, *np.linspace(0.66, 0.68, 9), high)]
-    left, right = strobes.crowd()
+    births = [birth.value for birth in births_of(result.diagram)]
+    assert births
+    assert crowded_range(births, (low, high)) is None  # four are no crowd
+    left, right = crowded_range([low, *np.linspace(0.66, 0.68, 9), high], (low, high))
     assert low < left < 0.66
     assert 0.68 < right < high
-    strobes.births = [Birth(value, np.zeros(1), 1) for value in np.linspace(low, high, 20)]
-    assert strobes.crowd() is None  # everywhere is no crowd
+    assert crowded_range(list(np.linspace(low, high, 20)), (low, high)) is None  # everywhere is no crowd
 
 
 def test_many_loops_have_no_names(result, monkeypatch) -> None:
-    monkeypatch.setattr("gapwalk.plot.strobes._NAMED", 0)
-    assert [text.get_text() for text in draw_picture(result).axes[1].texts] == ["b"]
+    monkeypatch.setattr("gapwalk.plot.diagrams._NAMED", 0)
+    assert [text.get_text() for text in picture_of(result).axes[1].texts] == ["b"]
 
 
 def test_a_diagram_that_is_not_complete_can_be_drawn(result, tmp_path) -> None:
     first = Diagram("frequency", result.diagram.within, result.diagram.limbs[:1])
-    save_picture(first, tmp_path / "first.png")
+    save(first, tmp_path / "first.png")
     assert (tmp_path / "first.png").stat().st_size > 10_000
     with pytest.raises(ModelError, match="nothing to draw"):
-        plot_diagram(Diagram("frequency", (0.1, 0.2)))
+        draw(Diagram("frequency", (0.1, 0.2)))
     with pytest.raises(ModelError, match="no measure"):
-        draw_picture(result, measure="loudness.q1")
+        picture_of(result, measure="loudness.q1")
 
 
 def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
     for name in ("a", "b"):
-        save_picture(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+        save(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
     for ending in ("png", "svg"):
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()

@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.plot.family import draw_family
-from gapwalk.plot.pieces import pieces_of
+from gapwalk.plot.branches import pieces_of
+from gapwalk.plot.picture import picture_of
 from tests.study.families import second_resonance
 from tests.systems import clutch
 
@@ -22,7 +22,7 @@ def lines(ax) -> list:
 
 
 def test_each_member_has_its_colour_and_stability_its_line(family) -> None:
-    figure = draw_family(family, "half.q1", "A title")
+    figure = picture_of(family, "half.q1", title="A title")
     top, bottom, bar = figure.axes
     pieces = [piece for branch in family.branches for piece in pieces_of(branch, "half.q1")]
     assert len(lines(top)) == len(pieces) == 9
@@ -38,7 +38,7 @@ def test_each_member_has_its_colour_and_stability_its_line(family) -> None:
 
 
 def test_joined_special_points_are_lines_through_them(family) -> None:
-    bottom = draw_family(family).axes[1]
+    bottom = picture_of(family).axes[1]
     drawn = lines(bottom)
     assert len(drawn) == sum(len(joints) for joints in (family.joints or {}).values()) == 8
     ends = {(round(float(x), 9), float(y)) for line in drawn for x, y in (line.get_xydata()[0], line.get_xydata()[-1])}
@@ -60,6 +60,6 @@ def test_the_legend_tells_what_there_is() -> None:
 def test_a_family_without_branches_has_no_picture(family) -> None:
     empty = gw.Family(family.system, family.parameter, family.within, family.over)
     with pytest.raises(ModelError, match="there is nothing to draw"):
-        draw_family(empty)
+        picture_of(empty)
     with pytest.raises(ModelError, match="q9"):
-        draw_family(family, "half.q9")
+        picture_of(family, "half.q9")

@@ -10,9 +10,9 @@ import gapwalk as gw
 from gapwalk.bifurcation.locus import Codim2, LocusEndReason
 from gapwalk.continuation import End, EndReason
 from gapwalk.errors import ModelError
-from gapwalk.plot import plot_map, save_picture
-from gapwalk.plot.map_style import CODIM2, LOCUS_TEXTS, locus_options
-from gapwalk.plot.picture import draw_picture
+from gapwalk.plot import draw, save
+from gapwalk.plot.picture import picture_of
+from gapwalk.plot.style import CODIM2, LOCI, locus_options
 from gapwalk.plot.words import parameter_words
 from gapwalk.study.map import KINDS
 from tests.study.maps import clutch_map
@@ -25,7 +25,7 @@ def result() -> gw.Result:
 
 @pytest.fixture(scope="module")
 def figure(result) -> Figure:
-    figure = draw_picture(result)
+    figure = picture_of(result)
     figure.draw_without_rendering()
     return figure
 
@@ -63,7 +63,7 @@ def test_what_is_drawn_is_explained(result, figure) -> None:
 
 
 def test_kinds_are_told_apart_without_colour() -> None:
-    assert set(LOCUS_TEXTS) == set(KINDS)
+    assert set(LOCI) == set(KINDS)
     lines = [str(locus_options(kind, 0)["linestyle"]) for kind in KINDS]
     assert len(set(lines)) == len(KINDS)
     assert set(CODIM2) == set(Codim2)
@@ -78,7 +78,7 @@ def test_points_of_codimension_two_are_marked_and_named_once(result, figure) -> 
     assert sorted(marked) == sorted(cusps)
     assert [text.get_text() for text in ax.texts].count("CP") == len(cusps)
     twice = replace(result.map, loci=(*result.map.loci, *result.map.loci))  # loci that meet share a name
-    texts = [text.get_text() for text in plot_map(twice, ax=Figure().add_subplot()).texts]
+    texts = [text.get_text() for text in draw(twice, ax=Figure().add_subplot()).texts]
     assert texts.count("CP") == len(cusps)
 
 
@@ -87,17 +87,17 @@ def test_sections_have_their_values_and_islands_are_bars(result) -> None:
     branch = chart.sections[1].branches[0]
     closed = replace(branch, ends=(branch.ends[0], End(EndReason.CLOSED, branch.values[-1])))
     chart = replace(chart, sections=(chart.sections[0], replace(chart.sections[1], branches=(closed,))))
-    ax = plot_map(chart, ax=Figure().add_subplot())
+    ax = draw(chart, ax=Figure().add_subplot())
     assert {"0.2", "0.3"} <= {text.get_text() for text in ax.texts}
     (bar,) = [line for line in ax.lines if line.get_marker() == "|"]
     assert bar.get_xydata().tolist() == [[branch.values.min(), 0.3], [branch.values.max(), 0.3]]
-    assert "island on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
+    assert "isola on a section" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_an_end_at_which_the_numerics_gave_up_is_marked(result, figure) -> None:
     first, *others = result.map.loci
     lost = replace(first, ends=(first.ends[0], replace(first.ends[1], reason=LocusEndReason.STEP)))
-    ax = plot_map(replace(result.map, loci=(lost, *others)), ax=Figure().add_subplot())
+    ax = draw(replace(result.map, loci=(lost, *others)), ax=Figure().add_subplot())
     (mark,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "x"]
     assert mark.tolist() == [list(first.ends[1].values)]
     assert "not followed further" in [text.get_text() for text in ax.get_legend().get_texts()]
@@ -115,15 +115,15 @@ def test_a_closed_locus_is_closed(result) -> None:
 
 
 def test_a_map_that_is_not_complete_can_be_drawn(result, tmp_path) -> None:
-    save_picture(replace(result.map, loci=(), sections=result.map.sections[:1]), tmp_path / "first.png")
+    save(replace(result.map, loci=(), sections=result.map.sections[:1]), tmp_path / "first.png")
     assert (tmp_path / "first.png").stat().st_size > 10_000
     with pytest.raises(ModelError, match="no measure; leave it out"):
-        draw_picture(result, measure="half.q1")
+        picture_of(result, measure="half.q1")
 
 
 def test_files_are_equal_for_equal_results(result, tmp_path) -> None:
     for name in ("a", "b"):
-        save_picture(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+        save(result, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
     for ending in ("png", "svg"):
         assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import gapwalk as gw
 from gapwalk.attractor import LyapunovOptions, SpectrumOptions, classify, settle, spectrum, strobe, waterfall
 from gapwalk.errors import ModelError
-from gapwalk.plot import plot_history, plot_loop, plot_section, plot_settled, plot_spectrum, plot_waterfall
+from gapwalk.plot import draw
 from tests.systems import clutch, far_and_near, linear
 
 
@@ -32,7 +32,7 @@ def rendered(figure) -> bytes:
 
 
 def test_a_period_three_motion_in_four_panels(three):
-    figure = plot_settled(three, figure=Figure(figsize=(9, 6), layout="constrained"))
+    figure = draw(three, figure=Figure(figsize=(9, 6), layout="constrained"))
     assert len(figure.axes) == 4
     labels = {ax.get_xlabel() for ax in figure.axes}
     assert labels == {"forcing periods", "multiples of the excitation frequency Ω", "q1", "deflection of stage2"}
@@ -51,7 +51,7 @@ def test_a_period_three_motion_in_four_panels(three):
 def test_tori_and_chaos_are_drawn_too(frequency, word):
     options = gw.ClassifyOptions(lyapunov=LyapunovOptions(max_periods=2048))  # enough to tell, and to draw
     found = classify(gw.paper.case("15"), "rest", options, frequency=frequency)
-    figure = plot_settled(found, "q3''", figure=Figure(figsize=(9, 6), layout="constrained"))
+    figure = draw(found, "q3''", figure=Figure(figsize=(9, 6), layout="constrained"))
     assert figure.get_suptitle().startswith(word)
     section = next(ax for ax in figure.axes if ax.get_xlabel() == "q3")
     assert len(section.lines[0].get_xdata()) == 2000
@@ -59,7 +59,7 @@ def test_tori_and_chaos_are_drawn_too(frequency, word):
 
 
 def test_without_contacts_there_is_no_loop():
-    figure = plot_settled(settle(linear()), figure=Figure(layout="constrained"))
+    figure = draw(settle(linear()), figure=Figure(layout="constrained"))
     assert len(figure.axes) == 3
     rendered(figure)
 
@@ -76,23 +76,23 @@ def test_without_contacts_there_is_no_loop():
 )
 def test_the_loop_is_that_of_a_contact_that_is_named_or_touches(options, shown):
     settled = settle(far_and_near())
-    figure = plot_settled(settled, **options, figure=Figure(layout="constrained"))
+    figure = draw(settled, **options, figure=Figure(layout="constrained"))
     (loop,) = [ax for ax in figure.axes if ax.get_ylabel().startswith("force of")]
     assert loop.get_ylabel() == f"force of {shown}"
     assert (np.ptp(loop.lines[0].get_ydata()) > 0.0) == (shown != "far")
 
 
 def test_history_shows_the_gap(three, ax):
-    plot_history(three.motion(), "q1", ax=ax)
+    draw(three.motion(), "q1", ax=ax)
     assert [line.get_ydata()[0] for line in ax.lines[1:]] == [1.0, -1.0]
-    plot_history(three.motion(), "q3", ax=(other := Figure().add_subplot()))
+    draw(three.motion(), "q3", ax=(other := Figure().add_subplot()))
     assert len(other.lines) == 1
     with pytest.raises(ModelError, match="no signal"):
-        plot_history(three.motion(), "q2", ax=ax)
+        draw(three.motion(), "q2", ax=ax)
 
 
 def test_the_area_of_the_loop_is_the_energy_that_is_lost(three, ax):
-    plot_loop(three.motion(samples=4096), "stage2", ax=ax)
+    draw(three.motion(samples=4096), contact="stage2", ax=ax)
     x, f = ax.lines[0].get_data()
     area = np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x))
     report = gw.rattle(three)
@@ -102,14 +102,14 @@ def test_the_area_of_the_loop_is_the_energy_that_is_lost(three, ax):
 
 def test_a_loop_of_no_contact(three, ax):
     with pytest.raises(ModelError, match="there is no contact 'stage3'; contacts are stage2"):
-        plot_loop(three.motion(), "stage3", ax=ax)
+        draw(three.motion(), contact="stage3", ax=ax)
     with pytest.raises(ModelError, match="there is no contact 'stage3'"):
-        plot_settled(three, contact="stage3", figure=Figure(layout="constrained"))
+        draw(three, contact="stage3", figure=Figure(layout="constrained"))
 
 
 def test_the_spectrum_shows_and_names_its_lines(three, ax):
     found = spectrum(three, "q1")
-    plot_spectrum(found, ax=ax, top=4.0)
+    draw(found, ax=ax, top=4.0)
     orders, heights = ax.lines[0].get_data()
     assert orders == pytest.approx(np.arange(1, 13) / 3)
     assert heights[2] == pytest.approx(found.amplitude(1.0))
@@ -120,7 +120,7 @@ def test_the_spectrum_shows_and_names_its_lines(three, ax):
 
 def test_a_spectrum_of_chaos_names_only_what_has_a_name(ax):
     settled = settle(gw.paper.case("15"), frequency=0.4)
-    plot_spectrum(spectrum(settled, "q1", SpectrumOptions(periods=64)), ax=ax)
+    draw(spectrum(settled, "q1", SpectrumOptions(periods=64)), ax=ax)
     names = {text.get_text() for text in ax.texts}
     assert "Ω" in names
     assert not any("." in name for name in names)
@@ -128,13 +128,13 @@ def test_a_spectrum_of_chaos_names_only_what_has_a_name(ax):
 
 def test_a_spectrum_of_rest_can_be_drawn(ax):
     still = settle(gw.System(("x",), [[1.0]], [[0.1]]), [1.0, 0.0])
-    plot_spectrum(spectrum(still, "x"), ax=ax)
+    draw(spectrum(still, "x"), ax=ax)
     rendered(ax.figure)
 
 
 def test_a_section_says_where_it_is_taken(three, ax):
-    plot_section(strobe(three.system, three.state, 3, np.pi), "q3", "q3'", ax=ax)
-    assert ax.get_title() == "section at phase 0.5 of the period"
+    draw(strobe(three.system, three.state, 3, np.pi), "q3", "q3'", ax=ax)
+    assert ax.get_title("left") == "section at phase 0.5 of the period"
     assert len(ax.lines[0].get_xdata()) == 3
 
 
@@ -143,7 +143,7 @@ def test_the_waterfall_goes_round_its_folds():
     found = waterfall(branch, "q1", 5)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(found.values)))) + 1
     assert len(turns) == 2
-    ax = plot_waterfall(found, ax=Figure(layout="constrained").add_subplot())
+    ax = draw(found, ax=Figure(layout="constrained").add_subplot())
     assert len(ax.lines) == 2
     (mesh,) = (child for child in ax.collections if isinstance(child, QuadMesh))
     assert mesh.get_array().shape == (5, len(found.values))

@@ -7,8 +7,8 @@ import pytest
 import gapwalk as gw
 from gapwalk import plot
 from gapwalk.errors import ModelError
-from gapwalk.plot.picture import draw_picture
-from gapwalk.plot.size import SIZES, broken, points, sheet_size, sized
+from gapwalk.plot.picture import picture_of
+from gapwalk.plot.style import SIZES, broken, points, sheet_size, sized
 
 _INCH = 25.4
 
@@ -31,7 +31,7 @@ def branch() -> gw.Branch:
 )
 def test_a_size_is_a_width_and_letters(branch, size, width, letters) -> None:
     with sized(size):
-        figure = draw_picture(branch, title="A stop")
+        figure = picture_of(branch, title="A stop")
     assert figure.get_size_inches()[0] * _INCH == pytest.approx(width)
     (ax,) = figure.axes
     assert ax.get_xticklabels()[0].get_fontsize() == pytest.approx(letters)
@@ -44,14 +44,14 @@ def test_a_size_is_a_width_and_letters(branch, size, width, letters) -> None:
 
 
 def test_text_in_svg_and_pdf_is_text(branch, tmp_path) -> None:
-    plot.save_picture(branch, svg=tmp_path / "a.svg", pdf=tmp_path / "a.pdf", size="column")
+    plot.save(branch, tmp_path / "a.svg", tmp_path / "a.pdf", size="column")
     svg = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert re.search(r"<text[^>]*>excitation frequency Ω</text>", svg)
     width = re.search(r'<svg[^>]* width="([\d.]+)pt"', svg)
     assert width is not None
     assert float(width[1]) / 72.0 * _INCH == pytest.approx(85.0, abs=0.01)
     pdf = (tmp_path / "a.pdf").read_bytes()
-    plot.save_picture(branch, pdf=tmp_path / "b.pdf", size="column")
+    plot.save(branch, tmp_path / "b.pdf", size="column")
     assert (tmp_path / "b.pdf").read_bytes() == pdf
     assert b"CreationDate" not in pdf  # which is all that would differ a second later
     assert b"/FontFile2" in pdf  # letters of a font, not outlines

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.plot.sweep import draw_sweep, plot_sweep
+from gapwalk.plot import draw
+from gapwalk.plot.picture import picture_of
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import Lane
 from tests.systems import clutch
@@ -34,7 +35,7 @@ def texts(ax) -> list[str]:
 
 def test_every_point_is_drawn_and_every_band_is_named() -> None:
     regimes = ["period 1"] * 40 + ["period 3"] * 20 + ["chaotic"] * 30 + ["runs away"] + [""] * 9
-    figure = draw_sweep(sweep_of([regimes, ["period 1"] * 100]), title="A title")
+    figure = picture_of(sweep_of([regimes, ["period 1"] * 100]), title="A title")
     strips, ax = figure.axes
     assert [line.get_xdata().size for line in ax.lines] == [100 * 20, 91 * 20]  # up lies over down
     assert all(line.get_rasterized() for line in ax.lines)
@@ -53,7 +54,7 @@ def test_every_point_is_drawn_and_every_band_is_named() -> None:
 def test_a_hundred_thousand_points_take_little_time_and_space() -> None:
     found = sweep_of([["not periodic"] * 1000, ["not periodic"] * 1000], points=100)
     begun = time.process_time()
-    figure = draw_sweep(found, "q3'")
+    figure = picture_of(found, "q3'")
     png, svg = io.BytesIO(), io.BytesIO()
     figure.savefig(png, format="png")
     assert time.process_time() - begun < 5.0
@@ -64,11 +65,11 @@ def test_a_hundred_thousand_points_take_little_time_and_space() -> None:
 
 def test_long_periods_share_a_colour_and_many_starts_the_strips() -> None:
     found = sweep_of([["period 9"] * 20, ["period 12"] * 20] * 8, ways=(Way.UP, Way.AFRESH))
-    strips = draw_sweep(found).axes[0]
+    strips = picture_of(found).axes[0]
     assert [tick.get_text() for tick in strips.get_yticklabels()] == [
         f"{way} {start} of 8" for start in range(1, 7) for way in ("up", "afresh")
     ]
-    few = draw_sweep(sweep_of([["period 1"] * 20] * 4)).axes[0]
+    few = picture_of(sweep_of([["period 1"] * 20] * 4)).axes[0]
     assert [tick.get_text() for tick in few.get_yticklabels()] == ["up 1", "down 1", "up 2", "down 2"]
     assert len({patch.get_facecolor() for patch in strips.patches if patch.get_fill()}) == 1
     assert "period 9 and more" in [text.get_text() for text in strips.figure.legends[0].get_texts()]
@@ -79,11 +80,11 @@ def test_it_is_drawn_where_it_is_asked_for() -> None:
     assert sweep_of([["period 1"] * 5]).plot(figure=figure, legend=False) is figure
     assert not figure.legends
     part = Figure(layout="constrained").subfigures(1, 2)[0]
-    assert plot_sweep(sweep_of([["period 1"] * 5]), figure=part) is part
+    assert draw(sweep_of([["period 1"] * 5]), figure=part) is part
 
 
 def test_what_cannot_be_drawn() -> None:
     with pytest.raises(ModelError, match="no section points yet"):
-        draw_sweep(sweep_of([[""] * 5]))
+        picture_of(sweep_of([[""] * 5]))
     with pytest.raises(ModelError, match="no coordinate 'x'"):
-        draw_sweep(sweep_of([["period 1"] * 5]), "x")
+        picture_of(sweep_of([["period 1"] * 5]), "x")

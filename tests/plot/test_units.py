@@ -8,9 +8,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 import gapwalk as gw
-from gapwalk.plot.branch import plot_branches
-from gapwalk.plot.history import plot_history, plot_loop
-from gapwalk.plot.settled import plot_settled
+from gapwalk.plot import draw
 from gapwalk.plot.words import measure_words, parameter_symbol, parameter_words, value_words
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
@@ -40,7 +38,7 @@ def test_words_have_units_where_there_are_some(orbit) -> None:
 def test_axes_of_a_branch_are_in_rpm_and_deg(orbit) -> None:
     branch = gw.follow(orbit, "speed", to=1650.0)
     figure, ax = plt.subplots()
-    plot_branches([branch], "half.clutch", ax=ax, legend=False, closeup=False)
+    draw([branch], "half.clutch", ax=ax, legend=False, closeup=False)
     assert ax.get_xlabel() == "speed [rpm]"
     assert ax.get_ylabel() == "amplitude of clutch (half the peak to peak) [deg]"
     low, high = ax.get_xlim()
@@ -53,20 +51,29 @@ def test_histories_are_in_the_units_at_their_axes(orbit) -> None:
     figure, axes = plt.subplots(1, 3)
     motion = orbit.motion()
     for ax, signal, label in zip(axes, ("gearbox''", "clutch"), ("gearbox'' [rad/s^2]", "clutch [deg]"), strict=False):
-        plot_history(motion, signal, ax=ax)
+        draw(motion, signal, ax=ax)
         assert ax.get_ylabel() == label
         np.testing.assert_array_equal(ax.get_lines()[0].get_ydata(), motion.signal(signal))
-    plot_loop(motion, "clutch", ax=axes[2])
+    draw(motion, contact="clutch", ax=axes[2])
     assert (axes[2].get_xlabel(), axes[2].get_ylabel()) == ("deflection of clutch [deg]", "force of clutch [N m]")
     plt.close(figure)
+
+
+def test_a_velocity_has_one_unit_as_a_state_and_as_a_signal(orbit) -> None:
+    units, place = orbit.system.units, orbit.system.coordinates.index("clutch")
+    assert units.signal("clutch'") == (1.0, units.state("clutch'")) == (1.0, "deg/s")
+    velocity = orbit.motion().signal("clutch'")
+    assert velocity[0] == pytest.approx(orbit.state[len(orbit.state) // 2 + place])
+    slope = np.gradient(orbit.motion().signal("clutch"), orbit.motion().time)
+    assert np.median(np.abs(slope - velocity)) < 0.02 * np.abs(velocity).max()  # deg over s, indeed
 
 
 def test_a_settled_motion_is_told_at_its_speed() -> None:
     mpl.use("Agg")
     settled = gw.settle(gw.read_study(EXAMPLE, name="load").system, speed=2500.0)
-    figure = plot_settled(settled, "gearbox''")
+    figure = draw(settled, "gearbox''")
     assert figure.get_suptitle() == "Motion of period 1 at speed = 2500 rpm"
     labels = {ax.get_ylabel() for ax in figure.axes}
     assert {"gearbox'' [rad/s^2]", "amplitude of gearbox'' [rad/s^2]"} <= labels
-    assert {"clutch' [rad/s]", "force of clutch [N m]"} <= labels
+    assert {"clutch' [deg/s]", "force of clutch [N m]"} <= labels
     plt.close("all")

@@ -40,7 +40,7 @@ def _word(parameter: inspect.Parameter) -> str:
 
 
 def _attributes(kind: type) -> list[str]:
-    names = {*dir(kind), *getattr(kind, "__dataclass_fields__", {})}
+    names = {*dir(kind), *getattr(kind, "__dataclass_fields__", {})} - set(dir(str) if issubclass(kind, str) else ())
     return sorted(name for name in names if not name.startswith("_"))
 
 

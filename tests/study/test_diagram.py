@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from gapwalk.bifurcation import Kind
 from gapwalk.bifurcation.diagram import Cascade, Diagram, Origin
-from gapwalk.continuation import EndReason, Kind
+from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.orbit.identity import is_same
 from gapwalk.paper import case

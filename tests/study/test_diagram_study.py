@@ -102,6 +102,20 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> 
     assert_same_result(gw.load(path), undisturbed)
 
 
+def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch, undisturbed) -> None:
+    replace_file = os.replace
+
+    def interrupted(old, new) -> None:
+        replace_file(old, new)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    until_ctrl_c(gw.run, clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1",)
+    monkeypatch.undo()
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
 def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
     def report(diagram, limb) -> None:
         signal.raise_signal(signal.SIGINT)

@@ -81,3 +81,17 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch) -> None:
     assert path.read_bytes() == b"new"
     with pytest.raises(StoreError, match="there is no folder"):
         write_whole(tmp_path / "nowhere" / "a.csv", b"")
+
+
+def test_all_tables_are_saved_by_their_names(result, tmp_path) -> None:
+    written = gw.save_tables(result, tmp_path / "stop")
+    assert [path.name for path in written] == ["stop-points.csv", "stop-special-points.csv"]
+    rows = written[0].read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 1 + sum(len(branch.points) for branch in result.branches)
+
+
+def test_a_result_is_plain_json(result) -> None:
+    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert [len(branch["points"]) for branch in document["branches"]] == [len(each.points) for each in result.branches]
+    assert "points" not in result.to_dict(points=False)["branches"][0]
+    assert not any(branch.closed for branch in result.branches)

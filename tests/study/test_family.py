@@ -31,7 +31,7 @@ def response(system: gw.System, begin: float, end: float) -> gw.Branch:
 
 
 def count(kind: str, system: gw.System, begin: float, end: float) -> int:
-    return len(response(system, begin, end).special(gw.Kind(kind)))
+    return len(response(system, begin, end).special(gw.Kind.named(kind)))
 
 
 def places(family: gw.Family, name: str) -> list[float]:

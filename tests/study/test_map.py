@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import follow
+from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.locus import Codim2
-from gapwalk.continuation import EndReason, Kind
+from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case

@@ -157,11 +157,10 @@ class Basins(Shown):
         return int(np.sum(self.labels == RUNAWAY))
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the plane with its basins; options as in `gapwalk.plot.draw_basins`. Returns the figure."""
-        from gapwalk.plot.basins import draw_basins
-        from gapwalk.plot.sheet import open_window
+        """Draw the plane with its basins; options as in `gapwalk.plot.cells.draw_basins`. Returns the axes."""
+        from gapwalk.plot import draw
 
-        return draw_basins(self, title, **{"on": open_window, **options})
+        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         columns, rows = self.resolution

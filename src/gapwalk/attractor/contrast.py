@@ -66,10 +66,10 @@ class Contrast:
     pairs: tuple[SignalPair, ...]
 
     def plot(self, title: str | None = None, **options: Any):
-        """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.plot_contrast`."""
-        from gapwalk.plot import plot_contrast
+        """Draw histories and spectra of all signals (paper, figures 3 and 5 to 7); see `gapwalk.plot.draw`."""
+        from gapwalk.plot import draw
 
-        return plot_contrast(self, title, **options)
+        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         texts = [

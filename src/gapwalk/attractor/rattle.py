@@ -23,7 +23,7 @@ _OF_SIGNALS = ("rms", "peak")
 _UNITS = dict(
     zip(
         (*_OF_SIDES, *_OF_CONTACTS[1:], *_OF_SIGNALS),
-        ("rad/s", "rad/s", "N m", "J", "J", "N m", "W", "rad/s^2", "rad/s^2"),
+        ("", "", "N m", "J", "J", "N m", "W", "rad/s^2", "rad/s^2"),
         strict=True,
     )
 )
@@ -126,8 +126,8 @@ class Rattle:
 
     Notes
     -----
-    In a system with units velocities are in rad/s, accelerations in rad/s^2, forces in N m, energies in J and powers
-    in W.
+    In a system with units velocities are in the unit of angles over s, accelerations in rad/s^2, forces in N m,
+    energies in J, and powers in W.
     """
 
     system: System
@@ -189,11 +189,11 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
 
 
 def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
-    """Impacts with velocities in rad/s and energies in J, where the system has units."""
+    """Impacts with energies in J, where the system has units; velocities are as in states."""
     if system.units is None:
         return found
     unit = system.units.angle
-    return tuple(replace(each, velocity=unit * each.velocity, loss=unit * each.loss) for each in found)
+    return tuple(replace(each, loss=unit * each.loss) for each in found)
 
 
 def _once(found: tuple[Impact, ...], end: float) -> tuple[Impact, ...]:
@@ -221,7 +221,8 @@ def _sides_of(contact: ContactForm) -> list[int]:
 def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tuple[ContactLoad, ...]:
     forces, share = along.motion.forces, along.weights / along.weights.sum()
     rms, power = np.sqrt(share @ forces**2), share @ damping_power(system, along)
-    closed, unit = share @ (forces != 0.0), signal_factor(system, "'")
+    closed = share @ (forces != 0.0)
+    unit = 1.0 if system.units is None else system.units.angle  # a torque times a velocity is in W
     rows = []
     for k, contact in enumerate(system.structure.contacts):
         peaks = [impact.peak for impact in found if impact.contact == contact.name]
@@ -248,7 +249,10 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
 
 def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
     """Headings with the units of what is below them."""
-    return head if units is None else tuple(f"{name} [{_UNITS[name]}]" if name in _UNITS else name for name in head)
+    if units is None:
+        return head
+    known = _UNITS | dict.fromkeys(_OF_SIDES[:2], units.state("'"))
+    return tuple(f"{name} [{known[name]}]" if name in known else name for name in head)
 
 
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:

@@ -120,11 +120,10 @@ class Regimes(Shown):
         return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
 
     def plot(self, title: str = "", **options: Any):
-        """Draw the map; options as in `gapwalk.plot.draw_regimes`. Returns the figure."""
-        from gapwalk.plot.regimes import draw_regimes
-        from gapwalk.plot.sheet import open_window
+        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Returns the figure."""
+        from gapwalk.plot import draw
 
-        return draw_regimes(self, title, **{"on": open_window, **options})
+        return draw(self, title=title, **options)
 
     def _groups(self) -> dict[str, int]:
         """The same as `cells`, with all long periods in one."""

@@ -73,10 +73,10 @@ class Settled(Shown):
         return integrate(self.system, self.state, periods or self.period or 64, samples)
 
     def plot(self, signal: str | None = None, **options: Any):
-        """Draw time history, spectrum and section; see `gapwalk.plot.plot_settled`. Returns the figure."""
-        from gapwalk.plot.settled import plot_settled
+        """Draw time history, spectrum and section; see `gapwalk.plot.motions.draw_settled`. Returns the figure."""
+        from gapwalk.plot import draw
 
-        return plot_settled(self, signal, **options)
+        return draw(self, signal, **options)
 
     def __repr__(self) -> str:
         what = f"period {self.period}" if self.period else "not periodic"

@@ -46,10 +46,10 @@ class Waterfall:
     turns: int | None = None
 
     def plot(self, **options):
-        """Draw it as a colour map; see `gapwalk.plot.plot_waterfall`. Returns the axes."""
-        from gapwalk.plot.waterfall import plot_waterfall
+        """Draw it as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Returns the axes."""
+        from gapwalk.plot import draw
 
-        return plot_waterfall(self, **options)
+        return draw(self, **options)
 
     def __repr__(self) -> str:
         return (

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.kind import Kind
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.walk import End
+from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.shown import Shown
@@ -26,16 +26,6 @@ REACH = 0.01
 """Share of a motion up to which the doubled motions that leave its flip are looked at."""
 _WHOLE = 0.5  # share of that from which a nature counts as holding over all of it
 _VERTEX = 1e-3  # parameter component of the tangent below which a branch counts as turning
-
-
-class Kind(StrEnum):
-    """What happens at a special point."""
-
-    FOLD = "fold"
-    FLIP = "flip"
-    NEIMARK_SACKER = "neimark-sacker"
-    BRANCH_POINT = "branch-point"
-    GRAZING = "grazing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +76,7 @@ class SpecialPoint(Shown):
     @property
     def multiplier(self) -> complex:
         """The multiplier that is critical here: nearest to +1, -1 or the unit circle; nan at a grazing point."""
-        return critical_multiplier(self.kind, self.point.orbit.multipliers)
+        return self.kind.critical_multiplier(self.point.orbit.multipliers)
 
     @property
     def is_vertex(self) -> bool:
@@ -108,8 +98,28 @@ class SpecialPoint(Shown):
         return texts[0] if texts[0] == texts[1] else " -> ".join(texts)
 
     def __repr__(self) -> str:
-        place = f"{self.kind.value} at {self.value:.10g} +- {self.uncertainty:.0e}"
+        place = f"{self.kind} at {self.value:.10g} +- {self.uncertainty:.0e}"
         return f"SpecialPoint({', '.join(filter(None, (place, self.change, self.nature, self.contact)))})"
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A step of a branch in which more changes than its special points account for: something was missed there.
+
+    Attributes
+    ----------
+    first, last
+        Values of the parameter at the points before and after it.
+    text
+        What changes, in a sentence.
+    """
+
+    first: float
+    last: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +168,17 @@ class Branch(Shown):
         """One measure (see `Orbit.measure`) at each point, shape (points,)."""
         return np.array([point.measure(name) for point in self.points])
 
+    @property
+    def closed(self) -> bool:
+        """Whether the branch closed on itself: an isolated branch (isola), connected to no other."""
+        return self.ends[-1].reason is EndReason.CLOSED
+
     @cached_property
-    def unexplained(self) -> tuple[Any, ...]:
+    def unexplained(self) -> tuple[Unexplained, ...]:
         """Steps in which more changes than the special points between account for: something was missed there.
 
         Of the numbers of unstable multipliers, the direction, the sign of the determinant, and how often contacts
-        close. Each is a `gapwalk.bifurcation.counts.Unexplained`; a branch of which nothing is missing has none.
+        close. A branch of which nothing is missing has none.
         """
         from gapwalk.bifurcation.counts import unexplained_of
 
@@ -179,10 +194,13 @@ class Branch(Shown):
         return tuple(special for special in self.special_points if special.kind == kind)
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes."""
-        from gapwalk.plot import plot_branch
+        """Draw the branch; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``). Returns the axes.
 
-        return plot_branch(self, measure, **options)
+        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.branches.draw_branches`.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, measure, **options)
 
     def to_dataframe(self, *measures: str) -> pandas.DataFrame:
         """The points as a pandas DataFrame: parameter, stability, contacts, and measures of each coordinate.
@@ -200,22 +218,8 @@ class Branch(Shown):
         return pd.DataFrame(columns)
 
     def __repr__(self) -> str:
-        kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind if self.special(kind))
+        kinds = ", ".join(f"{len(self.special(kind))} {kind}" for kind in Kind.known() if self.special(kind))
         return (
             f"Branch(period {self.period}, {self.parameter} {self.points[0].value:.6g} ... "
             f"{self.points[-1].value:.6g}, {len(self.points)} points, {kinds or 'no special points'})"
         )
-
-
-def critical_multiplier(kind: Kind, multipliers: NDArray[np.complex128]) -> complex:
-    """The multiplier that a special point of this kind is about."""
-    match kind:
-        case Kind.FOLD | Kind.BRANCH_POINT:
-            distance = np.abs(multipliers - 1.0)
-        case Kind.FLIP:
-            distance = np.abs(multipliers + 1.0)
-        case Kind.NEIMARK_SACKER:
-            distance = np.abs(np.abs(multipliers) - 1.0) + np.where(multipliers.imag > 0, 0.0, 1e3)
-        case Kind.GRAZING:
-            return complex(np.nan, np.nan)
-    return complex(multipliers[np.argmin(distance)])

@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
-from gapwalk.bifurcation.functions import value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint, Unexplained
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floquet import is_on_border
 
-_VERTEX = 1e-5  # parameter component of the tangent where a branch ends at a vertex
-_SINGULAR = 1e-6  # a test function so near to zero has no sign
-_TESTED = {
-    Kind.FOLD: "the branch turns round",
-    Kind.BRANCH_POINT: "another branch crosses",
-    Kind.FLIP: "a flip is passed",
-}
+_SINGULAR = 1e-6  # distance from +1, and from a vertical tangent, of a branch point
 
 
 def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """What has changed from one point to the next and is not explained by the special points between, in sentences."""
     yield from _stability(a, b, special)
-    for kind, words in _TESTED.items():
+    for kind in (each for each in Kind.known() if each.sign_change):
         signs = [_sign(kind, point) for point in (a, b)]
-        found = sum(each.kind is kind or (kind is Kind.FOLD and each.is_vertex) for each in special)
+        found = sum(each.kind is kind or (kind.is_turning and each.is_vertex) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
-                f"{words}, with {found} points of the kind {kind.value} between"
+                f"{kind.sign_change}, with {found} points of the kind {kind} between"
                 if found % 2 == 0
-                else (f"{found} points of the kind {kind.value} lie between, but the test function keeps its sign")
+                else (f"{found} points of the kind {kind} lie between, but the test function keeps its sign")
             )
     yield from _contacts(a, b, special)
 
@@ -44,7 +36,7 @@ def _stability(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) 
     count = None if _is_undecided(a) else a.instability.total
     for each in special:
         if count is not None and each.before.total != count:
-            yield f"{count} unstable multipliers come to a {each.kind.value} that counts {each.before.total} before it"
+            yield f"{count} unstable multipliers come to a {each.kind} that counts {each.before.total} before it"
         count = each.after.total
     if count is not None and not _is_undecided(b) and b.instability.total != count:
         between = ", ".join(each.kind.value for each in special) or "nothing"
@@ -59,10 +51,8 @@ def _is_undecided(point: BranchPoint) -> bool:
 
 
 def _sign(kind: Kind, point: BranchPoint) -> int:
-    size = value(kind, point)
-    if kind is Kind.FLIP and _is_undecided(point):
-        return 0
-    if abs(size) < (_VERTEX if kind is Kind.FOLD else _SINGULAR) or (kind is not Kind.FLIP and _is_singular(point)):
+    size = kind.at(point)
+    if abs(size) < kind.noise or (_is_singular(point) if kind.moves_through_one else _is_undecided(point)):
         return 0
     return 1 if size > 0.0 else -1
 
@@ -86,26 +76,6 @@ def _contacts(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -
         change = abs(then - now)
         if change > grazes or (grazes - change) % 2:
             yield f"{name} closes {now} times, then {then} times, with {grazes} of its grazing points between"
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """A step of a branch in which more changes than its special points account for: something was missed there.
-
-    Attributes
-    ----------
-    first, last
-        Values of the parameter at the points before and after it.
-    text
-        What changes, in a sentence.
-    """
-
-    first: float
-    last: float
-    text: str
-
-    def __str__(self) -> str:
-        return f"between {self.first:.10g} and {self.last:.10g}: {self.text}"
 
 
 def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:

@@ -175,10 +175,14 @@ class Diagram(Shown):
         return replace(self, limbs=(*self.limbs, limb))
 
     def plot(self, measure: str = "half", **options: Any):
-        """Draw the diagram: `measure` over the parameter, and the stroboscopic states. Returns the figure."""
-        from gapwalk.plot import plot_diagram
+        """Draw the diagram: `measure` over the parameter, and the stroboscopic states. Returns the figure.
 
-        return plot_diagram(self, measure, **options)
+        Options are those of `gapwalk.plot.draw` and `gapwalk.plot.diagrams.draw_diagram`; with ``ax=...`` only the
+        states are drawn.
+        """
+        from gapwalk.plot import draw
+
+        return draw(self, measure, **options)
 
     def __repr__(self) -> str:
         low, high = self.within

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure, depart, directions
+from gapwalk.bifurcation.kinds.event import Event, check_events
 from gapwalk.bifurcation.switch import switch
-from gapwalk.bifurcation.trail import Step, Trail
+from gapwalk.bifurcation.trail import Step, Trail, TrailState, resumed_trail
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.tracing import Tracing, TracingState
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.notebook.progress import shows_progress
@@ -32,6 +34,7 @@ def follow(
     method: Method | None = None,
     report: Report | None = None,
     verify: bool = False,
+    events: Sequence[Event] = (),
 ) -> Branch:
     """Follow a periodic orbit along one named parameter, around folds, with every special point on the way.
 
@@ -52,6 +55,8 @@ def follow(
         Called with each new point and the special points before it.
     verify
         Whether to check the branch by other means before it is returned; see `gapwalk.verify`.
+    events
+        Special points of your own: functions of the orbit whose zeros are located; see `Event`.
 
     Raises
     ------
@@ -62,12 +67,112 @@ def follow(
     Interrupted
         After Ctrl-C; its `found` is the branch as far as it was walked.
     """
-    branch = walk_out(_departures(start, parameter, to, method), walk, report)
+    steps = BranchWalk(_departures(start, parameter, to, method), walk, events)
+    branch = walked_to_end(steps, report)
     if verify:
         from gapwalk.verification import confirm
 
         confirm(branch)
     return branch
+
+
+def walk(
+    start: Orbit | SpecialPoint,
+    parameter: str,
+    to: float | tuple[float, float],
+    *,
+    options: WalkOptions | None = None,
+    method: Method | None = None,
+    events: Sequence[Event] = (),
+    resume: WalkProgress | None = None,
+) -> BranchWalk:
+    """Walk a branch point by point: look at each, stop when you like, and resume later.
+
+    Parameters
+    ----------
+    start, parameter, to, method, events
+        As in `follow`.
+    options
+        Options of the walk.
+    resume
+        `BranchWalk.state` of a walk from the same start that was stopped; it can be pickled.
+
+    Returns
+    -------
+    BranchWalk
+        An iterator over the points; `BranchWalk.branch` is the branch as far as it was walked.
+
+    Raises
+    ------
+    ModelError
+        As `follow`.
+
+    Examples
+    --------
+    >>> steps = gw.walk(orbit, "frequency", 0.2)
+    >>> for point in steps:
+    ...     if point.measure("max.q1") > 3.0:
+    ...         break
+    >>> steps.branch.plot()
+    """
+    return BranchWalk(_departures(start, parameter, to, method), options, events, resume)
+
+
+WalkProgress = TracingState[Step]
+"""Where the walk of a branch has come to."""
+
+
+class BranchWalk(Iterator[BranchPoint]):
+    """The walk of a branch, as an iterator over its points; see `walk`.
+
+    Parameters
+    ----------
+    departures
+        Where it begins: one departure, or two in opposite directions of one point.
+    options
+        Options of the walk.
+    events
+        Special points of the user's own.
+    resume
+        Where a walk from the same departures had come to.
+    """
+
+    def __init__(
+        self,
+        departures: list[Departure],
+        options: WalkOptions | None = None,
+        events: Sequence[Event] = (),
+        resume: WalkProgress | None = None,
+    ) -> None:
+        check_events(events)
+
+        def begin(departure: Departure, state: TrailState | None) -> Trail:
+            if state is None:
+                return Trail(departure, options, events=events)
+            return resumed_trail(departure, options, state, events)
+
+        self._tracing: Tracing[Departure, Trail, Step] = Tracing(departures, begin, resume)
+
+    def __next__(self) -> BranchPoint:
+        return next(self._tracing)[0]
+
+    @property
+    def special_points(self) -> tuple[SpecialPoint, ...]:
+        """The special points between the last point and the one before it."""
+        steps = self._tracing.steps
+        return tuple(steps[-1][-1][1]) if steps and steps[-1] else ()
+
+    @property
+    def state(self) -> WalkProgress:
+        """Where it has come to: `walk` with it as `resume` continues as if it had never been stopped."""
+        return self._tracing.state
+
+    @property
+    def branch(self) -> Branch:
+        """The branch as far as it was walked; a ModelError before the first point."""
+        if not self._tracing.traces:
+            raise ModelError("nothing was walked yet; ask for a point first: next(steps)")
+        return join(self._tracing.traces, self._tracing.steps)
 
 
 def _departures(
@@ -88,23 +193,28 @@ def _departures(
 
 def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
     """The whole branch from one departure, or from two in opposite directions of one point."""
-    trails: list[Trail] = []
-    walked: list[list[Step]] = []
+    return walked_to_end(BranchWalk(departures, walk), report)
+
+
+def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
+    """The branch of a walk that is made to its end.
+
+    Raises
+    ------
+    Interrupted
+        After Ctrl-C; its `found` is the branch as far as it was walked.
+    """
     try:
-        for departure in departures:
-            walked.append([])
-            trails.append(Trail(departure, walk))
-            for point, special in trails[-1]:
-                walked[-1].append((point, special))
-                if report is not None:
-                    report(point, special)
-            if trails[-1].end is not None and trails[-1].end.reason is EndReason.CLOSED:
-                break
+        for point in steps:
+            if report is not None:
+                report(point, list(steps.special_points))
     except KeyboardInterrupt:
-        if not trails:
-            raise
-        raise Interrupted(join(trails, walked[: len(trails)])) from None
-    return join(trails, walked)
+        try:
+            found = steps.branch
+        except ModelError:  # nothing was walked yet
+            raise KeyboardInterrupt from None
+        raise Interrupted(found) from None
+    return steps.branch
 
 
 def join(trails: list[Trail], walked: list[list[Step]]) -> Branch:

@@ -18,9 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.detect import opening
-from gapwalk.bifurcation.functions import BIFURCATIONS, is_genuine, value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.second import ROUNDING
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
@@ -86,9 +84,8 @@ class _Corner:
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
-        self._touches = [first]
-        if at_once:
-            self._touches += [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
+        self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
+        self._touches = [first, *self._twins] if at_once else [first]
         self._posed = TouchEquation(equation, point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
@@ -158,10 +155,9 @@ class _Corner:
         """The special points between two labels, in order."""
         found: list[tuple[float, Kind, str]] = []
         if begin < 0.0:
-            names = [describe_switch(self._first.orbit, touch.switch) for touch in self._touches]
-            found = [(0.0, Kind.GRAZING, name) for name in names]
+            found = [(0.0, Kind.GRAZING, describe_switch(self._first.orbit, switch)) for switch in self._grazing(end)]
         nodes = self._resolved(sorted(label for label in self._points if label != 0.0))
-        for kind in BIFURCATIONS:
+        for kind in (each for each in Kind.known() if each.has_function):
             found += [(label, kind, "") for label in self._zeros(kind, nodes)]
         vertices = [label for label, kind, _ in found if kind is Kind.BRANCH_POINT]
         found = sorted(
@@ -178,8 +174,14 @@ class _Corner:
         ]
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             counts = (before.instability, after.instability)
-            nature = opening(before, after) if kind is Kind.FOLD else ""
+            nature = kind.nature(before, after) or ""
             yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
+
+    def _grazing(self, end: float) -> list[int]:
+        """The switches that graze: that of the touch, and those that pass their breakpoints at once with it."""
+        before, after = self._first.orbit.closings, self._at(end).orbit.closings
+        twins = (touch.switch for touch in self._twins)
+        return [self._touches[0].switch, *(switch for switch in twins if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:
         """A point between special points; where these are nearer to the graze than can be told, one just before it."""
@@ -198,7 +200,7 @@ class _Corner:
     @staticmethod
     def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
         """Whether the signs of test functions at two points may explain the unstable multipliers at both."""
-        signs = {kind: value(kind, a) * value(kind, b) < 0.0 for kind in BIFURCATIONS}
+        signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
         most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
         change = abs(b.instability.total - a.instability.total)
         return change <= most and (most - change) % 2 == 0
@@ -211,15 +213,15 @@ class _Corner:
         from scipy.optimize import brentq  # imported late: it takes long
 
         pairs = pairwise(nodes)
-        changes = [(a, b) for a, b in pairs if value(kind, self._at(a)) * value(kind, self._at(b)) < 0.0]
+        changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
         zeros = []
         for a, b in changes:
             if a < 0.0 < b:
                 zeros.append(-1e-3 * self._way * self._posed.free)
                 self._at(zeros[-1])
                 continue
-            zero = float(brentq(lambda label: value(kind, self._at(label)), a, b, xtol=_SHARP))
-            if is_genuine(kind, self._at(zero), _CIRCLE):
+            zero = float(brentq(lambda label: kind.at(self._at(label)), a, b, xtol=_SHARP))
+            if kind.is_genuine(self._at(zero), _CIRCLE):
                 zeros.append(zero)
         return zeros
 
@@ -242,8 +244,8 @@ class _Corner:
             beside = self._at(label + _NEAR)
         except NumericalError:
             return math.inf
-        off = abs(other.value - here.value)
+        off = abs(other.value - here.value) + self._held[label].error
         if kind is not Kind.GRAZING:
-            rise = value(kind, beside) - value(kind, here)
-            off += abs((beside.value - here.value) * (value(kind, other) / rise)) if rise else 0.0
-        return _SAFETY * off + ROUNDING * (abs(here.value) + scale)
+            rise = kind.at(beside) - kind.at(here)
+            off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
+        return float(_SAFETY * off + ROUNDING * (abs(here.value) + scale))

@@ -61,7 +61,7 @@ class Stretch:
     def _between(self, a: BranchPoint, b: BranchPoint, arclength: float) -> BranchPoint:
         for crossing in self.crossings:
             if arclength in crossing:
-                return self.corrector.uncorrected(crossing.x(arclength), crossing.tangent(arclength), arclength)
+                return self.corrector.crossed(crossing.x(arclength), crossing.tangent(arclength), arclength)
         chord = b.x - a.x
         length = length_of(chord)
         share = (arclength - a.arclength) / (b.arclength - a.arclength)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
@@ -54,16 +54,11 @@ def switch(
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
-    if special.kind is Kind.FLIP:
-        return [_from_flip(special, parameter, within, method or Shooting())]
-    if special.kind is Kind.BRANCH_POINT:
-        return _from_crossing(special, parameter, within, method or Shooting())
-    raise ModelError(
-        f"no other branch of periodic motions leaves a {special.kind.value}; switch at a flip or at a branch point"
-    )
+    return special.kind.departures(special, parameter, within, method or Shooting())
 
 
-def _from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
+def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
+    """The departure along the branch of twice the period that begins at a flip."""
     doubled = Doubled(special, parameter, within, method)
     start, across, _ = doubled.start()
     return Departure(doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True)
@@ -223,7 +218,8 @@ def least_singular(
     return left_vectors[:, -1], float(values[-1]), right_vectors[-1]
 
 
-def _from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+    """The departures in both directions of the branch that crosses at a branch point."""
     _, equation = _posed(special, parameter, special.orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, special.orbit, within))
     start = np.append(equation.unknowns(special.orbit), special.value)

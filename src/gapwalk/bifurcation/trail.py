@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,8 +13,9 @@ from gapwalk.bifurcation.counts import unexplained
 from gapwalk.bifurcation.departure import Departure, lift, refined
 from gapwalk.bifurcation.detect import Detector, DetectorState
 from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
-from gapwalk.bifurcation.grazing import describe_switch
-from gapwalk.bifurcation.nature import with_nature
+from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.kinds.event import Event
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.passage import pass_graze
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
@@ -24,6 +25,7 @@ from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.symmetry import Symmetry, finds_all, symmetries_of
 from gapwalk.motion.unit import magnitude
+from gapwalk.orbit.floating import floats, unheld
 from gapwalk.orbit.floquet import largest_move
 
 _GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection grazes there
@@ -69,7 +71,9 @@ def _walk(departure: Departure, options: WalkOptions, state: WalkState | None) -
     )
 
 
-def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailState) -> Trail:
+def resumed_trail(
+    departure: Departure, walk: WalkOptions | None, state: TrailState, events: Sequence[Event] = ()
+) -> Trail:
     """The trail that goes on from a state, also where the resolution of its equation was refined by the way.
 
     Parameters
@@ -81,6 +85,8 @@ def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailSt
     state
         `Trail.state` when it was stopped; but its points are as they were yielded, so that the one before the last may
         be from before a refinement.
+    events
+        Kinds of special points of the user's own.
     """
     previous, size = state.walk.previous, len(state.walk.point.x)
     while len(departure.first.x) < size:
@@ -90,7 +96,7 @@ def resumed_trail(departure: Departure, walk: WalkOptions | None, state: TrailSt
         if previous is not None and len(previous.x) < len(finer.first.x):
             previous = lift(previous, finer.corrector, finer.equation)
         departure = finer
-    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)))
+    return Trail(departure, walk, state._replace(walk=replace(state.walk, previous=previous)), events)
 
 
 class Trail(Iterator[Step]):
@@ -104,16 +110,28 @@ class Trail(Iterator[Step]):
         Options of the walk.
     resume
         `state` of a trail from the same departure that was stopped.
+    events
+        Kinds of special points of the user's own.
     """
 
-    def __init__(self, departure: Departure, walk: WalkOptions | None = None, resume: TrailState | None = None) -> None:
+    def __init__(
+        self,
+        departure: Departure,
+        walk: WalkOptions | None = None,
+        resume: TrailState | None = None,
+        events: Sequence[Event] = (),
+    ) -> None:
         self.departure, self.first = departure, departure.first
+        self._kinds = (*Kind.known(), *events)
         options = walk or WalkOptions()
         self.walk = _walk(departure, options, resume and resume.walk)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
-        self.detector = Detector(departure.corrector)
+        self.detector = Detector(departure.corrector, self._kinds)
+        self._ways = unheld(self.first.orbit.system)
         if resume is not None:
             self.detector.restore(resume.detector)
+        if why := floats(self.walk.point.orbit, self._ways):
+            self.walk.finish(self.walk.point, End(EndReason.FLOATING, self.walk.point.value, why))
 
     @property
     def state(self) -> TrailState:
@@ -124,6 +142,15 @@ class Trail(Iterator[Step]):
     def end(self) -> End | None:
         """Where and why the walk ended; None while it goes on."""
         return self.walk.end
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the branch has closed on itself."""
+        return self.end is not None and self.end.reason is EndReason.CLOSED
+
+    def finish_with(self, end: End) -> None:
+        """Take over the end that the walk had come to before it was stopped."""
+        self.walk.end = end
 
     def __next__(self) -> Step:
         state = self.state
@@ -144,6 +171,9 @@ class Trail(Iterator[Step]):
                 self._end_at_parent(before, first)
                 self._explain_small_step(first)
                 raise
+            if why := floats(point.orbit, self._ways):
+                self.walk.finish(first, End(EndReason.FLOATING, first.value, why))
+                continue
             if self._grazes_sharply(first, point):
                 step = self._pass_graze(state.walk)
                 if step is not None:
@@ -181,7 +211,7 @@ class Trail(Iterator[Step]):
         self.departure = finer
         self.walk = _walk(finer, walk.options, state)
         self.walk.rejected = walk.rejected
-        self.detector = Detector(finer.corrector)
+        self.detector = Detector(finer.corrector, self._kinds)
         return True
 
     def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
@@ -242,7 +272,7 @@ class Trail(Iterator[Step]):
                 return []
             first, before = beside, None
         parameter, method = self.departure.equation.parameter or "", self.departure.equation.options
-        return [with_nature(each, parameter, method) for each in self.detector.inspect(first, point, before)]
+        return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """A point just beyond the beginning of a branch that begins at another; None if there is none.
@@ -279,7 +309,7 @@ class Trail(Iterator[Step]):
         if self._is_astray(first, passage.point):
             return None
         self.walk.go_on(state, passage.point, 0.5 * passage.distance)
-        self.detector = Detector(self.departure.corrector)  # test functions may have jumped
+        self.detector = Detector(self.departure.corrector, self._kinds)  # test functions may have jumped
         return self._until_parent(first, self._until_vertex(passage.point, passage.special))
 
     def _pass_bend(self, state: WalkState) -> Step | None:
@@ -299,7 +329,7 @@ class Trail(Iterator[Step]):
         if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
             return None
         self.walk.go_on(state, point, _BENT)
-        self.detector = Detector(self.departure.corrector)
+        self.detector = Detector(self.departure.corrector, self._kinds)
         return point, []
 
     def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:

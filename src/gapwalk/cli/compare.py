@@ -46,9 +46,9 @@ def compare_files(
     found = compare_results(_result_of(first, changes), _result_of(second, changes))
     agree = found.within(tolerance)
     if output is not None:
-        from gapwalk.plot.comparison import save_comparison  # only now: nothing else needs matplotlib
+        from gapwalk.plot import save  # only now: nothing else needs matplotlib
 
-        save_comparison(found, output, measure=measure, tolerance=tolerance, names=(first, second))
+        save(found, output, measure=measure, tolerance=tolerance, names=(first, second))
     if json:
         print_json(comparison_document(found, tolerance) | {"files": [first, second]})
     else:

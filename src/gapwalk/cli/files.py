@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gapwalk.cli.outcome import DONE, print_json, printable
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
-    from gapwalk.plot.size import SizeName
+    from gapwalk.plot.style import SizeName
 
 _PICTURES = ("png", "svg", "pdf")
 
@@ -137,10 +137,9 @@ def export_result(
 
             save_html(result, written[0], measure=measure)
         else:
-            from gapwalk.plot.picture import save_picture
+            from gapwalk.plot import save
 
-            paths: dict[str, Any] = {form: written[0]}
-            save_picture(result, **paths, measure=measure, size=size)
+            save(result, written[0], form=form, measure=measure, size=size)
     print(f"written: {', '.join(map(str, written))}")
     return DONE
 

@@ -63,9 +63,9 @@ def _paths(record: Path, output: Path | None, *, fitted: bool) -> list[Path]:
 
 
 def _write(found: Measured, paths: list[Path]) -> None:
-    from gapwalk.plot.picture import save_picture  # only now: nothing else needs matplotlib
+    from gapwalk.plot import save  # only now: nothing else needs matplotlib
 
-    save_picture(found.alignment, *paths[: len(_PICTURES)], title=found.model.title or None)
+    save(found.alignment, *paths[: len(_PICTURES)], title=found.model.title or None)
     for path, rows in zip(paths[len(_PICTURES) :], found.tables().values(), strict=True):
         header, *rest = rows()
         write_whole(path, table_csv(header, rest).encode())

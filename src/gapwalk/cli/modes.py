@@ -38,9 +38,9 @@ def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bo
     if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
         found["with the first stage of every contact closed"] = closed
     if picture is not None:
-        from gapwalk.plot.modes import save_modes
+        from gapwalk.plot import save
 
-        save_modes(system, next(iter(found.values())), picture, title)
+        save(next(iter(found.values())), picture, system=system, title=title)
     if json:
         print_json(_document(title, system, rest, closed, picture))
         return DONE

@@ -145,10 +145,10 @@ def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool 
 
 def write_products(result: Result, output: Path) -> list[Path]:
     """Write picture and tables beside a result file, and return their names."""
-    from gapwalk.plot.picture import save_picture  # only now: nothing else needs matplotlib
+    from gapwalk.plot import save  # only now: nothing else needs matplotlib
 
     if pictures := _picture_paths(result, output):
-        save_picture(result, *pictures)
+        save(result, *pictures)
     export_csv(result, table_paths(result, output))
     return product_paths(result, output)
 

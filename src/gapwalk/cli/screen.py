@@ -132,7 +132,7 @@ def _print_unexplained(screen: Console, result: Result) -> None:
 def _sentence(branch: Branch) -> str:
     stable = sum(point.stable for point in branch.points)
     values = branch.values
-    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
+    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind.known() if branch.special(kind)]
     found = ", ".join(counts) or "no special points"
     symbol = parameter_symbol(branch.parameter, branch.system.units)
     return (

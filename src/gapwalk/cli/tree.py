@@ -56,7 +56,7 @@ def _describe(diagram: Diagram, limb: Limb) -> str:
     branch = limb.branch
     values = branch.values
     stable = sum(point.stable for point in branch.points)
-    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind if branch.special(kind)]
+    counts = [f"{len(branch.special(kind))} {kind.value}" for kind in Kind.known() if branch.special(kind)]
     return (
         f"{limb.name}  {values.min():.8g} to {values.max():.8g}; {len(values)} points, {stable} of them stable; "
         f"{', '.join(counts) or 'no special points'}\n"

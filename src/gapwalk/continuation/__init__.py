@@ -1,9 +1,8 @@
 """A family: the walk along a branch of orbits, and its records."""
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
 from gapwalk.continuation.walk import End, EndReason, Walk
 
-__all__ = ["Branch", "BranchPoint", "End", "EndReason", "Kind", "Range", "SpecialPoint", "Walk", "WalkOptions"]
+__all__ = ["BranchPoint", "End", "EndReason", "Range", "Walk", "WalkOptions"]

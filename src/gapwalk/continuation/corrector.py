@@ -19,8 +19,10 @@ TRUST = 1e-7
 
 _LOST = 2.0  # growth of the residual from one iteration to the next at which the corrector gives up
 _CONTRACTION = 0.5  # of the step before: longer ones do not converge; at a graze each is a third of it
+_EXACT = 1e-14  # residual, relative to the unknowns, that is rounding where another step makes it no smaller
 _ROUNDING = 1e-13  # length of a step that rounding alone can make
 _POLISH = 1e-5  # longest last step within the tolerance: a longer one means a Jacobian too singular for it
+_SHALLOW = 1e-3  # share of the depth of the shallowest touch: a longer step finds other multipliers than it comes from
 _LOGARITHM = 300.0 * math.log(10.0)  # of the largest determinant that is told by its size
 _ACROSS = 0.3  # cosine of the angle to the way ahead below which a tangent is better found bordered by that way
 _TRUSTED = 1e-7  # the same where the residual is only trusted: by a crossing the tangent turns by 0.1 rad in 1e-6
@@ -127,14 +129,16 @@ class Corrector:
             step = steps[:, 0]
             length = np.inf if singular else length_of(step)
             near_enough = near if not last else min(near, _CONTRACTION * last)
-            if solved and length <= max(near_enough, _ROUNDING):
+            shallow = max(_SHALLOW * evaluation.reach / float(self._unknown_scales[0]), _ROUNDING)
+            exact = _CONTRACTION * before < size <= _EXACT * scale  # nothing but rounding is left of the residual
+            if solved and (length <= min(max(near_enough, _ROUNDING), shallow) or exact):
                 x = x + step if length < _POLISH else x
                 course = None if singular else self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration, length_of(x - guess), last, course)
             if singular:
                 return None
             x, last, before = x + step, length, size
-            if size <= trust * scale and length < min(_TRUSTED, near_enough):
+            if size <= trust * scale and length < min(_TRUSTED, near_enough, shallow):
                 course = self._course(factors, pivots, steps[:, 1])
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
@@ -160,6 +164,16 @@ class Corrector:
         """The branch point at `x` as it is, for places where Newton's method is ill-posed."""
         evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
         return self.evaluated(x, evaluation, tangent, arclength)
+
+    def crossed(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """The branch point near `x`, where another branch crosses: corrected in all directions but the other branch's.
+
+        In that one the bordered Jacobian is singular, and `x` is known better than Newton's method could tell.
+        """
+        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+        left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
+        off = left.T @ np.append(-evaluation.residual, 0.0)
+        return self.uncorrected(x + ways[:-1].T @ (off[:-1] / sizes[:-1]), tangent, arclength)
 
     def evaluated(
         self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float

@@ -41,6 +41,7 @@ class EndReason(Enum):
     CLOSED = "the branch closed on itself"
     BRANCHED = "the branch begins here, at a special point of another"
     JOINED = "the branch joined the one that it branches off from"
+    FLOATING = "a part floats freely within its clearance"
     COARSE = "the motion needs to be resolved more finely"
     STEP = "the step became smaller than the smallest allowed"
     POINTS = "the largest number of points was reached"
@@ -56,7 +57,7 @@ class EndReason(Enum):
     @property
     def is_failure(self) -> bool:
         """Whether a walk ended so before it had come to an end of the branch or of the range."""
-        return self in (EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
+        return self in (EndReason.FLOATING, EndReason.COARSE, EndReason.STEP, EndReason.POINTS, EndReason.FAILED)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from gapwalk.explorer.news import Progress
 from gapwalk.explorer.plan import plan, word_of
 from gapwalk.explorer.task import Task
 from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
+from gapwalk.model.large import matrix_paths
 from gapwalk.model.source import read_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.file import tidy
@@ -50,6 +51,7 @@ class Board:
         self.entries: dict[str, Entry] = {}
         self.studies: tuple[Study, ...] = ()
         self.problem = ""
+        self._stamps = {os.fspath(self.file): ""}  # of the file and of matrices beside it, when they were read
         self._read_file()
         self._read_exploration()
         if self.described() is None:
@@ -57,16 +59,12 @@ class Board:
 
     def refresh(self) -> None:
         """Read the file again if it has been changed; results stay, and what is wrong becomes the `problem`."""
-        if self.stamp() != self._stamp:
+        if self.stamp() != " ".join(self._stamps.values()):
             self._read_file()
 
     def stamp(self) -> str:
-        """What tells the file from what it was before; zeros if there is none."""
-        try:
-            found = self.file.stat()
-        except OSError:
-            return "0-0"
-        return f"{found.st_mtime_ns}-{found.st_size}"
+        """What tells the file, and the matrices beside it, from what they were before."""
+        return " ".join(map(_stamp, self._stamps))
 
     @property
     def model(self) -> str:
@@ -172,7 +170,7 @@ class Board:
 
     def _read_file(self) -> None:
         """Read the studies of the file, or what is wrong with it; the last good ones are kept."""
-        self._stamp = self.stamp()
+        self._stamps = {path: _stamp(path) for path in self._stamps}
         try:
             self.studies, self.problem = self._open(), ""
         except ModelError as error:
@@ -186,7 +184,10 @@ class Board:
             with self.guard:
                 self.entries[""] = entry
             return (result.study,)
-        return check_studies(read_source(self.file, str(self.workspace.root)))
+        source = read_source(self.file, str(self.workspace.root))
+        matrices = {path: _stamp(path) for path in matrix_paths(source)}
+        self._stamps = {os.fspath(self.file): self._stamps[os.fspath(self.file)], **matrices}
+        return check_studies(source)
 
     def _read_exploration(self) -> None:
         folder = self.workspace.exploration(self.file)
@@ -226,6 +227,15 @@ class Board:
             entry.live = Progress()
             entry.version += 1
         return replace(task, study=study, output=Path(entry.path), resume=True)
+
+
+def _stamp(path: str) -> str:
+    """What tells a file from what it was before; zeros if there is none."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):  # a ValueError is a NUL in the name
+        return "0-0"
+    return f"{found.st_mtime_ns}-{found.st_size}"
 
 
 def _task_of(action: Action, result: Result | None, board: Board) -> Task:

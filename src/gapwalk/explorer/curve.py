@@ -15,8 +15,7 @@ from gapwalk.explorer.entry import Line
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.plot.map_style import CODIM2
-from gapwalk.plot.style import SYMBOLS
+from gapwalk.plot.style import CODIM2, symbol_style
 from gapwalk.study.map import KINDS
 
 LABELS = ("stable", "below", "above", "pair", *(kind.value for kind in KINDS))
@@ -159,7 +158,7 @@ def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
     """What a page says of a special point."""
     if isinstance(special, Codim2Point):
         return _codim2(special)
-    style, multiplier = SYMBOLS[special.kind], special.multiplier
+    style, multiplier = symbol_style(special.kind), special.multiplier
     return {
         "kind": special.kind.value,
         "text": style.text,
@@ -179,7 +178,7 @@ def _codim2(codim2: Codim2Point) -> dict[str, Any]:
     style = CODIM2[codim2.kind]
     return {
         "kind": f"codim2 {codim2.kind.value}",
-        "text": f"{style.text} ({style.label})" if style.label and style.label not in style.text else style.text,
+        "text": style.legend,
         "label": style.label,
         "values": list(codim2.values),
         "contact": codim2.contact,

@@ -65,10 +65,10 @@ class Alignment:
         return tuple(found)
 
     def plot(self, title: str | None = None, **options: Any):
-        """Draw the record over the computed motion, and their lines; see `gapwalk.plot.plot_alignment`."""
-        from gapwalk.plot import plot_alignment
+        """Draw the record over the computed motion, and their lines; see `gapwalk.plot.draw`."""
+        from gapwalk.plot import draw
 
-        return plot_alignment(self, title, **options)
+        return draw(self, title=title, **options)
 
     def __repr__(self) -> str:
         found = self.agreement

@@ -67,7 +67,7 @@ class Fit(Shown):
         raise ModelError(f"{name} was not fitted; fitted were {', '.join(each.name for each in self.estimates)}")
 
     def plot(self, title: str | None = None, **options):
-        """Draw the record over the fitted motion, and their lines; see `gapwalk.plot.plot_alignment`."""
+        """Draw the record over the fitted motion, and their lines; see `gapwalk.plot.draw`."""
         return self.after.plot(title, **options)
 
     def __repr__(self) -> str:

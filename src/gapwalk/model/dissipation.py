@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gapwalk.model.system import System
+from gapwalk.model.train.assembly import of_angles
 
 _NOTHING = 1e-12  # of the largest rate: a rate below is zero but for rounding
 
@@ -27,7 +28,7 @@ def dissipation_doubts(system: System) -> list[str]:
 
 
 def _matrix_doubts(system: System) -> Iterator[str]:
-    damping = system.matrix("damping")
+    damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
     rates = np.linalg.eigvals(np.linalg.solve(system.matrix("mass"), damping)).real
     if not damping.any():
         yield (

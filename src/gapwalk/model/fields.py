@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -21,7 +20,7 @@ from gapwalk.model.units import QuantityKind, has_unit, read_quantity
 MAX_COORDINATES = 1000
 """More are refused: dense matrices of that size have a million parameters, each with a name."""
 
-Choice = TypeVar("Choice", bound=StrEnum)
+Choice = TypeVar("Choice", bound=str)
 
 
 @dataclass
@@ -85,15 +84,15 @@ def measured(kind: QuantityKind) -> WrapValidator:
     return WrapValidator(check)
 
 
-def one_of(choices: type[Choice], otherwise: str = "") -> Callable[[object], Choice]:
-    """Make a validator that accepts the values of an enumeration; `otherwise` names what else is allowed."""
-    known = [choice.value for choice in choices]
+def one_of(choices: Iterable[Choice], otherwise: str = "") -> Callable[[object], Choice]:
+    """Make a validator that accepts the names of choices; `otherwise` names what else is allowed."""
+    known = {str(choice): choice for choice in choices}
     allowed = f"one of {', '.join(map(given, known))}" + (f", or {otherwise}" if otherwise else "")
 
     def check(value: object) -> Choice:
         if isinstance(value, str) and value in known:
-            return choices(value)
-        hint = did_you_mean(value, known) if isinstance(value, str) else ""
+            return known[value]
+        hint = did_you_mean(value, list(known)) if isinstance(value, str) else ""
         hint = f"; {hint}" if hint.endswith("?") else ""
         raise ValueError(f"is {given(value)}; it must be {allowed}{hint}")
 

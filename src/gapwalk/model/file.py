@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from gapwalk.errors import ModelError
@@ -26,7 +28,7 @@ from gapwalk.model.fields import (
     one_of,
     without_repeats,
 )
-from gapwalk.model.large import expand
+from gapwalk.model.large import MATRICES, expand
 from gapwalk.model.problem import ModelFileError, Problem, given
 from gapwalk.model.schema import Part, refusal, validate
 from gapwalk.model.source import Source, read_source
@@ -185,6 +187,17 @@ def check_system(source: Source) -> tuple[ModelPart | None, list[Problem]]:
         except ModelError as error:
             return None, [source.problem(refusal(error))]
     return (None if problems else part), problems
+
+
+def matrices_digest(source: Source, part: ModelPart) -> str:
+    """A digest of the matrices that a source takes from files beside it; empty if it takes none."""
+    named = [key for key in MATRICES if isinstance(source.data.get(key), str)]
+    if not named:
+        return ""
+    digest = hashlib.sha256(" ".join(named).encode())
+    for key in named:
+        digest.update(np.array(getattr(part, key), dtype=float).tobytes())
+    return digest.hexdigest()
 
 
 def _check_train(source: Source) -> tuple[TrainPart | None, list[Problem]]:

@@ -14,7 +14,7 @@ from gapwalk.model.rest import Equilibrium
 from gapwalk.model.spring import springs_of
 from gapwalk.model.statics import tangent
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.model.train.assembly import TrainAssembly, of_angles
 from gapwalk.notebook.shown import Shown
 
 _Vibrations = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]
@@ -91,6 +91,7 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
         stiffness, damping = tangent(system, closed)
     else:
         raise ModelError(f"at is {at!r}; it must be an equilibrium, or {did_you_mean(str(at), [*Clearances])}")
+    stiffness, damping = of_angles(system, stiffness, damping)
     squares, left, right = _vibrations(stiffness, system.matrix("mass"))
     angles = _angles(system)
     sizes = (angles @ right) if angles.size else right

@@ -15,6 +15,7 @@ from gapwalk.model.source import Source
 from gapwalk.model.units.quantity import has_unit
 
 _TOP = "the top of the file, above the first table in brackets"
+_EXPLAINED = 200  # problems of a table with a hint: nobody reads more, and looking for near names takes time
 _TAG = "\0"  # begins the tags of unions, which pydantic puts among the keys of a path
 
 _ALLOWED = {
@@ -86,7 +87,7 @@ def validate(
         except ValidationError as error:
             seen = {(each["loc"], each["type"]) for each in errors}
             errors += [each for each in error.errors(include_url=False) if (each["loc"], each["type"]) not in seen]
-    return None, [_problem(model, error, source, at) for error in errors]
+    return None, [_problem(model, error, source, at, number < _EXPLAINED) for number, error in enumerate(errors)]
 
 
 def refusal(error: ModelError, name: str = "") -> str:
@@ -111,11 +112,12 @@ def _without(data: Any, paths: list[Path]) -> Any:
     return pruned(data, ())
 
 
-def _problem(model: type[Part], error: Any, source: Source, at: Path) -> Problem:
+def _problem(model: type[Part], error: Any, source: Source, at: Path, explained: bool) -> Problem:
     kind, value = error["type"], error["input"]
     path = _path_of(error)
     if kind == "extra_forbidden":
-        message = _unknown_key(str(path[-1]), _owner(model, path), model, at)
+        hint = f"; {_unknown_key(str(path[-1]), _owner(model, path), model, at)}" if explained else ""
+        message = f"is no key here{hint}"
         return source.problem(message, (*at, *path))
     owner = _owner(model, path)
     if owner and path and path[-1] in owner.model_fields:  # of a default, pydantic tells the name and not the alias
@@ -165,6 +167,7 @@ def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path
 
 
 def _unknown_key(key: str, owner: type[Part] | None, root: type[Part], at: Path) -> str:
+    """What to write in place of a key that is none."""
     known = _fields(owner) if owner else {}
     homes = [name for name, info in root.model_fields.items() if key in _keys_below(info.annotation)]
     if owner is not root and key in _fields(root):
@@ -174,7 +177,7 @@ def _unknown_key(key: str, owner: type[Part] | None, root: type[Part], at: Path)
         hint = f"it belongs in {homes[0]}"
     else:
         hint = did_you_mean(key, list(known), "the keys are")
-    return f"is no key here; {hint}"
+    return hint
 
 
 def _keys_below(annotation: Any) -> set[str]:

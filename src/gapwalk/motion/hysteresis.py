@@ -63,10 +63,10 @@ class Hysteresis:
         return self.loss / (math.pi * self.frequency * self.amplitude**2)
 
     def plot(self, **options: Any):
-        """Draw the loop; see `gapwalk.plot.plot_hysteresis`, which draws several over one another."""
-        from gapwalk.plot import plot_hysteresis
+        """Draw the loop; `gapwalk.plot.draw` draws a list of them over one another. Returns the axes."""
+        from gapwalk.plot import draw
 
-        return plot_hysteresis(self, **options)
+        return draw(self, **options)
 
 
 def hysteresis(

@@ -106,8 +106,8 @@ class Motion:
             A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
             (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
             Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
-            gear (``"clutch.torque"``). In a system with units, velocities and accelerations are in rad/s and rad/s^2,
-            whatever the unit of its angles.
+            gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
+            of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
 
         Raises
         ------

@@ -49,7 +49,9 @@ def train_histories(
     """
     assembly = system.structure.assembly
     assert isinstance(assembly, TrainAssembly)
-    return np.hstack((_accelerations(assembly, system, theta, a), _torques(assembly, system, q, v, forces)))
+    leaks = assembly.leaks(system.values)
+    rates, a = v + leaks * q, a + leaks * v  # those of the angles of slips
+    return np.hstack((_accelerations(assembly, system, theta, a), _torques(assembly, system, q, rates, forces)))
 
 
 def _accelerations(assembly: TrainAssembly, system: System, theta: NDArray | float, a: NDArray) -> NDArray:

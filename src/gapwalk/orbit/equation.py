@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -36,12 +37,16 @@ class Evaluation(NamedTuple):
         Its derivative by the parameter, if the equation has one.
     evidence
         Whatever the equation wants back to make an orbit of a solution.
+    reach
+        Change of the unknowns beyond which the derivatives are others: the depth of the shallowest touch, as what a
+        touch adds to them grows with the root of its depth. Infinite where nothing of the kind is known.
     """
 
     residual: NDArray[np.float64]
     by_unknowns: NDArray[np.float64]
     by_parameter: NDArray[np.float64] | None
     evidence: Any
+    reach: float = math.inf
 
 
 class Method(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -14,6 +15,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
 from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.equation import Evaluation, OrbitEquation, check_period
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
@@ -98,7 +100,7 @@ class ShootingEquation:
         size, count = 2 * self.system.size, len(knots) - 1
         states = unknowns.reshape(count, size)
         arcs = [self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)]
-        return assembled(arcs, states)
+        return assembled(arcs, states)._replace(reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """The orbit of a solution."""
@@ -203,6 +205,20 @@ def composed(arcs: list[Arc]) -> Arc:
             sensitivity = _transition(arc) @ sensitivity + _sensitivity(arc)
     contacts = [event for arc in arcs for event in arc.contacts]
     return Arc(arcs[-1].state, transition, sensitivity, contacts, sum(arc.steps for arc in arcs))
+
+
+def _shallowest(arcs: list[Arc]) -> float:
+    """The depth of the shallowest touch, over the time of a radian: a quarter of its first velocity and duration."""
+    least = math.inf
+    for arc in arcs:
+        begun: dict[int, ContactEvent] = {}
+        for event in arc.contacts:
+            if event.enters:
+                begun[event.switch] = event
+            elif event.switch in begun:
+                first = begun.pop(event.switch)
+                least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
+    return least
 
 
 def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:

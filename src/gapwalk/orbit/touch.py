@@ -34,6 +34,7 @@ _CALIBRATIONS = 2
 _UNEVEN = 0.1  # share by which the depths of touches that happen at once may differ
 _SETTLED = 1e-16  # length of a Newton step, in scaled variables, that changes nothing
 _ROUNDING = 1e-9  # the same where steps grow no shorter
+_EXACT = 1e-14  # residual, relative to the states, that is rounding
 
 
 class Touch(NamedTuple):
@@ -73,6 +74,8 @@ class Held(NamedTuple):
         The equation of all segments there.
     slope : shape (segments * 2n + 1,)
         Derivatives of the scaled states and the scaled parameter by the depth.
+    error
+        Error of the value that rounding leaves: what another Newton step would change, and the depth's own rounding.
     """
 
     states: NDArray[np.float64]
@@ -80,6 +83,7 @@ class Held(NamedTuple):
     depth: float
     evaluation: Evaluation
     slope: NDArray[np.float64]
+    error: float
 
 
 def touches(orbit: Orbit) -> list[Touch]:
@@ -178,7 +182,13 @@ class TouchEquation:
             ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
         elif start.depth * depth > 0.0:  # what an impact does is smooth by its velocity, the root of the depth
             ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
-        return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+        try:
+            return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+        except ConvergenceError:
+            if not start.depth * self.free < 0.0 < depth * self.free:
+                raise
+        # the derivatives of a touch say nothing of what lies beyond its end: first to there
+        return self.hold(self.hold(start, 0.0), depth)
 
     def calibrate(self, start: Held, depth: float) -> Held:
         """Take what the acceleration changes before the touch into account, by the depth of an orbit that just misses.
@@ -250,14 +260,17 @@ class TouchEquation:
             right = np.zeros((len(matrix), 2))
             right[:, 0] = np.append(-evaluation.residual, depth - depths)
             right[len(unknowns) - 1 :, 1] = 1.0
-            solution = np.linalg.lstsq(matrix * self._scales, right, rcond=None)[0]
+            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales, right, rcond=None)
             steps = np.asarray(solution, dtype=np.float64)
             length = float(np.linalg.norm(steps[:, 0]))
             if not length < 1.0:
                 break
-            if length < _SETTLED or (length < _ROUNDING and length > 0.5 * before):
+            # a residual of rounding makes steps that long: where hardly anything holds a coordinate they are long
+            rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
+            if length < _SETTLED or (length < rounding and length > 0.5 * before):
                 self._check(right[:, 0], unknowns, depth)
-                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1])
+                error = abs(float(steps[-1, 0]) * self._scales[-1])
+                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 

@@ -1,25 +1,42 @@
-"""The card of a value in a notebook: its name, a table, and a small picture."""
+"""Cards of values in a notebook: a name, a table of what there is to know first, and a small picture."""
 
 from __future__ import annotations
 
 import base64
 import html
-import io
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from functools import singledispatch
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from gapwalk.attractor.basins import Basins
+from gapwalk.attractor.regimes import Regimes
+from gapwalk.attractor.settled import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.compare import Comparison
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import GapwalkError
-from gapwalk.plot.sheet import new_sheet
-from gapwalk.plot.size import CARD, drawn_at
-from gapwalk.plot.style import SIZE, in_style
+from gapwalk.measurement.fit import Fit
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.picture import drawing_of
+from gapwalk.plot.sheet import new_sheet, png_bytes
+from gapwalk.plot.style import CARD, in_style, sized
+from gapwalk.plot.words import pace_words, parameter_symbol
+from gapwalk.study.family.record import Family
+from gapwalk.study.map.chart import Map
+from gapwalk.study.result import Result
+from gapwalk.study.sweep.record import Sweep
 
 _CELL = "text-align: left; padding: 1px 12px 1px 0; background: none; vertical-align: top"
 _MOST = 12  # rows of a table
+_FEW = 8  # names that are listed
 _DPI = 110
 
 
 class Card(NamedTuple):
-    """What stands on a card.
+    """Contents of a card.
 
     Parameters
     ----------
@@ -29,24 +46,22 @@ class Card(NamedTuple):
         Name and value of what there is to know first.
     head, rows
         A table, if there is one: the names of its columns, and its rows.
-    draw
-        Draws the picture into the axes `ax`; None for none.
     note
         What else there is to say.
+    drawn
+        The record of the picture, if it is another one.
     """
 
     title: str
     facts: Sequence[tuple[str, str]]
     head: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
-    draw: Callable[..., object] | None = None
     note: str = ""
+    drawn: Any = None
 
 
 def card_of(value: object) -> str:
-    """The card of a value as HTML: it takes its colours from the page, and fetches nothing."""
-    from gapwalk.plot.facts import facts_of  # what it draws with is loaded for the first card only
-
+    """Write the card of a value as HTML: it takes its colours from the page, and fetches nothing."""
     card = facts_of(value)
     parts = [f"<b>{html.escape(card.title)}</b>", _table((), card.facts, len(card.facts))]
     if card.rows:
@@ -54,7 +69,7 @@ def card_of(value: object) -> str:
     if card.note:
         parts.append(f"<div>{html.escape(card.note)}</div>")
     left = f'<div style="flex: 0 1 auto">{"".join(parts)}</div>'
-    picture = _picture(card.draw) if card.draw else ""
+    picture = _picture(value if card.drawn is None else card.drawn)
     return f'<div style="display: flex; flex-wrap: wrap; gap: 4px 24px; align-items: flex-start">{left}{picture}</div>'
 
 
@@ -71,15 +86,205 @@ def _row(cells: Sequence[str], kind: str) -> str:
     return f'<tr style="background: none; border: none">{texts}</tr>'
 
 
-def _picture(draw: Callable[..., object]) -> str:
-    """A small picture inside of the page; empty if it cannot be drawn."""
+def _picture(record: object) -> str:
+    """Draw a small picture inside of the page; nothing if there is none."""
     try:
-        with drawn_at(CARD), in_style():
-            figure = new_sheet(SIZE)
-            draw(ax=figure.add_subplot())
-            content = io.BytesIO()
-            figure.savefig(content, format="png", dpi=_DPI)
+        drawing, _ = drawing_of(record, in_axes=True)
+        plain = {name: False for name in ("labels", "legend") if name in drawing.options}
+        with sized(CARD), in_style():
+            figure = new_sheet()
+            if finish := drawing.draw(record, figure.add_subplot(), **plain):
+                finish()
+            data = base64.b64encode(png_bytes(figure, _DPI)).decode()
     except GapwalkError:
         return ""
-    data = base64.b64encode(content.getvalue()).decode()
     return f'<img alt="" style="max-width: 460px; margin: 0" src="data:image/png;base64,{data}">'
+
+
+@singledispatch
+def facts_of(value: object) -> Card:
+    """The contents of the card of a value; of a type that has none of its own, what `repr` says."""
+    name, _, rest = repr(value).partition("(")
+    return Card(name, [("", part) for part in rest.removesuffix(")").split("; ")])
+
+
+@facts_of.register
+def _(system: System) -> Card:
+    structure = system.structure
+    contacts = [
+        (contact.name, _listed(f"{stage.name or contact.name} ({stage.side.value})" for stage in contact.stages))
+        for contact in structure.contacts
+    ]
+    orders = [f"{form.name} (order {form.order * (system.turns or 1):g})" for form in structure.harmonics]
+    facts = [
+        ("coordinates", _listed(system.coordinates)),
+        _pace(system),
+        ("excitation", _listed(orders) or "none"),
+        ("named parameters", str(len(system.parameters))),
+    ]
+    if system.units:
+        facts.append(("units", system.units.words))
+    return Card("System", facts, ("contact", "stages"), contacts)
+
+
+@facts_of.register
+def _(orbit: Orbit) -> Card:
+    facts = [
+        _pace(orbit.system),
+        ("period", _periods(orbit.period)),
+        ("stability", "stable" if orbit.stable else f"unstable ({orbit.instability.label})"),
+        ("largest multiplier", f"{np.abs(orbit.multipliers).max():.6g}"),
+        ("contacts", orbit.pattern),
+    ]
+    return Card("Orbit", facts)
+
+
+@facts_of.register
+def _(special: SpecialPoint) -> Card:
+    facts = [
+        ("at", f"{special.value:.10g} ± {special.uncertainty:.0e}"),
+        ("stability", special.change),
+        ("nature", special.nature_words),
+        ("contact", special.contact),
+        ("period", _periods(special.orbit.period)),
+    ]
+    return Card(f"SpecialPoint: {special.kind.value}", [fact for fact in facts if fact[1]])
+
+
+@facts_of.register
+def _(branch: Branch) -> Card:
+    values = branch.values
+    facts = [
+        (parameter_symbol(branch.parameter, branch.system.units), f"{values.min():.8g} to {values.max():.8g}"),
+        ("period", _periods(branch.period)),
+        ("points", f"{len(values)}, {sum(point.stable for point in branch.points)} of them stable"),
+    ]
+    rows = [
+        (special.kind.value, f"{special.value:.8g}", special.change)
+        for special in branch.special_points
+        if special.kind is not Kind.GRAZING
+    ]
+    grazing = len(branch.special(Kind.GRAZING))
+    return Card(
+        "Branch", facts, ("special point", "at", "stability"), rows, f"and {grazing} grazing points" if grazing else ""
+    )
+
+
+@facts_of.register
+def _(diagram: Diagram) -> Card:
+    low, high = diagram.within
+    rows = [
+        (limb.name, f"{limb.branch.values.min():.6g} to {limb.branch.values.max():.6g}", _kinds([limb.branch]))
+        for limb in diagram.limbs
+    ]
+    facts = [(diagram.parameter, f"{low:.8g} to {high:.8g}"), ("branches", str(len(diagram.limbs)))]
+    return Card("Diagram", facts, ("branch", "from, to", "special points"), rows)
+
+
+@facts_of.register
+def _(chart: Map) -> Card:
+    rows = [
+        (name, locus.kind.value, str(len(locus.points))) for name, locus in zip(chart.names, chart.loci, strict=True)
+    ]
+    facts = [("over", f"{chart.first}, {chart.second}"), ("sections", str(len(chart.sections)))]
+    return Card("Map", facts, ("locus", "of", "points"), rows)
+
+
+@facts_of.register
+def _(family: Family) -> Card:
+    values = [member.value for member in family.members]
+    facts = [
+        (family.parameter, "{:.8g} to {:.8g}".format(*family.within)),
+        ("over", f"{family.over.name} = {_listed(f'{value:.6g}' for value in values)}"),
+        ("special points", _kinds(family.branches) if family.branches else "none"),
+    ]
+    return Card("Family", facts)
+
+
+@facts_of.register
+def _(settled: Settled) -> Card:
+    facts = [
+        _pace(settled.system),
+        ("period", _periods(settled.period) if settled.period else "not periodic"),
+        ("settled", f"{'after' if settled.converged else 'not within'} {settled.periods} forcing periods"),
+        *(("", text) for text in settled.evidence[:3]),
+    ]
+    return Card("Settled", facts)
+
+
+@facts_of.register
+def _(found: Basins) -> Card:
+    total = sum(found.cells.values()) + found.unresolved + found.runaway
+    rows = [(name, f"{count / total:.1%}") for name, count in found.cells.items()]
+    facts = [("cells", " x ".join(map(str, found.resolution))), ("check", found.check.text)]
+    return Card("Basins", facts, ("attractor", "share"), rows)
+
+
+@facts_of.register
+def _(found: Regimes) -> Card:
+    rows, columns = found.regimes.shape
+    return Card("Regimes", [("over", f"{found.first}, {found.second}"), ("cells", f"{columns} x {rows}")])
+
+
+@facts_of.register
+def _(sweep: Sweep) -> Card:
+    facts = [
+        (sweep.parameter, f"{sweep.values.min():.8g} to {sweep.values.max():.8g}"),
+        ("steps", str(len(sweep.values))),
+    ]
+    names, counts = np.unique(sweep.regimes[sweep.regimes != ""], return_counts=True)
+    rows = sorted(zip(map(str, names), map(str, counts), strict=True), key=lambda row: -int(row[1]))
+    return Card("Sweep", facts, ("settled to", "times"), rows)
+
+
+@facts_of.register
+def _(fit: Fit) -> Card:
+    rows = [(each.name, str(each)) for each in fit.estimates]
+    facts = [("rms error", f"{fit.before.agreement.rms:.4g} to {fit.after.agreement.rms:.4g}")]
+    return Card("Fit", facts, ("parameter", "fitted"), rows, "; ".join(fit.failures))
+
+
+@facts_of.register
+def _(found: Comparison) -> Card:
+    rows = [(match.first.kind.value, f"{match.first.value:.8g}", f"{match.difference:.2g}") for match in found.matches]
+    facts = [
+        ("over", found.parameter),
+        ("largest distance", f"{found.largest:.2g} of the ranges"),
+        ("only in one", f"{len(found.only_first)} and {len(found.only_second)} special points"),
+    ]
+    return Card("Comparison", facts, ("both have", "at", "difference"), rows)
+
+
+@facts_of.register
+def _(result: Result) -> Card:
+    """The card of what is in it, under the title of the study."""
+    within = result.diagram or result.map or (result.finding and result.finding.record)
+    if within is None and len(result.branches) == 1:
+        within = result.branches[0]
+    title = result.title or "Result"
+    state = ("study", result.options.kind + ("" if result.complete else ", not complete"))
+    if within is None:
+        return Card(title, [state, ("branches", str(len(result.branches)))])
+    card = facts_of(within)
+    return card._replace(title=title, facts=[state, *card.facts], drawn=within)
+
+
+def _kinds(branches: Iterable[Branch]) -> str:
+    found = [special.kind for branch in branches for special in branch.special_points]
+    return ", ".join(f"{found.count(kind)} {kind.value}" for kind in Kind.known() if kind in found) or "none"
+
+
+def _periods(period: int) -> str:
+    return f"{period} forcing period{'s' if period > 1 else ''}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    """The first names of some, and how many more there are."""
+    names = list(names)
+    more = f", and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return ", ".join(names[:_FEW]) + more
+
+
+def _pace(system: System) -> tuple[str, str]:
+    symbol, _, value = pace_words(system).partition(" = ")
+    return symbol, value

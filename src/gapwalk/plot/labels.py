@@ -1,4 +1,4 @@
-"""Places for small labels beside points of a picture, clear of the curve, of the symbols and of one another."""
+"""Labels next to points of a picture and close-ups of crowded places, where they hide nothing."""
 
 from __future__ import annotations
 
@@ -6,16 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
-from gapwalk.plot.size import points
-from gapwalk.plot.style import GREY
+from gapwalk.plot.style import GREY, points, stroke
 
 _SIZE = 7.5  # points
 _DIRECTIONS = np.deg2rad(np.arange(0, 360, 22.5))
 _DISTANCES = np.array([8.0, 13.0, 19.0, 27.0])  # from the symbol, in points
 _SYMBOL = 4.0  # half the width of a symbol, in points
 _WORST = 18.0  # a label that would hide more than this is left out: the legend explains the symbol too
+
+_NEAR = 20.0  # distance of two symbols that crowd, in points
+_CROWD = 4  # symbols from which a crowd is worth a close-up
+_GAIN = 1.6  # the least magnification that is
+_SIZES = ((0.56, 0.6), (0.5, 0.55), (0.44, 0.5), (0.38, 0.44), (0.32, 0.38))  # of the close-up, in widths of the axes
+_MARGIN = (0.055, 0.075)  # for its numbers, left of it and below it
 
 
 class Label(NamedTuple):
@@ -34,7 +41,7 @@ def place_labels(ax: Axes, labels: list[Label], curve: NDArray[np.float64], symb
     ax
         The axes.
     labels
-        What to write, and beside which points.
+        What to write, and next to which points.
     curve, symbols : shape (points, 2)
         What should stay visible, in data coordinates; rows of nan break the curve.
     """
@@ -79,7 +86,7 @@ def _write(ax: Axes, label: Label, shift: NDArray[np.float64], leader: bool) -> 
 
 
 def _hits(points: NDArray[np.float64], low, high, margin: float) -> NDArray[np.float64]:
-    """How many points lie in each box."""
+    """Count the points in each box."""
     x, y = points[:, 0], points[:, 1]
     hit = (x > low[:, :1] - margin) & (x < high[:, :1] + margin)
     hit &= (y > low[:, 1:] - margin) & (y < high[:, 1:] + margin)
@@ -99,3 +106,86 @@ def _dense(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
 
 def _clipped(points: NDArray[np.float64], box) -> NDArray[np.float64]:
     return points[((points > box.p0 - 50) & (points < box.p1 + 50)).all(axis=1)]
+
+
+class Region(NamedTuple):
+    """A part of a picture, in data coordinates."""
+
+    left: float
+    right: float
+    low: float
+    high: float
+
+    def holds(self, x: float, y: float) -> bool:
+        """Return True if a point lies inside."""
+        return self.left <= x <= self.right and self.low <= y <= self.high
+
+
+def crowded_region(ax: Axes, symbols: NDArray[np.float64]) -> Region | None:
+    """Find the region in which most symbols crowd; None if they do not."""
+    if len(symbols) < _CROWD:
+        return None
+    pixels = ax.transData.transform(symbols)
+    reach = _NEAR * ax.figure.dpi / 72.0
+    near = np.hypot(*(pixels[:, None] - pixels[None]).transpose(2, 0, 1)) < reach
+    _, groups = connected_components(near, directed=False)  # chains of symbols that are near
+    largest = np.flatnonzero(groups == np.argmax(np.bincount(groups)))
+    if len(largest) < _CROWD:
+        return None
+    corner, opposite = pixels[largest].min(axis=0), pixels[largest].max(axis=0)
+    pad = np.maximum(0.14 * (opposite - corner), 8.0)
+    (left, low), (right, high) = ax.transData.inverted().transform([corner - pad, opposite + pad])
+    return Region(float(left), float(right), float(low), float(high))
+
+
+def draw_closeup(ax: Axes, region: Region, curve: NDArray[np.float64]) -> Axes | None:
+    """Make empty axes for a region in the largest free place of the picture; None if there is none large enough.
+
+    Parameters
+    ----------
+    ax
+        The axes of the whole picture.
+    region
+        What will be drawn in the new ones.
+    curve : shape (points, 2)
+        What must not be covered, in data coordinates.
+    """
+    inside = ax.transAxes.inverted()
+    line = inside.transform(ax.transData.transform(curve))
+    (left, low), (right, high) = inside.transform(
+        ax.transData.transform([(region.left, region.low), (region.right, region.high)])
+    )
+    for width, height in _SIZES:
+        if min(width / (right - left), height / (high - low)) < _GAIN:
+            continue
+        place = _free_place(line, width, height)
+        if place is not None:
+            closeup = ax.inset_axes((*place, width, height), xlim=region[:2], ylim=region[2:])
+            closeup.tick_params(labelsize=points(7), length=2.5)
+            closeup.set_autoscale_on(False)
+            _connect(ax, region, closeup)
+            return closeup
+    return None
+
+
+def _connect(ax: Axes, region: Region, closeup: Axes) -> None:
+    """Draw a frame round the region, and a line from it to the close-up between the corners that are nearest."""
+    size = (region.right - region.left, region.high - region.low)
+    ax.add_patch(Rectangle((region.left, region.low), *size, fill=False, edgecolor=GREY, linewidth=0.6, zorder=4))
+    corners = [(x, y) for x in (region.left, region.right) for y in (region.low, region.high)]
+    here, there = ax.transData.transform(corners), closeup.get_window_extent().corners()
+    distances = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
+    i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    line = ax.transData.inverted().transform([here[i], there[j]])
+    ax.plot(*line.T, **stroke(GREY, 0.6), zorder=1, scalex=False, scaley=False)
+
+
+def _free_place(line: NDArray[np.float64], width: float, height: float) -> tuple[float, float] | None:
+    """Find the lower left corner of a free place, as far up and to the right as possible."""
+    for y in np.arange(0.97 - height, 0.05, -0.02):
+        for x in np.arange(0.975 - width, 0.05, -0.02):
+            hit = (line[:, 0] > x - _MARGIN[0]) & (line[:, 0] < x + width + 0.015)
+            hit &= (line[:, 1] > y - _MARGIN[1]) & (line[:, 1] < y + height + 0.02)
+            if not hit.any():
+                return float(x), float(y)
+    return None

@@ -1,113 +1,400 @@
-"""The picture of a result, as files for reports."""
+"""Pictures of all records: what draws each type, found in one registry; on a screen, in given axes, or into files."""
 
 from __future__ import annotations
 
+import inspect
 import os
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
-from gapwalk.measurement.alignment import Alignment
-from gapwalk.plot.branch import plot_branches
-from gapwalk.plot.diagram import draw_diagram
-from gapwalk.plot.map import draw_map
-from gapwalk.plot.sheet import new_sheet, sheet_bytes
-from gapwalk.plot.size import SizeName, sized
-from gapwalk.plot.style import SIZE, diagram_size, in_style, rc
+from gapwalk.plot.sheet import (
+    WIDE,
+    AnyFigure,
+    Inches,
+    close_window,
+    lay_out,
+    make_layout,
+    new_sheet,
+    open_window,
+    sheet_bytes,
+    write_heading,
+)
+from gapwalk.plot.style import SizeName, in_style, sized
 from gapwalk.study.export import write_whole
-from gapwalk.study.map import Map
-from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
 
+Finish = Callable[[], None] | None
+"""Draws what is placed by hand, when the layout is final; None if there is nothing."""
 
-def save_picture(
-    found: Result | Branch | Diagram | Map | Alignment,
-    png: str | os.PathLike[str] | None = None,
-    svg: str | os.PathLike[str] | None = None,
-    *,
-    pdf: str | os.PathLike[str] | None = None,
-    measure: str | None = None,
-    title: str | None = None,
-    size: SizeName | None = None,
-) -> None:
-    """Draw what was found into files.
+Draw = TypeVar("Draw", bound=Callable[..., Any])
+
+FORMS = ("png", "svg", "pdf")
+"""Forms of files, and their endings."""
+
+# Modules of this package that draw the types of gapwalk, imported when such a record is drawn first.
+_MODULES = {
+    "branches": ("Branch",),
+    "cells": ("Basins", "Regimes", "Sweep"),
+    "comparisons": ("Alignment", "Contrast", "Fit", "ResultComparison"),
+    "diagrams": ("Diagram",),
+    "loci": ("Family", "Map"),
+    "motions": (
+        *("Attractor", "Hysteresis", "Modes", "Motion", "Orbit"),
+        *("Section", "Settled", "Spectrum", "Waterfall"),
+    ),
+}
+_postponed: ContextVar[list[Callable[[], None]] | None] = ContextVar("gapwalk_postponed", default=None)
+_HOMES = {kind: module for module, kinds in _MODULES.items() for kind in kinds}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Drawing of records of one type: in one axes, or in the panels of a figure.
 
     Parameters
     ----------
-    found
-        The result of a study, one branch, a diagram, a map, or a record beside a motion.
-    png, svg, pdf
-        The files to write; None for none. In the latter two all lines are lines, and text is text.
-    measure
-        What is drawn, as in `plot_branch`; by default what the study names.
-    title
-        By default that of the study.
+    draw
+        Called with the record, the place, and the options of the picture. It may return a function that draws what is
+        placed by hand, for which it waits until the layout of the whole sheet is final.
     size
-        ``"column"``, ``"page"`` or ``"slide"``; see `sized`. By default that of a screen.
+        Of a sheet, in inches; or a function of the record and the options that returns it.
+    shows
+        What it shows in place of a measure, in words.
+    alone
+        Options by default where it has a sheet of its own.
+    several
+        Whether it is called with a list of records too.
+    """
+
+    draw: Callable[..., Finish]
+    size: Inches | Callable[..., Inches] = WIDE
+    shows: str = ""
+    alone: Mapping[str, Any] = field(default_factory=dict)
+    several: bool = False
+
+    @cached_property
+    def options(self) -> tuple[str, ...]:
+        """The names of its options."""
+        return tuple(inspect.signature(self.draw).parameters)[2:]
+
+    def named(self, arguments: tuple[Any, ...], options: Mapping[str, Any], record: Any) -> dict[str, Any]:
+        """All options by their names; a TypeError that lists them if there is no such option."""
+        kind = type(record).__name__
+        found = dict(zip(self.options, arguments, strict=False)) | dict(options)
+        if found.get("measure") is not None and "measure" not in self.options:
+            shows = f" {self.shows}, and" if self.shows else ""
+            raise ModelError(f"the picture of {kind.lower()} shows{shows} no measure; leave it out")
+        wrong = [name for name in found if name not in self.options and found[name] is not None]
+        if wrong or len(arguments) > len(self.options):
+            given = f"not {wrong[0]!r}" if wrong else f"not {len(arguments)} values"
+            raise TypeError(f"the picture of {kind} takes {', '.join(self.options) or 'no options'}; {given}")
+        return {name: value for name, value in found.items() if name in self.options and value is not None}
+
+    def sheet(self, record: Any, options: Mapping[str, Any]) -> Inches:
+        """The size of its sheet."""
+        return self.size(record, **options) if callable(self.size) else self.size
+
+
+_IN_AXES: dict[type, Drawing] = {}
+_IN_PANELS: dict[type, Drawing] = {}
+
+
+def draws(
+    *kinds: type,
+    panels: bool = False,
+    size: Inches | Callable[..., Inches] = WIDE,
+    shows: str = "",
+    alone: Mapping[str, Any] | None = None,
+    several: bool = False,
+) -> Callable[[Draw], Draw]:
+    """Register a function that draws records of some types.
+
+    Parameters
+    ----------
+    *kinds
+        The types.
+    panels
+        Whether it is called with a figure, in which it makes panels, and not with axes. A type may have both: the
+        axes are for a card, or for a panel of your own.
+    size, shows, alone, several
+        As in `Drawing`.
+
+    Examples
+    --------
+    A record of your own is drawn and saved like all others::
+
+        @gw.plot.draws(Ramp)
+        def draw_ramp(ramp, ax, *, color="k"):
+            ax.plot(ramp.time, ramp.height, color=color)
+
+
+        gw.plot.save(Ramp(...), "ramp.png")
+    """
+
+    def register(draw: Draw) -> Draw:
+        for kind in kinds:
+            (_IN_PANELS if panels else _IN_AXES)[kind] = Drawing(draw, size, shows, alone or {}, several)
+        return draw
+
+    return register
+
+
+def drawing_of(record: Any, in_axes: bool = False) -> tuple[Drawing, bool]:
+    """Find what draws a record, and whether in one axes; a ModelError if nothing does."""
+    first = record[0] if isinstance(record, (list, tuple)) and record else record
+    for kind in type(first).__mro__:
+        if kind.__name__ in _HOMES and kind.__module__.startswith("gapwalk."):
+            import_module(f"gapwalk.plot.{_HOMES[kind.__name__]}")
+        found = _IN_AXES.get(kind) if in_axes else _IN_PANELS.get(kind, _IN_AXES.get(kind))
+        if found is not None:
+            if first is not record and not (found.several and all(isinstance(each, kind) for each in record)):
+                kinds = ", ".join(dict.fromkeys(type(each).__name__ for each in record))
+                raise ModelError(f"a list of {kinds} has no picture in common; draw them one by one, with ax=...")
+            return found, found is _IN_AXES.get(kind)
+        if kind in _IN_PANELS:
+            raise ModelError(f"a {kind.__name__} is drawn in several panels: give figure=..., not ax=...")
+    raise ModelError(
+        f"there is no picture of a {type(first).__name__}; there are pictures of {', '.join(sorted(_HOMES))}"
+    )
+
+
+def draw(
+    record: Any,
+    *arguments: Any,
+    ax: Axes | None = None,
+    figure: AnyFigure | None = None,
+    title: str | None = None,
+    size: SizeName | None = None,
+    **options: Any,
+) -> Any:
+    """Draw a record: a branch, several of them in a list, a diagram, a motion, a result, ...
+
+    Parameters
+    ----------
+    record
+        What to draw.
+    *arguments, **options
+        Options of its picture: see the list below `gapwalk.plot`, or the `plot` of its type.
+    ax
+        Axes to draw in. A record that is otherwise drawn in several panels shows the first thing of them.
+    figure
+        A figure, or a part of one, to draw in; by default a new figure of pyplot.
+    title
+        Plain text above the picture; by default what the record says of itself.
+    size
+        Size of a new figure: ``"column"``, ``"page"``, ``"slide"`` or ``"screen"``; see `sized`.
+
+    Returns
+    -------
+    Axes or Figure
+        What was drawn in: axes, or a figure where there are several panels.
 
     Raises
     ------
     ModelError
-        If there is no such measure or size, or what is drawn is to show a measure and has none.
-    StoreError
-        If a file cannot be written.
+        If there is no such picture, measure or size, or nothing to draw yet.
+    TypeError
+        If the picture has no such option.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.plot.draw([branch, doubled], "x", size="column")  # doctest: +SKIP
     """
     with sized(size):
-        figure = draw_picture(found, measure=measure, title=title)
-        for path, form in ((png, "png"), (svg, "svg"), (pdf, "pdf")):
-            if path is not None:
-                write_whole(path, sheet_bytes(figure, form))
+        return _draw(record, arguments, options, title, open_window, ax, figure)
 
 
-def draw_picture(
-    found: Result | Branch | Diagram | Map | Alignment, *, measure: str | None = None, title: str | None = None
-) -> Figure:
-    """The picture as a matplotlib figure, without pyplot; parameters as `save_picture`."""
-    if isinstance(found, Result):
-        title = found.title if title is None else title
-        if found.finding is not None:
-            from gapwalk.plot.findings import draw_finding  # only now: it needs the code of all kinds
+@contextmanager
+def figure(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """Make a figure of several panels in the style of all pictures, to be written by `save`.
 
-            return draw_finding(found.finding, _showing(found.options, measure), title)
-        if found.map is not None and measure is not None:
-            raise ModelError("the picture of a map shows its loci over two parameters, and no measure; leave it out")
-        measure = measure or found.walked.measure
-        found = found.diagram or found.map or found.branches[0]
-    if isinstance(found, Alignment):
-        if measure is not None:
-            raise ModelError("the picture of a record shows its own signal, and no measure; leave it out")
-        from gapwalk.plot.alignment import draw_alignment
+    `draw` draws into its axes and subfigures, and so may matplotlib. The layout is made once, at the end of the block.
+    Only then are the labels of special points and branches placed: until then the panels change their sizes, and a
+    label that was clear of the curves would come to lie on them.
 
-        return draw_alignment(found, title and title.replace("$", r"\$"))
-    title, measure = (title or "").replace("$", r"\$"), measure or "half"
-    if isinstance(found, Map):
-        return draw_map(found, title)
+    Parameters
+    ----------
+    width, height
+        Size in inches on a screen; `sized` makes it that of a column, a page or a slide.
+    title
+        Title above all panels; it is wrapped.
+
+    Yields
+    ------
+    Figure
+        A figure of matplotlib without pyplot: no window shows it, and nothing is left of it when it has been written.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> with gw.plot.figure(8.0, 8.6, "Two mean loads") as sheet:  # doctest: +SKIP
+    ...     upper, lower = sheet.subplots(2)
+    ...     gw.plot.draw(light, "half.q1", ax=upper)
+    ...     gw.plot.draw(heavy, "half.q1", ax=lower)
+    >>> gw.plot.save(sheet, "loads.png")  # doctest: +SKIP
+    """
+    sheet = new_sheet((width, height))
+    token = _postponed.set([])
+    try:
+        with in_style():
+            write_heading(sheet, title)
+            yield sheet
+            lay_out(sheet)
+            for finish in _postponed.get() or ():
+                finish()
+    finally:
+        _postponed.reset(token)
+
+
+def begin(record: Any, *arguments: Any, ax: Axes, **options: Any) -> Callable[[], None]:
+    """Draw a record in one panel of a figure of your own, but for what is placed by hand.
+
+    Parameters
+    ----------
+    record, *arguments, ax, **options
+        As in `draw`.
+
+    Returns
+    -------
+    Callable
+        Draws the rest (labels, close-ups). Call it when all panels are drawn and laid out, so that a figure of several
+        panels is laid out once.
+    """
+    record, options, _ = _unpacked(record, options, None, in_axes=True)
+    drawing, _ = drawing_of(record, in_axes=True)
     with in_style():
-        if isinstance(found, Diagram):
-            figure = draw_diagram(found, measure, lambda panels: _figure(diagram_size(panels), title))
-            assert isinstance(figure, Figure)
-        else:
-            figure = _figure(SIZE)
-            ax = figure.add_subplot()
-            ax.set_title(title, wrap=True)
-            plot_branches([found], measure, ax=ax, closeup=True)
-    return figure
+        finish = drawing.draw(record, ax, **drawing.named(arguments, options, record))
+    return _in_style(finish)
 
 
-def _showing(options: StudyOptions, measure: str | None) -> StudyOptions:
-    """The options of a study without branches of its own, with another measure to show."""
-    if measure is None:
-        return options
-    if not isinstance(options, BranchOptions):
-        raise ModelError(f"the picture of the kind {options.kind} shows no measure; leave it out")
-    return replace(options, measure=measure)
+def picture_of(record: Any, *arguments: Any, title: str | None = None, **options: Any) -> Figure:
+    """Draw a record on a sheet of its own, without pyplot; parameters as `draw`."""
+    return _draw(record, arguments, options, title, new_sheet).figure
 
 
-def _figure(size: tuple[float, float], title: str = "") -> Figure:
-    figure = new_sheet(size)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
-    return figure
+def save(
+    record: Any,
+    *paths: str | os.PathLike[str],
+    form: str | None = None,
+    title: str | None = None,
+    size: SizeName | None = None,
+    **options: Any,
+) -> None:
+    """Draw a record into files.
+
+    Parameters
+    ----------
+    record
+        What to draw, as in `draw`; or a figure of matplotlib, which is laid out and written as it is.
+    *paths
+        The files. They end in ``.png``, ``.svg`` or ``.pdf``; in the latter two lines are lines, and text is text.
+    form
+        ``"png"``, ``"svg"`` or ``"pdf"`` for other endings.
+    title, size, **options
+        As in `draw`; the title is by default that of the study.
+
+    Raises
+    ------
+    ModelError
+        For another ending, and as in `draw`.
+    StoreError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.plot.save(branch, "branch.pdf", "branch.svg", measure="max.x", size="column")  # doctest: +SKIP
+    """
+    if isinstance(record, Figure) and (title is not None or size is not None or options):
+        raise ModelError("a figure has its own measure, title and size; leave them out, or draw it with others")
+    forms = [form or Path(path).suffix.lower().removeprefix(".") for path in paths]
+    for path, each in zip(paths, forms, strict=True):
+        if each not in FORMS:
+            raise ModelError(f"{os.fspath(path)} is not a name for a picture; give it the ending .png, .svg or .pdf")
+    with sized(size):
+        figure = record if isinstance(record, Figure) else picture_of(record, title=title, **options)
+        for path, each in zip(paths, forms, strict=True):
+            write_whole(path, sheet_bytes(figure, each))
+
+
+def _draw(
+    record: Any,
+    arguments: tuple[Any, ...],
+    options: dict[str, Any],
+    title: str | None,
+    make: Callable[[Inches], Figure],
+    ax: Axes | None = None,
+    figure: AnyFigure | None = None,
+) -> Any:
+    """Draw a record into axes, a figure, or a new figure that is made in the size that suits it."""
+    record, options, title = _unpacked(record, options, title, in_axes=ax is not None)
+    drawing, in_axes = drawing_of(record, in_axes=ax is not None)
+    if title is not None and "title" in drawing.options:
+        options["title"] = title.replace("$", r"\$")
+    options = drawing.named(arguments, options, record)
+    opened = None
+    if ax is None and figure is None:
+        options = {**drawing.alone, **options}
+        figure = opened = make(drawing.sheet(record, options))
+    try:
+        with in_style():
+            place: Any = ax if ax is not None else figure.add_subplot() if in_axes and figure else figure
+            if in_axes and title:
+                place.set_title(title.replace("$", r"\$"), wrap=True)
+            finish = drawing.draw(record, place, **options)
+            postponed = _postponed.get()
+            if finish and postponed is not None:
+                postponed.append(_in_style(finish))
+            elif finish:
+                make_layout(place if in_axes else place.axes[0])
+                finish()
+    except BaseException:
+        if opened is not None:
+            close_window(opened)  # or pyplot would show it empty
+        raise
+    return place
+
+
+def _in_style(finish: Finish) -> Callable[[], None]:
+    def finished() -> None:
+        if finish:
+            with in_style():
+                finish()
+
+    return finished
+
+
+def _unpacked(
+    record: Any, options: dict[str, Any], title: str | None, in_axes: bool
+) -> tuple[Any, dict[str, Any], str | None]:
+    """Take from a result what is drawn, with the options of its study that are options of the picture too."""
+    if not isinstance(record, Result):
+        return record, dict(options), title
+    finding = record.finding
+    if finding is not None and not finding.can_be_drawn:
+        raise ModelError(f"there is nothing to draw: {'; '.join(finding.failures) or finding.stored}")
+    # an attractor says more of a settled motion than the record does, which is where it came to
+    shown = record.diagram or record.map or record.branches if finding is None else finding.record
+    shown = getattr(finding, "attractor", shown)
+    if isinstance(shown, tuple):
+        if not shown:
+            raise ModelError("there is nothing to draw: the result has no branches")
+        shown = shown[0]
+    asked = {each.name: getattr(record.options, each.name) for each in fields(record.options)}
+    known = drawing_of(shown, in_axes)[0].options
+    named = {name: asked[name] for name in ("measure", "signal", "phase") if name in asked and name in known}
+    if options.get("measure") is not None and "measure" not in known:
+        raise ModelError(f"the picture of the kind {record.options.kind} shows no measure; leave it out")
+    given = {name: value for name, value in options.items() if value is not None}
+    return shown, named | given, (record.title or None) if title is None else title

@@ -1,37 +1,50 @@
-"""Where pictures are drawn: on sheets that are written to files, and in windows that a person sees."""
+"""Sheets and windows that pictures are drawn on, their headings and legends, and their files."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import sys
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-from gapwalk.plot.size import sheet_size
-from gapwalk.plot.style import DPI, in_style
+from gapwalk.plot.style import DPI, GREY, in_style, points, rc, sheet_size
+
+AnyFigure = Figure | SubFigure
+
+Inches = tuple[float, float]
+"""Width and height in inches, as on a screen; see `gapwalk.plot.style.sized` for others."""
+
+WIDE: Inches = (8.0, 4.8)
+"""The size of a picture of one panel."""
 
 _PACKED = 3  # of 9: as small as at 6, for a picture without opacity, in two thirds of the time
-
-Size = tuple[float, float]
-"""Width and height in inches, as on a screen; see `gapwalk.plot.size` for others."""
-
-NewFigure = Callable[[Size], Figure]
-"""Either of the two below."""
+_BESIDE = 7.5  # letters as wide as the line and the space next to each text of a legend
+_FILL_COLUMNS = 6  # of a legend of fills, at most
 
 
-def new_sheet(size: Size) -> Figure:
-    """A figure without pyplot: nothing is left of it when it has been written."""
+def stacked(panels: int) -> Inches:
+    """The size of a picture of some panels, one above the other."""
+    return WIDE[0], 4.3 * panels
+
+
+def new_sheet(size: Inches = WIDE) -> Figure:
+    """Open a figure without pyplot: nothing is left of it when it has been written."""
     with in_style():
         figure = Figure(figsize=sheet_size(*size), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)  # what measures texts for the layout draws them, too
     return figure
 
 
-def open_window(size: Size) -> Figure:
-    """A figure of pyplot: it is shown in a window, or in a notebook below its cell.
+def open_window(size: Inches = WIDE) -> Figure:
+    """Open a figure of pyplot: it is shown in a window, or in a notebook below its cell.
 
     It is opened outside of `in_style`: the first one loads what shows figures, with settings of its own.
     """
@@ -40,11 +53,10 @@ def open_window(size: Size) -> Figure:
     return plt.figure(figsize=sheet_size(*size), layout="constrained")
 
 
-def open_axes(size: Size) -> Axes:
-    """The same with axes that fill it."""
-    figure = open_window(size)
-    with in_style():
-        return figure.add_subplot()
+def close_window(figure: Figure) -> None:
+    """Close a window again, if the figure has one."""
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close(figure)
 
 
 def make_layout(ax: Axes) -> None:
@@ -63,7 +75,7 @@ def make_layout(ax: Axes) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Make the layout once and for all: with its engine each file would make it anew, and draw everything twice."""
+    """Make the layout once and for all: with its engine each file would make it again, and draw everything twice."""
     engine = figure.get_layout_engine()
     if engine is not None:
         with in_style():
@@ -71,28 +83,92 @@ def lay_out(figure: Figure) -> None:
         figure.set_layout_engine(None)
 
 
+def write_heading(figure: AnyFigure, title: str) -> None:
+    """Write a title above a whole picture, at the left."""
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=rc()["axes.titlesize"], wrap=True)
+
+
+def write_letters(panels: Sequence[Axes]) -> None:
+    """Write a, b, c into the corners of panels."""
+    for letter, panel in zip("abcdef", panels, strict=False):
+        panel.text(0.012, 0.975, letter, transform=panel.transAxes, va="top", weight="bold", zorder=7)
+
+
+def write_legend(
+    place: Axes | AnyFigure,
+    entries: Sequence[tuple[str, Any]],
+    where: Literal["below", "above", "inside"] = "below",
+    note: str = "",
+) -> None:
+    """Explain lines, symbols and fills.
+
+    Parameters
+    ----------
+    place
+        The axes, or the figure that all its panels share a legend in.
+    entries
+        Texts, and the options of a matplotlib line, or the colour of a fill.
+    where
+        Above the axes, inside them where it hides least, or below a picture that has no other panel near.
+    note
+        A line above the entries, in small grey letters.
+    """
+    handles: list[Artist] = [
+        Patch(facecolor=options, edgecolor=GREY, linewidth=0.5, label=text)
+        if isinstance(options, str)
+        else Line2D([], [], label=text, **options)
+        for text, options in entries
+    ]
+    if not handles:
+        return
+    fills = any(isinstance(handle, Patch) for handle in handles)
+    figure: Any = place.figure if isinstance(place, Axes) else place
+    size: dict[str, Any] = {"columnspacing": 1.6, "handlelength": 1.3 if fills else 2.9}
+    if note:
+        size |= {"title": note, "title_fontsize": points(7.0)}
+    alone = isinstance(figure, Figure) and figure.get_constrained_layout() and (fills or len(figure.axes) == 1)
+    if where == "above" and isinstance(place, Axes):
+        corner = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        legend = place.legend(handles=handles, ncols=_columns(figure, handles), **corner, **size)
+    elif not isinstance(place, Axes) or (alone and where == "below"):
+        below = "outside lower center" if figure.figure.get_constrained_layout() else "lower center"
+        legend = figure.legend(handles=handles, loc=below, ncols=_columns(figure, handles, fills), **size)
+    else:
+        legend = place.legend(handles=handles, loc="best", frameon=fills, **size)
+    legend.get_title().set_color(GREY)
+
+
+def _columns(figure: AnyFigure, handles: Sequence[Artist], fills: bool = False) -> int:
+    """Columns of a legend: in one row or two, or as many as the width of the sheet takes."""
+    count = len(handles)
+    wanted = min(count, _FILL_COLUMNS) if fills else -(-count // (1 if count < 5 else 2))
+    letter = figure.figure.dpi_scale_trans.transform((1.0 / 72.0, 0.0))[0] * 0.58 * rc()["legend.fontsize"]
+    widths = [letter * (len(str(handle.get_label())) + _BESIDE) for handle in handles]
+    room = figure.bbox.width
+    return next((n for n in range(wanted, 1, -1) if sum(map(max, np.array_split(widths, n))) < room), 1)
+
+
 def sheet_bytes(figure: Figure, form: str) -> bytes:
     """A figure as the content of a file: ``png``, ``svg`` (the same figure gives the same bytes) or ``pdf``."""
     lay_out(figure)
     with in_style():
-        return _png_bytes(figure) if form == "png" else _drawing_bytes(figure, form)
+        if form == "png":
+            return png_bytes(figure)
+        content = io.BytesIO()
+        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}[form]
+        figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
+        return content.getvalue()
 
 
-def _drawing_bytes(figure: Figure, form: str) -> bytes:
-    content = io.BytesIO()
-    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}[form]
-    figure.savefig(content, format=form, dpi=DPI, metadata=metadata)
-    return content.getvalue()
-
-
-def _png_bytes(figure: Figure) -> bytes:
+def png_bytes(figure: Figure, dpi: int = DPI) -> bytes:
     """What `savefig` writes, but for the opacity: paper is white, and without it a picture is packed twice as fast."""
     from PIL import Image  # only now: it is part of matplotlib
 
     content = io.BytesIO()
-    figure.set_dpi(DPI)
+    figure.set_dpi(dpi)
     canvas = figure.canvas if isinstance(figure.canvas, FigureCanvasAgg) else FigureCanvasAgg(figure)
     canvas.draw()
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    image.save(content, format="png", dpi=(DPI, DPI), compress_level=_PACKED)
+    image.save(content, format="png", dpi=(dpi, dpi), compress_level=_PACKED)
     return content.getvalue()

@@ -1,67 +1,136 @@
-"""The one style of all pictures: what a line, a marker and a colour mean.
+"""The one style of all pictures: sizes, colours, and what a line and a symbol mean.
 
-The colours are those of Okabe and Ito (2008), which people with any form of colour vision tell apart. Nothing is said
-by colour alone: every kind has a line style and a marker of its own, so a grey print can be read as well.
+Settings of matplotlib are in `gapwalk.mplstyle`; the rest is here. The colours are those of Okabe and Ito (2008), which
+people with any form of colour vision tell apart. Nothing is said by colour alone: every kind has a line style and a
+marker of its own, so a grey print can be read as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from importlib.resources import as_file, files
+from typing import Any, Literal
 
 import matplotlib as mpl
+from matplotlib.colors import to_hex
 
+from gapwalk.attractor.regime import Regime
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.plot.size import points
+from gapwalk.bifurcation.locus import Codim2
+from gapwalk.errors import ModelError
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"
 BLUE, GREEN, VERMILLION, PURPLE = "#0072B2", "#009E73", "#D55E00", "#CC79A7"
-
-SIZE = (8.0, 4.8)
-"""Width and height of a picture, in inches."""
-
-
-def diagram_size(panels: int) -> tuple[float, float]:
-    """The same of a picture of two or three panels, one above the other."""
-    return SIZE[0], 4.3 * panels
-
-
 DPI = 200
 
-RC: Any = {
-    "font.size": 9.5,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 10.5,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
-    "grid.linewidth": 0.6,
-    "xtick.direction": "out",
-    "ytick.direction": "out",
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "savefig.dpi": DPI,
-    "svg.hashsalt": "gapwalk",  # the same result gives the same file
-    "svg.fonttype": "none",  # text stays text: it can be searched, and set in another font
-    "pdf.fonttype": 42,
+# ---------------------------------------------------------------------------------------------------------- sizes
+
+SizeName = Literal["screen", "column", "page", "slide"]
+"""Names of the sizes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """The size of a picture where it will be seen.
+
+    Parameters
+    ----------
+    width
+        In mm; None: as wide as the picture itself wants.
+    scale
+        Of letters, lines and symbols; 1 is 9.5 points for the numbers along the axes.
+    tall
+        Height relative to the width, compared with that on a screen.
+    """
+
+    width: float | None = None
+    scale: float = 1.0
+    tall: float = 1.0
+
+
+SIZES: dict[str, Size] = {
+    "screen": Size(),
+    "column": Size(85.0, 8.0 / 9.5, 1.5),
+    "page": Size(175.0, 8.5 / 9.5),
+    "slide": Size(250.0, 16.0 / 9.5, 0.95),
 }
-"""The style at the size of a screen; see `rc`."""
+"""A column of a journal, its whole page, and a slide of 13.3 x 7.5 inches below its title."""
 
-_LENGTHS = ("size", "width", "pad")  # ends of the names of what is measured in points
+CARD = Size(115.0, 8.0 / 9.5, 1.05)
+"""The small picture on the card of a notebook."""
+
+_INCH = 25.4  # mm
+_ROOMY = 160.0  # mm, at the letters of a screen, from which labels need not be broken
+_now: ContextVar[Size] = ContextVar("gapwalk_size", default=SIZES["screen"])
 
 
-def rc() -> Any:
-    """The style at the present size (see `gapwalk.plot.size`), for `in_style`."""
-    bare = {**_POINTS, **RC}
+@contextmanager
+def sized(size: SizeName | Size | None) -> Iterator[None]:
+    """Draw all pictures at a size, as in ``with gw.plot.sized("column"): branch.plot()``.
+
+    Parameters
+    ----------
+    size
+        ``"column"`` (85 mm wide, numbers of 8 points), ``"page"`` (175 mm, 8.5 points), ``"slide"`` (250 mm, 16 points)
+        or ``"screen"``; or a `Size`. None changes nothing.
+
+    Raises
+    ------
+    ModelError
+        For any other name.
+    """
+    if isinstance(size, str) and size not in SIZES:
+        raise ModelError(f'there is no size {size!r}; there are {", ".join(SIZES)}: write size="column"')
+    token = _now.set(_now.get() if size is None else SIZES[size] if isinstance(size, str) else size)
+    try:
+        yield
+    finally:
+        _now.reset(token)
+
+
+def points(length: float) -> float:
+    """Scale a length in points to the present size: of letters, lines or symbols."""
+    return length * _now.get().scale
+
+
+def broken(label: str) -> str:
+    """Break the label of an upright axis into two lines, at a comma or bracket, where a sheet has little room."""
+    size = _now.get()
+    if size.width is None or size.width / size.scale > _ROOMY:
+        return label
+    places = [at for mark in (" (", ", ") if (at := label.find(mark, 8)) > 0]
+    return label if not places else f"{label[: min(places)].rstrip()}\n{label[min(places) :].lstrip(', ')}"
+
+
+def sheet_size(width: float, height: float) -> tuple[float, float]:
+    """Scale the width and height of a sheet on a screen, in inches, to the present size."""
+    size = _now.get()
+    if size.width is None:
+        return width * size.scale, height * size.scale
+    wide = size.width / _INCH
+    return wide, height / width * wide * size.tall
+
+
+# ------------------------------------------------------------------------------------------- settings of matplotlib
+
+
+@cache
+def _settings() -> Any:
+    """The style file at the size of a screen."""
+    with as_file(files("gapwalk.plot") / "gapwalk.mplstyle") as path:
+        return {**mpl.rc_params_from_file(path, use_default_template=False)}
+
+
+def rc() -> dict[str, Any]:
+    """Settings of matplotlib at the present size, for `in_style`."""
+    lengths = ("size", "width", "pad")  # ends of the names of what is measured in points
     return {
-        name: points(value) if name.endswith(_LENGTHS) and isinstance(value, float) else value
-        for name, value in bare.items()
+        name: points(value) if name.endswith(lengths) and isinstance(value, float) else value
+        for name, value in _settings().items()
     }
 
 
@@ -72,8 +141,8 @@ def in_style() -> Iterator[None]:
     No other setting is put back, as `matplotlib.rc_context` does it: the first figure in a notebook loads what shows
     figures there, and this sets `interactive` for the figures to come. So a window is opened before the style is set.
     """
-    style = rc()
-    before = {name: mpl.rcParams[name] for name in style}
+    style: Any = rc()
+    before: Any = {name: mpl.rcParams[name] for name in style}
     try:
         mpl.rcParams.update(style)
         yield
@@ -81,23 +150,44 @@ def in_style() -> Iterator[None]:
         mpl.rcParams.update(before)
 
 
-_POINTS = {
-    f"{axis}tick.{which}.{what}": length
-    for axis in "xy"
-    for which, what, length in (("major", "size", 3.5), ("major", "pad", 3.5))
-}
+# ---------------------------------------------------------------------------------------------- lines and symbols
+
+
+def stroke(color: Any, width: float, dashes: Any = "-", **more: Any) -> dict[str, Any]:
+    """Options of a matplotlib line without symbols; the width is in points at the size of a screen."""
+    return {"color": color, "linestyle": dashes, "linewidth": points(width), **more}
+
+
+def symbols(
+    marker: str, size: float, face: str = "white", edge: str = BLACK, width: float = 0.8, **more: Any
+) -> dict[str, Any]:
+    """Options of a matplotlib line that is symbols only; size and width of their edge as in `stroke`."""
+    return {
+        "linestyle": "none",
+        "marker": marker,
+        "markersize": points(size),
+        "markerfacecolor": face,
+        "markeredgecolor": edge,
+        "markeredgewidth": points(width),
+        **more,
+    }
+
+
+def dots(size: float, color: str = BLACK, **more: Any) -> dict[str, Any]:
+    """Options of a matplotlib line that is a cloud of dots."""
+    return symbols(".", size, color, color, 0.0, **more)
 
 
 @dataclass(frozen=True, slots=True)
 class LineStyle:
-    """How a part of a branch is drawn.
+    """Style of a kind of line.
 
     Parameters
     ----------
     text
-        What the legend calls it.
+        Its name in a legend.
     color, line, width
-        Of the line.
+        Of the line: colour, dashes, and width in points at the size of a screen.
     marker
         Sparse, open and small; empty for none.
     """
@@ -108,19 +198,31 @@ class LineStyle:
     width: float
     marker: str = ""
 
+    def options(self, width: float = 1.0, **more: Any) -> dict[str, Any]:
+        """Options of a matplotlib line, wider or thinner by a factor."""
+        marker = symbols(self.marker, 3.4, edge=self.color) if self.marker else {}
+        return marker | stroke(self.color, width * self.width, self.line, solid_capstyle="butt", **more)
+
+    @property
+    def entry(self) -> tuple[str, dict[str, Any]]:
+        """Its entry in a legend."""
+        return self.text, self.options()
+
 
 @dataclass(frozen=True, slots=True)
 class SymbolStyle:
-    """How a special point is drawn.
+    """Style of a special point, or of a point of codimension two.
 
     Parameters
     ----------
     text
-        What the legend calls it.
+        Its name in a legend.
     label
-        What stands beside it; empty for nothing.
+        What is written next to it; empty for nothing.
     marker, color, size
-        Of the symbol; it is filled and has a black edge.
+        Of the symbol.
+    edge, width
+        Colour and width of its edge.
     """
 
     text: str
@@ -128,6 +230,22 @@ class SymbolStyle:
     marker: str
     color: str
     size: float
+    edge: str = BLACK
+    width: float = 0.6
+
+    @property
+    def legend(self) -> str:
+        """Its name in a legend, with its label."""
+        return self.text if not self.label or self.label in self.text else f"{self.text} ({self.label})"
+
+    def options(self, scale: float = 1.0, **more: Any) -> dict[str, Any]:
+        """Options of a matplotlib line for the symbol, larger or smaller by a factor."""
+        return symbols(self.marker, scale * self.size, self.color, self.edge, self.width, **more)
+
+    @property
+    def entry(self) -> tuple[str, dict[str, Any]]:
+        """Its entry in a legend."""
+        return self.legend, self.options()
 
 
 LINES = {
@@ -138,80 +256,125 @@ LINES = {
 }
 """By the label of an instability, see `Instability.label`."""
 
-SYMBOLS = {
-    Kind.FOLD: SymbolStyle("fold (LP)", "LP", "o", BLUE, 4.8),
-    Kind.FLIP: SymbolStyle("flip (PD)", "PD", "D", VERMILLION, 4.3),
-    Kind.NEIMARK_SACKER: SymbolStyle("Neimark–Sacker (NS)", "NS", "*", GREEN, 8.0),
-    Kind.BRANCH_POINT: SymbolStyle("branch point (BP)", "BP", "P", PURPLE, 6.5),
-    Kind.GRAZING: SymbolStyle("grazing", "", "|", GREY, 7.0),
+_COLORS = {"blue": BLUE, "vermillion": VERMILLION, "green": GREEN, "purple": PURPLE, "grey": GREY}
+
+
+def symbol_style(kind: Kind) -> SymbolStyle:
+    """The style of the special points of a kind, also of an event of the user's own."""
+    symbol = kind.symbol
+    edge = (GREY, 0.9) if kind is Kind.GRAZING else (BLACK, 0.6)
+    text = symbol.label or str(kind)
+    return SymbolStyle(text, symbol.letters, symbol.marker, _COLORS[symbol.color], symbol.size, *edge)
+
+
+SYMBOLS = {kind: symbol_style(kind) for kind in Kind.known()}
+"""The special points of all kinds, in the order of legends."""
+
+
+def in_order(kinds: Iterable[Kind]) -> list[Kind]:
+    """Kinds in the order of legends, each once; events of the user's own are last."""
+    found = dict.fromkeys(kinds)
+    return [*(kind for kind in SYMBOLS if kind in found), *(kind for kind in found if kind not in SYMBOLS)]
+
+
+UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
+"""The question mark where something was missed on a branch."""
+
+_GRAZES = SymbolStyle("a contact grazes too", "", "o", GREY, 2.6, GREY, 0.8)
+
+CODIM2 = {
+    kind: SymbolStyle(text, label, marker, color, size, width=0.8)
+    for kind, text, label, marker, size, color in (
+        (Codim2.CUSP, "cusp", "CP", "^", 5.0, "white"),
+        (Codim2.FOLD_FLIP, "fold–flip", "FF", "D", 4.4, "white"),
+        (Codim2.FOLD_NEIMARK_SACKER, "fold–NS", "FN", "P", 5.8, "white"),
+        (Codim2.FLIP_NEIMARK_SACKER, "flip–NS", "PN", "X", 5.8, "white"),
+        (Codim2.GENERALISED_FLIP, "generalised flip", "GF", "v", 5.0, "white"),
+        (Codim2.RESONANCE_1_1, "1:1 resonance", "1:1", "s", 4.6, "white"),
+        (Codim2.RESONANCE_1_2, "1:2 resonance", "1:2", "s", 4.6, "#dddddd"),
+        (Codim2.RESONANCE_1_3, "1:3 resonance", "1:3", "p", 5.4, "white"),
+        (Codim2.RESONANCE_1_4, "1:4 resonance", "1:4", "h", 5.4, "white"),
+    )
+} | {
+    Codim2.GRAZING: _GRAZES,
+    Codim2.FOLD_GRAZING: _GRAZES,
+    Codim2.FLIP_GRAZING: _GRAZES,
+    Codim2.NEIMARK_SACKER_GRAZING: _GRAZES,
+    Codim2.DEGENERATE_GRAZING: SymbolStyle("grazing points meet", "", "d", "white", 3.4, width=0.8),
 }
+"""The symbols of points of codimension two."""
+
+AXIS, GUIDE = LineStyle("", GREY, "-", 0.8), LineStyle("", GREY, (0, (4, 2)), 0.8)
+"""Lines that only guide the eye: zero; breakpoints, and folds of a waterfall."""
+
+_PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
 
 
-PERIODS = ("#000000", "#0b56a4", "#d55e00", "#56b4e9", "#e69f00", "#cc79a7")
-"""Colours of the shortest period, of twice that, and so on: told apart by any eye, and ever lighter in grey."""
-
-_WIDTHS = (1.8, 1.4, 1.1, 0.9, 0.7)
-_DASHES = (0, (3.2, 1.6))
+def period_color(rank: int) -> str:
+    """Colour of the shortest period (rank 0), the next (1), and so on: told apart by any eye, and ever lighter."""
+    return _PERIODS[min(rank, len(_PERIODS) - 1)]
 
 
 def period_options(rank: int, stable: bool) -> dict[str, Any]:
     """Options of a matplotlib line for motions of the shortest period (rank 0), the next (1), and so on."""
-    width = _WIDTHS[min(rank, len(_WIDTHS) - 1)]
-    return {
-        "color": PERIODS[min(rank, len(PERIODS) - 1)],
-        "linestyle": "-" if stable else _DASHES,
-        "linewidth": points(width if stable else 0.45 * width),
-        "solid_capstyle": "butt",
-    }
+    width = (1.8, 1.4, 1.1, 0.9, 0.7)[min(rank, 4)]
+    dashes = "-" if stable else (0, (3.2, 1.6))
+    return stroke(period_color(rank), width if stable else 0.45 * width, dashes, solid_capstyle="butt")
 
 
 def birth_options(rank: int) -> dict[str, Any]:
-    """Options of a matplotlib line for the symbol where branches are born on one of the period of that rank."""
-    return {
-        "linestyle": "none",
-        "marker": SYMBOLS[Kind.FLIP].marker,
-        "markersize": points((4.0, 3.0, 2.0, 1.4)[min(rank, 3)]),
-        "markerfacecolor": "white",
-        "markeredgecolor": PERIODS[min(rank, len(PERIODS) - 1)],
-        "markeredgewidth": points((0.9, 0.7, 0.5, 0.4)[min(rank, 3)]),
-    }
+    """Options of a matplotlib line for the symbol where branches begin on one of the period of that rank."""
+    size, width = ((4.0, 0.9), (3.0, 0.7), (2.0, 0.5), (1.4, 0.4))[min(rank, 3)]
+    return symbols(SYMBOLS[Kind.FLIP].marker, size, edge=period_color(rank), width=width)
 
 
-def line_options(label: str) -> dict[str, Any]:
-    """Options of a matplotlib line for a kind of instability."""
-    style = LINES[label]
-    return {
-        "color": style.color,
-        "linestyle": style.line,
-        "linewidth": points(style.width),
-        "marker": style.marker or None,
-        "markersize": points(3.4),
-        "markerfacecolor": "white",
-        "markeredgewidth": points(0.8),
-        "solid_capstyle": "butt",
-    }
+LOCI = {
+    kind: LineStyle(style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width)
+    for kind, style in SYMBOLS.items()
+    if not kind.no_locus
+}
+"""The loci, in the order in which they are drawn, the last ones first."""
 
 
-def unexplained_options() -> dict[str, Any]:
-    """Options of a matplotlib line for the question marks where something was missed."""
-    return {
-        "linestyle": "none",
-        "marker": "$?$",
-        "markersize": points(12.0),
-        "markerfacecolor": VERMILLION,
-        "markeredgecolor": VERMILLION,
-        "markeredgewidth": points(0.4),
-    }
+def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
+    """Options of a matplotlib line for a locus of motions of the shortest period (rank 0), the next (1), and so on."""
+    return LOCI[kind].options((1.0, 0.55, 0.38)[min(rank, 2)])
 
 
-def symbol_options(kind: Kind) -> dict[str, Any]:
-    """Options of a matplotlib line for the symbol of a special point."""
-    style = SYMBOLS[kind]
-    return {
-        "linestyle": "none",
-        "marker": style.marker,
-        "markersize": points(style.size),
-        "markerfacecolor": style.color,
-        "markeredgecolor": style.color if kind is Kind.GRAZING else BLACK,
-        "markeredgewidth": points(0.9 if kind is Kind.GRAZING else 0.6),
-    }
+# ------------------------------------------------------------------------------------------------------- regimes
+
+NAMED_PERIODS = 8
+"""Periods with a colour of their own."""
+
+_REGIMES = {
+    Regime.QUASI_PERIODIC.text: "#e8702a",
+    Regime.CHAOTIC.text: "#000000",
+    Regime.UNDECIDED.text: "#b5b5b5",
+    Regime.RUNAWAY.text: "#ffffff",
+}
+
+
+def period_of(word: str) -> int | None:
+    """M of the regime ``period m``; None for other regimes."""
+    digits = word.removeprefix("period ")
+    return int(digits) if word.startswith("period ") and digits.isdigit() else None
+
+
+def regime_color(word: str) -> str:
+    """The colour of a regime, given in words: ``period 3``, ``chaotic``, ..."""
+    m = period_of(word)
+    if m is None:
+        return _REGIMES.get(word, "#4d4d4d")
+    if m > NAMED_PERIODS:
+        return "#8b5a9e"
+    return "#f6f2e4" if m == 1 else to_hex(mpl.colormaps["YlGnBu"](0.22 + 0.78 * (m - 2) / (NAMED_PERIODS - 2)))
+
+
+def regime_entries(words: set[str]) -> dict[str, str]:
+    """The entries of a legend of some regimes, in their order: text, and a regime that has its colour."""
+    periods = {m: word for word in words if (m := period_of(word)) is not None}
+    entries = {periods[m]: periods[m] for m in sorted(periods) if m <= NAMED_PERIODS}
+    if periods and max(periods) > NAMED_PERIODS:
+        entries[f"period {NAMED_PERIODS + 1} and more"] = periods[max(periods)]
+    order = [*_REGIMES, *sorted(words - _REGIMES.keys())]
+    return entries | {word: word for word in order if word in words and period_of(word) is None}

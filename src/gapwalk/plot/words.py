@@ -71,7 +71,7 @@ def order_words(turns: int | None) -> str:
 
 
 def line_words(name: str) -> str:
-    """The name of a spectral line beside it: ``2Ω``, or where orders are counted per turn, ``2``."""
+    """The name of a spectral line, written next to it: ``2Ω``, or where orders are counted per turn, ``2``."""
     return name.removeprefix("order ").replace("W", "Ω")
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.functions import value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two, unknown_scales
@@ -159,8 +158,8 @@ def test_of(special: SpecialPoint, point: BranchPoint) -> Test | None:
         The same motion in harmonic balance.
     """
     kind = special.kind
-    if kind is not Kind.GRAZING:
-        return lambda other: value(kind, other)
+    if kind.has_function:
+        return kind.at
     switches = [k for k in range(len(point.orbit.closings)) if describe_switch(point.orbit, k) == special.contact]
     if not switches:
         return None

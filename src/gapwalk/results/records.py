@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.kinds import Kind
 from gapwalk.model.structure import ContactForm, HarmonicForm, Structure
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly, structure_of
@@ -150,6 +151,17 @@ def _structure_of(plain: Any) -> Structure:
     return structure
 
 
+class Kinds(Converted):
+    """Kinds of special points, by their names; a text that is the name of one will do."""
+
+    def __init__(self) -> None:
+        super().__init__(Kind, str, str, Kind.named)
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, str) and value in Kind.known()  # an event of a user's own could not be read again
+
+
+register(Kind, Kinds())
 register(System, Systems())
 register(Structure, Converted(Structure, TrainAssembly | PlainStructure, _plain_structure, _structure_of))
 register(Orbit, OneOf.of((Record(Orbit), Record(BalancedOrbit))))

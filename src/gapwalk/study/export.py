@@ -48,6 +48,38 @@ def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> N
         write_whole(path, table_of(result, name).encode())
 
 
+def save_tables(result: Result, stem: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Write all tables of a result as CSV files: points, special points, and others that depend on the kind of study.
+
+    Numbers have all digits: they read back as the same numbers.
+
+    Parameters
+    ----------
+    result
+        The result of a study.
+    stem
+        How the file names begin; a hyphen, the name of the table and ``.csv`` follow.
+
+    Returns
+    -------
+    tuple of Path
+        The files that were written.
+
+    Raises
+    ------
+    StoreError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> gw.save_tables(gw.load("clutch.gapwalk"), "out/clutch")
+    (PosixPath('out/clutch-points.csv'), PosixPath('out/clutch-special-points.csv'))
+    """
+    paths = {name: Path(f"{os.fspath(stem)}-{name}.csv") for name in table_names(result)}
+    export_csv(result, paths)
+    return tuple(paths.values())
+
+
 def table_names(result: Result) -> tuple[str, ...]:
     """The tables of a result.
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from gapwalk.errors import ModelError
-from gapwalk.model.file import ModelPart, check_system, gives_pace, in_order
+from gapwalk.model.file import ModelPart, check_system, gives_pace, in_order, matrices_digest
 from gapwalk.model.problem import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import validate
 from gapwalk.model.source import Source, read_source
@@ -56,6 +56,8 @@ class Study(Request):
         What the system was reduced from, if the file says so.
     unused
         Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
+    matrices
+        Digest of the matrices that stand in files beside the model file; empty if none do.
     """
 
     asks: ClassVar[str] = "study"
@@ -68,6 +70,7 @@ class Study(Request):
     name: str = ""
     reduced: ReducedFrom | None = None
     unused: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
+    matrices: str = field(default="", compare=False)
 
     @property
     def walked(self) -> BranchOptions:
@@ -139,7 +142,7 @@ def check_studies(source: Source, changes: Mapping[str, object] | None = None) -
         problems += found
     if part is None or problems:
         raise ModelFileError(in_order(list(dict.fromkeys(problems))))
-    return tuple(studies)
+    return tuple(replace(study, matrices=matrices_digest(source, part)) for study in studies if study)
 
 
 def _check_table(

@@ -15,7 +15,7 @@ class Finding(ABC):
     """What a study has found, of a kind whose result is more, or other, than a list of branches.
 
     A kind of study brings a subclass; how it is printed and drawn stands in `gapwalk.cli.findings` and
-    `gapwalk.plot.findings`.
+    `gapwalk.plot.picture`.
     """
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
@@ -38,7 +39,8 @@ class Result(Shown):
         The loci, if the study is of the kind map; the branches are those of its sections.
     finding
         What was found, if the study is of the kind family, settle, sweep, basins or regimes; its `record` is what the
-        Python function of that name returns. There are no `branches` then: those of a family belong to its members.
+        Python function of that name returns. Of a settled motion it is a `SettleFinding`, with the attractor too. There
+        are no `branches` then: those of a family belong to its members.
     checks
         What the full system says of each branch, if the system is a reduced one (see `Study.reduced`).
     verification
@@ -117,6 +119,24 @@ class Result(Shown):
         if self.diagram is not None:
             return tuple(limb.name for limb in self.diagram.limbs)
         return tuple(f"P{branch.period}-{number}" for number, branch in enumerate(self.branches, start=1))
+
+    def to_dict(self, points: bool = True) -> dict[str, Any]:
+        """Return the result as plain JSON values, as the commands print it with ``--json``.
+
+        Parameters
+        ----------
+        points
+            Whether to include each point of each branch, and not only the special points.
+
+        Returns
+        -------
+        dict
+            Title, parameters and versions; branches, their ends and special points; or, of a study without branches,
+            what it has found. Values that do not exist are None.
+        """
+        from gapwalk.study.document import result_document
+
+        return result_document(self, points)
 
     def __repr__(self) -> str:
         state = "complete" if self.complete else "incomplete"

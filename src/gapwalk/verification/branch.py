@@ -171,19 +171,12 @@ def _verify_stability(
 
 def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
     """The multipliers of a point but for those that are critical at a special point of a kind."""
-    match kind:
-        case Kind.FOLD | Kind.BRANCH_POINT:
-            off, count = np.abs(multipliers - 1.0), 1
-        case Kind.FLIP:
-            off, count = np.abs(multipliers + 1.0), 1
-        case Kind.NEIMARK_SACKER:
-            off, count = np.abs(np.abs(multipliers) - 1.0), 2
-        case _:
-            return multipliers
-    order = np.argsort(off, kind="stable")
+    if kind is None or not len(places := kind.critical(multipliers)):
+        return multipliers
+    off = np.abs((multipliers if kind.target is not None else np.abs(multipliers)) - (kind.target or 1.0))
     # what is known is a polynomial's coefficients: others near by make a root of it that much less certain
-    known = float(off[order[0]] * np.prod(np.minimum(off[order[count:]], 1.0)))
-    return np.delete(multipliers, order[:count]) if known < Check.MULTIPLIERS.bound else multipliers
+    known = float(off[places].min() * np.prod(np.minimum(np.delete(off, places), 1.0)))
+    return np.delete(multipliers, places) if known < Check.MULTIPLIERS.bound else multipliers
 
 
 def _verify_gaps(ledger: Ledger, name: str, track: Track) -> None:

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.functions import value
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.second import SecondOpinion
 from gapwalk.continuation.corrector import length_of
 from gapwalk.continuation.point import BranchPoint
@@ -20,8 +18,6 @@ from gapwalk.orbit.floquet import is_on_border
 
 _REACH = 1e-3  # arclength from which a special point is looked at, where its neighbours are not nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be held
-_NODES = (-1.0, -0.75, -0.45, 0.45, 0.75, 1.0)  # where orbits beside a branch point are looked for, in reaches
-_REAL = 1e-6  # imaginary part of a root that is real but for rounding
 _SECANT = 1e-4  # arclength over which a test function is straight
 _SHARE = 0.4  # of the way to a neighbour; also by which a special point is looked at from nearer
 _NEARER = 5  # times that this is done
@@ -96,12 +92,12 @@ def _look(second: SecondOpinion, special: SpecialPoint, reach: float) -> Sides:
     faults = list(_counts(special, a, b))
     if special.kind is Kind.GRAZING:
         return _graze(second, special, a, b, reach, faults)
-    signs = [value(special.kind, each) for each in (a, b)]
+    signs = [special.kind.at(each) for each in (a, b)]
     if signs[0] * signs[1] > 0.0:
         return Sides((*faults, f"the test function of a {special.kind.value} keeps its sign"), None)
     if special.kind is Kind.BRANCH_POINT:
-        return Sides(tuple(faults), _interpolated(second, special, reach), a, b)
-    return Sides(tuple(faults), _zero(second, special, reach, lambda point: value(special.kind, point)), a, b)
+        return Sides(tuple(faults), _crossing(second, special, reach), a, b)
+    return Sides(tuple(faults), _zero(second, special, reach, special.kind.at), a, b)
 
 
 def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:
@@ -126,23 +122,18 @@ def _zero(
     return here.value - (beside.value - here.value) * first / (last - first)
 
 
-def _interpolated(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:
-    """The parameter where the determinant is zero, by the polynomial through its values on both sides.
+def _crossing(second: SecondOpinion, special: SpecialPoint, reach: float) -> float | None:
+    """The parameter where the branch posed otherwise crosses another.
 
-    Where branches cross no orbit can be held, but the branch and its determinant are smooth.
+    Just beyond the reach a contact may graze, so that polynomials through points up to there would tell less: those up
+    to a share of it are taken.
     """
-    shifts = reach * np.array(_NODES)
-    try:
-        points = [second.at(special.point, float(shift)) for shift in shifts]
-    except NumericalError:
-        return None
-    values, places = np.array([value(special.kind, each) for each in points]), np.array(_NODES)
-    roots = Polynomial.fit(places, values, len(places) - 1, domain=[-1.0, 1.0]).roots()
-    real = roots[np.abs(roots.imag) < _REAL].real
-    if not len(real):
-        return None
-    parameter = Polynomial.fit(places, [each.value for each in points], len(places) - 1, domain=[-1.0, 1.0])
-    return float(parameter(real[np.argmin(np.abs(real))]))
+    for share in (_SHARE, 1.0):
+        try:
+            return second.crossing(special.point, share * reach)
+        except NumericalError:
+            continue
+    return None
 
 
 def _graze(

@@ -179,6 +179,28 @@ def test_so_are_those_of_any_tree(seed: int) -> None:
     assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_so_are_those_of_any_tree_of_which_drags_alone_join_parts(seed: int) -> None:
+    train, random = random_tree(seed), np.random.default_rng(seed)
+    drags = ("first", *(shaft.name for shaft in train.shafts if "shaft" in shaft.name and random.random() < 0.5))
+    for name in drags:
+        train = train.replaced(name, stiffness=None, clearance=None, damping=float(random.uniform(0.1, 2.0)))
+    system = train.system()
+    slips = [name.endswith("_slip") for name in system.coordinates]
+    angle, x = consistent(train, seed)
+    speed, v = consistent(train, seed + 1000)
+    parts = [name.removesuffix("_slip") for name in system.coordinates]
+    q, rate = (np.array([each[name] for name in parts]) for each in (x, v))
+    expected = rates_by_hand(train, angle, speed, 0.9)
+    leaks = system.structure.assembly.leaks(system.values)
+    assert [leak > 0.0 for leak in leaks] == slips
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    found = accelerations(layout, coefficients, 0.9 * 1.3, q, rate - leaks * q) + leaks * (rate - leaks * q)
+    assert found == pytest.approx([expected[name] for name in parts], rel=1e-10, abs=1e-10)
+    equations = System.from_values(system.structure.equations, system.equations.values)
+    assert coefficients_of(equations) == pytest.approx(coefficients, rel=1e-9, abs=1e-9)
+
+
 def test_the_symmetric_form_says_the_same() -> None:
     system = branched().system()
     equations = System.from_values(system.structure.equations, system.equations.values)
@@ -378,7 +400,11 @@ AB, BC = two().shafts
             "the ground takes the mean torques",
         ),
         ({"frequency": 0.0}, "frequency is 0.0; it must be > 0"),
-        ({"shafts": [AB, gw.Shaft("bc", ("b", "c"), damping=0.1)]}, "nothing else holds b to c"),
+        ({"shafts": [AB, gw.Shaft("c", ("b", "c"), damping=0.1)]}, "c has the name of another part"),
+        (
+            {"shafts": [gw.Shaft("bc_slip", ("a", "b"), stiffness=1.0), gw.Shaft("bc", ("b", "c"), damping=0.1)]},
+            "bc_slip is the name of how far bc slips; choose another one for the part",
+        ),
         (
             {"shafts": [AB, BC, gw.Shaft("oil", ("c", "ground"), damping=0.1)]},
             "oil has damping, but no stiffness, and nothing else holds the train to the ground",

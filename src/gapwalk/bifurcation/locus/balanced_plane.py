@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality, smallest_singular_value
+from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
 from gapwalk.bifurcation.normal_form import flip_coefficient
 from gapwalk.continuation.scales import unknown_scales
@@ -83,7 +83,7 @@ class BalancedPlane:
         """See `OrbitPlane.criticality`; from the Jacobian at folds, from the monodromy matrix otherwise."""
         if kind is Kind.FOLD:
             return smallest_singular_value(place.jacobian[:, : len(place.unknowns)])
-        return CONDITIONS[kind](self._monodromy(place.evidence))
+        return kind.condition(self._monodromy(place.evidence))
 
     def gradient(
         self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]

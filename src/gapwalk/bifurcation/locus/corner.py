@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.locus.approach import Approach, Turning, turnings
 from gapwalk.bifurcation.locus.brink import Brink, is_highest, on_locus
 from gapwalk.bifurcation.locus.detect import Finding

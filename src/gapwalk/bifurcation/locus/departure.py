@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.locus.curve import onto_curve
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.plane import OrbitPlane
@@ -210,11 +210,8 @@ def _scales(states: NDArray[np.float64], others: Sequence[float], within: tuple[
 def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:
     """The ranges, if the request makes sense."""
     system = special.orbit.system
-    if special.kind is Kind.BRANCH_POINT:
-        raise ModelError(
-            "a branch point has no locus in two parameters: it exists by a symmetry, and vanishes or persists with it; "
-            "follow a fold, a flip, a neimark-sacker or a grazing point"
-        )
+    if special.kind.no_locus:
+        raise ModelError(special.kind.no_locus)
     places = [system.structure.place(name) for name in (first, second)]
     if places[0] == places[1]:
         raise ModelError(f"both parameters are {first!r}; a locus is a curve in the plane of two different ones")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.grazing import Graze, describe_switch, find_grazing
+from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.locus.functions import codim2_function, codim2_kinds, is_genuine
 from gapwalk.bifurcation.locus.locus import Codim2
 from gapwalk.bifurcation.locus.touch import TouchEquation

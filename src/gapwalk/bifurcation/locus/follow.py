@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.locus.departure import Ranges, depart_locus
+from gapwalk.bifurcation.locus.departure import LocusDeparture, Ranges, depart_locus
 from gapwalk.bifurcation.locus.locus import Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.locus.trail import LocusStep, LocusTrail
 from gapwalk.continuation.options import WalkOptions
+from gapwalk.continuation.tracing import Tracing
 from gapwalk.errors import Interrupted
 from gapwalk.orbit.equation import Method
 
@@ -53,23 +54,31 @@ def follow_locus(
     Interrupted
         After Ctrl-C; its `found` is the locus as far as it was walked.
     """
-    trails: list[LocusTrail] = []
-    walked: list[list[LocusStep]] = []
+    steps = trace_locus(depart_locus(special, first, second, to, method), walk)
     try:
-        for departure in depart_locus(special, first, second, to, method):
-            walked.append([])
-            trails.append(LocusTrail(departure, walk))
-            for step in trails[-1]:
-                walked[-1].append(step)
-                if report is not None:
-                    report(*step)
-            if trails[-1].end is not None and trails[-1].end.reason is LocusEndReason.CLOSED:
-                return join_locus(trails[-1:], walked[-1:])  # one direction shows the whole of a closed curve
+        for step in steps:
+            if report is not None:
+                report(*step)
     except KeyboardInterrupt:
-        if not trails:
+        if not steps.traces:
             raise
-        raise Interrupted(join_locus(trails, walked[: len(trails)])) from None
-    return join_locus(trails, walked)
+        raise Interrupted(traced_locus(steps)) from None
+    return traced_locus(steps)
+
+
+LocusTracing = Tracing[LocusDeparture, LocusTrail, LocusStep]
+"""A locus as it is traced."""
+
+
+def trace_locus(departures: list[LocusDeparture], walk: WalkOptions | None = None) -> LocusTracing:
+    """A locus as an iterator over its steps, from departures in one or both directions."""
+    return Tracing(departures, lambda departure, state: LocusTrail(departure, walk, state))
+
+
+def traced_locus(steps: LocusTracing) -> Locus:
+    """The locus as far as it was traced; one direction shows the whole of a closed curve."""
+    kept = slice(-1, None) if steps.traces[-1].is_closed else slice(None)
+    return join_locus(steps.traces[kept], steps.steps[kept])
 
 
 def join_locus(trails: list[LocusTrail], walked: list[list[LocusStep]]) -> Locus:

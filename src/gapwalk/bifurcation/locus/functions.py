@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.locus.condition import critical_pair
+from gapwalk.bifurcation.kinds.condition import critical_pair
 from gapwalk.bifurcation.locus.equation import MultiplierEquation
 from gapwalk.bifurcation.locus.locus import Codim2
 from gapwalk.continuation.corrector import Corrector
@@ -126,15 +126,7 @@ def ends_locus(locus: Kind, what: Codim2) -> bool:
 
 def _critical(locus: Kind, multipliers: NDArray[np.complex128]) -> list[int]:
     """Places of the multipliers that are critical all along a locus."""
-    match locus:
-        case Kind.FOLD:
-            return [int(np.argmin(np.abs(multipliers - 1.0)))]
-        case Kind.FLIP:
-            return [int(np.argmin(np.abs(multipliers + 1.0)))]
-        case Kind.NEIMARK_SACKER:
-            return list(critical_pair(multipliers))
-        case _:
-            return []
+    return list(critical_pair(multipliers)) if locus is Kind.NEIMARK_SACKER else locus.critical(multipliers).tolist()
 
 
 def _product(factors: NDArray[np.complex128]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.locus.condition import Criticality
+from gapwalk.bifurcation.kinds.condition import Criticality
 from gapwalk.model.system import System
 from gapwalk.orbit.equation import Evaluation
 from gapwalk.orbit.orbit import Orbit

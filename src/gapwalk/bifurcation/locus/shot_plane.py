@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.locus.condition import CONDITIONS, Criticality
+from gapwalk.bifurcation.kinds.condition import Criticality
 from gapwalk.bifurcation.locus.plane import STEP, Place, Turning
 from gapwalk.bifurcation.normal_form import flip_coefficient
 from gapwalk.continuation.scales import unknown_scales
@@ -83,7 +83,7 @@ class ShotPlane:
 
     def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
         """See `OrbitPlane.criticality`; from the monodromy matrix in units of the state."""
-        return CONDITIONS[kind](self._scaled(place.evidence, scales))
+        return kind.condition(self._scaled(place.evidence, scales))
 
     def gradient(
         self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus.approach import Approach, approaches, leaps
-from gapwalk.bifurcation.locus.condition import critical_pair
 from gapwalk.bifurcation.locus.corner import AWAY, Corner, turn_corner
 from gapwalk.bifurcation.locus.departure import LocusDeparture, lift, refined
 from gapwalk.bifurcation.locus.detect import Finding, find_codim2
 from gapwalk.bifurcation.locus.functions import ends_locus
 from gapwalk.bifurcation.locus.locus import Codim2, Codim2Point, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.locus.merging import distance_to_merging, find_merging
+from gapwalk.bifurcation.locus.touch import TouchEquation
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
@@ -83,6 +83,15 @@ class LocusTrail(Iterator[LocusStep]):
     def state(self) -> LocusState:
         """Where the trail has come to; a trail made with it as `resume` goes on as if never stopped."""
         return LocusState(self.walk.state)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the locus has closed on itself."""
+        return self.end is not None and self.end.reason is LocusEndReason.CLOSED
+
+    def finish_with(self, end: LocusEnd) -> None:
+        """Take over the end that the walk had come to before it was stopped."""
+        self.end = end
 
     def __next__(self) -> LocusStep:
         if self.end is not None:
@@ -294,16 +303,9 @@ class LocusTrail(Iterator[LocusStep]):
         return Codim2Point(finding.kind, self._point(finding.point), finding.contact)
 
     def _angle(self, point: BranchPoint) -> float:
-        match self.departure.kind:
-            case Kind.FOLD:
-                return 0.0
-            case Kind.FLIP:
-                return float(np.pi)
-            case Kind.NEIMARK_SACKER:
-                pair = point.orbit.multipliers[list(critical_pair(point.orbit.multipliers))]
-                return float(np.arccos(np.clip(0.5 * pair.sum().real, -1.0, 1.0)))
-            case _:
-                return float(point.x[-3] * self.departure.corrector.scales[-3]) % (PERIOD * self.departure.plane.period)
+        if isinstance(self.departure.equation, TouchEquation):
+            return float(point.x[-3] * self.departure.corrector.scales[-3]) % (PERIOD * self.departure.plane.period)
+        return self.departure.kind.angle(point.orbit.multipliers)
 
 
 def _distance(x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -71,7 +71,7 @@ def modes(
     changes
         Another value, as in --set stage2.clearance=0.5; may be repeated.
     picture
-        Draw the slowest modes into this file, PNG or SVG.
+        Draw the slowest modes into this file, PNG, SVG or PDF.
     json
         Print one JSON document.
     debug

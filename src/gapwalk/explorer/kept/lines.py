@@ -52,7 +52,7 @@ def lines_of(found: Found) -> Lines:
     kind = found.options.kind if isinstance(found, Result) else type(found).__name__
     raise ModelError(
         f"an HTML file shows branches and their motions, and a {kind} has none; write --format svg, pdf or png "
-        "(in Python: gapwalk.plot.save_picture)"
+        "(in Python: gapwalk.plot.save)"
     )
 
 

@@ -117,6 +117,7 @@ async function show(results) {
       const file = page.about?.file;
       if (!file) break;
       const fresh = await curves.update(file, axes(), isPlane(), page.results);
+      if (page.about?.file !== file) continue; // another file was opened meanwhile, and shows itself
       const turned = markEarlier();
       if (fresh || turned || !diagram.ready) drawDiagram();
       showEmpty();

@@ -8,6 +8,19 @@ have no angular momentum, ``r^T J T = 0``. So ``psi`` drops out, exactly, whatev
 
 with the deflections ``L x`` of all links. A train that the ground holds has no ``r``. Padmanabhan and Singh (1995),
 equations 1 to 18, do the same for three inertias, and divide by the masses.
+
+Where a drag alone joins two groups of inertias (a fluid coupling), the angle ``x_s`` between them is in no equation,
+only its rate is, and with a mean torque it grows for ever. So the coordinate is a leaky integral ``y`` of the rate,
+
+    x_s' = y' + g y
+
+That changes no motion: a steady slip is the constant ``g y``, and one multiplier is ``exp(-g T)`` where that of the
+angle would be 1. With ``G = diag(g)``, zero for deflections, the equations become
+
+    M x'' + (C + M G) x' + (K + C G) x + ...
+
+for ``x_s`` has no stiffness and deflects no contact. The leak g is twice the rate at which the drag by itself ends the
+slip: it follows from inertias and damping alone, and the equations of two inertias keep two different multipliers.
 """
 
 from __future__ import annotations
@@ -23,6 +36,7 @@ from scipy.sparse import csr_array, diags_array
 
 from gapwalk.model.names import NameBlock, ParameterNames
 from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
 from gapwalk.model.train import geometry
 from gapwalk.model.train.form import TrainForm
 from gapwalk.model.units import Units
@@ -65,10 +79,15 @@ class TrainAssembly:
         """The values of the equations of motion, in symmetric form."""
         form, turned, values = self.form, self.angles(values), self.consistent(values)
         deflections = geometry.deflections(form, form.ratios(values))
-        parts = [values[:1], (turned.T @ (form.inertia(values)[:, None] * turned)).ravel()]
-        for numbers in (form.dampings(values), form.stiffnesses(values)):
-            parts.append((deflections.T @ (numbers[:, None] * deflections)).ravel())
-        parts.append(turned.T @ self._mean(values))
+        mass = turned.T @ (form.inertia(values)[:, None] * turned)
+        damping, stiffness = (
+            deflections.T @ (numbers[:, None] * deflections)
+            for numbers in (form.dampings(values), form.stiffnesses(values))
+        )
+        if form.slips:
+            leaks = self._leaks(values)
+            damping, stiffness = damping + mass * leaks, stiffness + damping * leaks
+        parts = [values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ self._mean(values)]
         for torque in form.torques:
             parts += [form.size_and_phase(values, torque), turned.T @ form.shape(values, torque)]
         for number, contact in form.contacts:
@@ -83,20 +102,46 @@ class TrainAssembly:
         """
         values = self.consistent(values)
         form, ratios = self.form, self.form.ratios(values)
-        bodies = geometry.bodies(form, ratios)
-        pulls = geometry.pulls(form, ratios, bodies)
-        inertia = (bodies * bodies).T @ form.inertia(values)
-        flexed = pulls[list(form.springs)] @ diags_array(1.0 / inertia)
-        inverse = flexed @ pulls.T
+        bodies, flexed, inverse = self._flexed(values)
         deflections = csr_array(geometry.deflections(form, ratios))
         torques = [self._mean(values), *(form.shape(values, torque) for torque in form.torques)]
+        stiffness, damping = (
+            (inverse @ (diags_array(numbers) @ deflections)).toarray()
+            for numbers in (form.stiffnesses(values), form.dampings(values))
+        )
+        if form.slips:
+            leaks = self._leaks(values)
+            stiffness, damping = stiffness + damping * leaks, damping + np.diag(leaks)
         columns = [
-            (inverse @ (diags_array(form.stiffnesses(values)) @ deflections)).toarray(),
-            (inverse @ (diags_array(form.dampings(values)) @ deflections)).toarray(),
+            stiffness,
+            damping,
             inverse.toarray()[:, [number for number, _ in form.contacts]],
             flexed @ (bodies.T @ np.stack(torques, axis=1)),
         ]
         return np.concatenate(columns, axis=1)
+
+    def leaks(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The leaks g of the coordinates, in consistent units, shape (n,): 0 for deflections."""
+        return self._leaks(self.consistent(values))
+
+    def _leaks(self, values: NDArray[Any]) -> NDArray[Any]:
+        form, found = self.form, np.zeros(len(self.form.springs), dtype=values.dtype)
+        if form.slips:
+            inverse = self._flexed(values)[2].toarray()
+            deflections = geometry.deflections(form, form.ratios(values))
+            for place in form.slips:
+                column = deflections[:, place]
+                drag = column @ (form.dampings(values) * column)  # with that of other drags beside it
+                found[place] = 2.0 * inverse[place, form.springs[place]] * drag
+        return found
+
+    def _flexed(self, values: NDArray[Any]) -> tuple[csr_array, csr_array, csr_array]:
+        """Bodies, deflections of the coordinates by them over their inertias, and accelerations by forces of links."""
+        form, ratios = self.form, self.form.ratios(values)
+        bodies = geometry.bodies(form, ratios)
+        pulls = geometry.pulls(form, ratios, bodies)
+        flexed = pulls[list(form.springs)] @ diags_array(1.0 / ((bodies * bodies).T @ form.inertia(values)))
+        return bodies, csr_array(flexed), csr_array(flexed @ pulls.T)
 
     def angles(self, values: NDArray[Any]) -> NDArray[Any]:
         """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
@@ -162,6 +207,13 @@ class TrainAssembly:
         for link, value in zip(self.form.links, self.form.stiffnesses(values).tolist(), strict=True):
             if link.always and not value > 0:
                 yield f"{link.name}.stiffness is {value:g}; it must be > 0"
+        dampings = self.form.dampings(values).tolist()
+        for link in (self.form.springs[place] for place in self.form.slips):
+            if dampings[link] == 0.0:
+                yield (
+                    f"{self.form.links[link].name}.damping is 0; it must be > 0, for nothing else joins its two "
+                    "inertias: compute what is on either side of it as a train of its own"
+                )
 
     def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """What is wrong with closed loops; the ratios on them are no parameters, so once is enough."""
@@ -169,7 +221,7 @@ class TrainAssembly:
         speeds, body = geometry.speeds(form, ratios), geometry.bodies(form, ratios).indices
         for number in form.tree.chords:
             link, (first, second) = form.links[number], form.links[number].ends
-            if form.ground in link.ends:
+            if number not in form.tree.looped:
                 continue
             wanted = speeds[first] / speeds[second]
             if abs(ratios[number] / wanted - 1.0) > _CONSISTENT:
@@ -187,6 +239,18 @@ class TrainAssembly:
                 )
             elif not link.rigid and body[first] == body[second]:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
+
+
+def of_angles(
+    system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Stiffness and damping matrices with the angles of slips as coordinates, from those by the slips themselves."""
+    assembly = system.structure.assembly
+    if not isinstance(assembly, TrainAssembly) or not assembly.form.slips:
+        return stiffness, damping
+    stiffness = stiffness.copy()
+    stiffness[:, assembly.form.slips] = 0.0  # no spring acts on the angle of a slip, nor any contact
+    return stiffness, damping - system.matrix("mass") * assembly.leaks(system.values)
 
 
 def structure_of(assembly: TrainAssembly) -> Structure:

@@ -123,8 +123,15 @@ class TrainForm:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        return tuple(self.links[link].name for link in self.springs)
+        """Names of the coordinates: that of a slip is no deflection, so it has a name of its own."""
+        return tuple(
+            f"{link.name}_slip" if link.drag else link.name for link in map(self.links.__getitem__, self.springs)
+        )
+
+    @cached_property
+    def slips(self) -> tuple[int, ...]:
+        """The coordinates by number that are slips: of drags between inertias that nothing else holds together."""
+        return tuple(place for place, link in enumerate(self.springs) if self.links[link].drag)
 
     @cached_property
     def contacts(self) -> tuple[tuple[int, ContactForm], ...]:

@@ -159,8 +159,9 @@ def scales_of(system: System) -> Scales:
     units, assembly = _units(system), system.structure.assembly
     assert isinstance(assembly, TrainAssembly)
     form, values = assembly.form, assembly.consistent(system.values)
+    elastic = next((number for number in form.springs if not form.links[number].drag), form.springs[0])
     number, contact = next(
-        ((number, contact) for number, contact in form.contacts if number in form.springs), (form.springs[0], None)
+        ((number, contact) for number, contact in form.contacts if number in form.springs), (elastic, None)
     )
     place = form.springs.index(number)
     stiffness, clearance = form.stiffnesses(values)[number], 0.0

@@ -54,6 +54,11 @@ class Train:
 
     Notes
     -----
+    Where a drag alone joins two parts of the train (a fluid coupling, ``coupling`` say), they slip, and a mean torque
+    makes the angle between them grow for ever. The equations do not depend on it, so it is no coordinate. In its place
+    stands ``coupling_slip``, a leaky integral of the rate of slip; it is no angle that could be measured. The rate of
+    slip is ``coupling.torque`` over ``coupling.damping``.
+
     Its quantities are all plain numbers in consistent units, or all texts with units, such as ``"0.14 kg m^2"``,
     ``"30 N m/deg"``, ``"3 deg"``, ``"120 N m"``; a 0 needs none. A train with units holds numbers in them, and `units`
     says which.
@@ -304,18 +309,14 @@ def _joint_problems(train: Train) -> Iterator[str]:
     drags = [link for link in (train.links[step.link] for step in tree.steps) if link.is_drag]
     for link in drags:
         first, second = link.between
-        if second == GROUND:
+        if second == GROUND and tree.root != len(train.inertias):
             yield (
                 f"{link.name} has damping, but no stiffness, and nothing else holds the train to the ground: its drag "
                 "depends on the speed at which the train turns as a whole, which is no part of the equations; give "
                 f"{first} a mean torque instead, or {link.name} a stiffness"
             )
-        else:
-            yield (
-                f"{link.name} has damping, but no stiffness, and nothing else holds {first} to {second}, so that the "
-                f"angle between them is free and never repeats; give {link.name} a stiffness, however small, or join "
-                "the two by another link"
-            )
+        elif f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
+            yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
     if not drags and all(edge.rigid or edge.drag for edge in edges):
         link = next(link for link in train.links if link.is_rigid)
         yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"

@@ -60,8 +60,9 @@ def tree_of(edges: Sequence[Edge], ground: int) -> Tree:
     steps = _walk(edges, chosen, root)
     chords = tuple(number for number in range(len(edges)) if number not in chosen)
     parents = {step.child: step for step in steps}
-    inner = [chord for chord in chords if ground not in edges[chord].ends]
-    return Tree(root, steps, chords, frozenset(link for chord in inner for link in _loop(edges, parents, chord)))
+    loops = [_loop(edges, parents, chord) for chord in chords]
+    inner = [loop for loop in loops if not any(ground in edges[link].ends for link in loop)]
+    return Tree(root, steps, chords, frozenset(link for loop in inner for link in loop))
 
 
 def _spanning(edges: Sequence[Edge], ground: int) -> set[int]:

@@ -134,15 +134,14 @@ class Units:
     def signal(self, name: str) -> tuple[float, str]:
         """What a signal of a motion is multiplied by, from consistent units, and the unit in which it is then.
 
-        Deflections are in the unit of angles, velocities and accelerations in rad/s and rad/s^2, torques in N m.
+        Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m.
         """
-        dashes = len(name) - len(name.rstrip("'"))
-        if dashes:
-            return self.angle, f"rad/s{'^2' * (dashes > 1)}"
-        return 1.0, "N m" if name.endswith((".torque", ".force")) else self.of(QuantityKind.ANGLE).text
+        if name.endswith("''"):
+            return self.angle, "rad/s^2"
+        return 1.0, "N m" if name.endswith((".torque", ".force")) else self.state(name)
 
     def state(self, name: str) -> str:
-        """The unit of a coordinate, or of a velocity (``q'``), as states hold them: angles, and those over s."""
+        """The unit of a position or deflection, or of a velocity (``q'``): that of angles, and that over s."""
         return self.of(QuantityKind.ANGLE).text + ("/s" if name.endswith("'") else "")
 
     @cached_property

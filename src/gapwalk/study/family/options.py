@@ -27,7 +27,7 @@ class FamilyOptions:
     """
 
     max_period: int | None = None
-    kinds: tuple[Kind, ...] = tuple(Kind)
+    kinds: tuple[Kind, ...] = Kind.known()
     exact: bool = True
     workers: int | None = field(default=None, compare=False)
 
@@ -36,6 +36,6 @@ class FamilyOptions:
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
                 raise ModelError(f"{name} is {value!r}; it must be an integer >= 1, or None")
-        if not self.kinds or not set(self.kinds) <= set(Kind):
-            names = ", ".join(kind.value for kind in Kind)
+        if not self.kinds or not set(self.kinds) <= set(Kind.known()):
+            names = ", ".join(kind.value for kind in Kind.known())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")

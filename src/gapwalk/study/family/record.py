@@ -153,10 +153,10 @@ class Family(Shown):
         return tuple(strand for strand in self.strands if strand.kind == kind)
 
     def plot(self, **options: Any):
-        """Draw all members and their special points; `options` are those of `gapwalk.plot.plot_family`."""
-        from gapwalk.plot import plot_family
+        """Draw all members and their special points; options as in `gapwalk.plot.loci.draw_family`."""
+        from gapwalk.plot import draw
 
-        return plot_family(self, **options)
+        return draw(self, **options)
 
     def __getitem__(self, name: str) -> Strand:
         """The strand of a name."""
@@ -168,7 +168,7 @@ class Family(Shown):
         )
 
     def __repr__(self) -> str:
-        counts = ", ".join(f"{len(self.of_kind(kind))} of {kind.value}" for kind in Kind if self.of_kind(kind))
+        counts = ", ".join(f"{len(self.of_kind(kind))} of {kind.value}" for kind in Kind.known() if self.of_kind(kind))
         done = f"{len(self.members)} members" + ("" if self.complete else f" of {len(self.over.axis)}")
         return f"Family({self.parameter} over {self.over.name}: {done}; strands: {counts or 'none'})"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, field_validator
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.model.fields import Count, Number, Text, one_of
@@ -35,7 +35,7 @@ class FamilyPart(BranchPart):
     values: list[Number] = Field(default_factory=list)
     over: Annotated[dict[str, list[Number]], BeforeValidator(_flat)] = Field(description=_OVER)
     max_period: Count | None = None
-    kinds: Annotated[list[Annotated[Kind, BeforeValidator(one_of(Kind))]], Field(min_length=1)] | None = None
+    kinds: Annotated[list[Annotated[Kind, PlainValidator(one_of(Kind.known()))]], Field(min_length=1)] | None = None
     exact: bool | None = None
     workers: Count | None = None
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.model.fields import Text
+from gapwalk.model.fields import Text, one_of
 from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.study.fields import check_inside
 from gapwalk.study.locus.study_options import LocusStudyOptions
-from gapwalk.study.map.table import PlanePart, SecondPart, has_a_locus
+from gapwalk.study.map.options import KINDS
+from gapwalk.study.map.table import PlanePart, SecondPart
 from gapwalk.study.options import SecondParameter
 from gapwalk.study.tables import Surroundings, Value, check_value
 
@@ -54,7 +55,7 @@ class LocusPart(PlanePart):
     second: LocusSecondPart = Field(
         description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'
     )
-    of: Annotated[Kind, BeforeValidator(has_a_locus)] = Field(
+    of: Annotated[Kind, PlainValidator(one_of(KINDS))] = Field(
         description='write which special points are followed, as in of = "grazing"'
     )
     near: Value | None = None

@@ -94,10 +94,10 @@ class Map(Shown):
         return tuple(locus for locus in self.loci if locus.kind == kind)
 
     def plot(self, **options: Any):
-        """Draw all loci in the plane; `options` are those of `gapwalk.plot.plot_map`. Returns the axes."""
-        from gapwalk.plot import plot_map
+        """Draw all loci in the plane; `options` are those of `gapwalk.plot.loci.draw_map`. Returns the axes."""
+        from gapwalk.plot import draw
 
-        return plot_map(self, **options)
+        return draw(self, **options)
 
     def __getitem__(self, name: str) -> Locus:
         """The locus of a name."""

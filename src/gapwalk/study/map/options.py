@@ -11,7 +11,7 @@ from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.errors import ModelError
 
-KINDS = (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING)
+KINDS = tuple(kind for kind in Kind.known() if not kind.no_locus)
 """The kinds of special points that have loci."""
 
 _MOST = 100_000

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, PlainValidator, ValidationInfo, field_validator
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.errors import ModelError
-from gapwalk.model.fields import Count, Text
-from gapwalk.model.problem import did_you_mean, given
+from gapwalk.model.fields import Count, Text, one_of
+from gapwalk.model.problem import given
 from gapwalk.model.schema import Part
 from gapwalk.model.system import System
 from gapwalk.study.diagram.search_table import SearchPart
@@ -18,17 +18,6 @@ from gapwalk.study.map.options import KINDS
 from gapwalk.study.method_table import ShootingPart
 from gapwalk.study.options import MapStudyOptions, SecondParameter
 from gapwalk.study.tables import BranchPart, Surroundings, Value, check_parameter, check_value
-
-
-def has_a_locus(value: object) -> Kind:
-    """The kind of a special point that has a locus; a ValueError for anything else."""
-    known = [kind.value for kind in KINDS]
-    if isinstance(value, str) and value in known:
-        return Kind(value)
-    hint = did_you_mean(value, known) if isinstance(value, str) else ""
-    hint = f"; {hint}" if hint.endswith("?") else ""
-    raise ValueError(f"is {given(value)}; it must be one of {', '.join(map(given, known))}{hint}")
-
 
 _LIMITS = ("sections", "max_period", "kinds", "workers")
 
@@ -85,7 +74,7 @@ class MapPart(PlanePart):
     )
     sections: CountOrValues | None = None
     max_period: Count | None = None
-    kinds: Annotated[list[Annotated[Kind, BeforeValidator(has_a_locus)]], Field(min_length=1)] | None = None
+    kinds: Annotated[list[Annotated[Kind, PlainValidator(one_of(KINDS))]], Field(min_length=1)] | None = None
     workers: Count | None = None
     search: SearchPart | None = None
 

@@ -117,10 +117,10 @@ class Sweep(Shown):
         return names.index(name)
 
     def plot(self, coordinate: str | None = None, **options: Any) -> Any:
-        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.sweep.plot_sweep`."""
-        from gapwalk.plot.sweep import plot_sweep
+        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`."""
+        from gapwalk.plot import draw
 
-        return plot_sweep(self, coordinate, **options)
+        return draw(self, coordinate, **options)
 
     def __repr__(self) -> str:
         low, high = self.values[0], self.values[-1]

@@ -1,0 +1,167 @@
+"""The command: draws figures of the paper, and checks what it says of them."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: the matrices are small, and processes fill the cores
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS, claims_about
+from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
+from reproductions.padmanabhan_singh_1995.jobs import USUAL, Reading
+from reproductions.padmanabhan_singh_1995.page import claims_page, document, html_page
+from reproductions.padmanabhan_singh_1995.report import Report, reproduce
+
+DONE, BAD_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
+_FOLDER = Path("out/paper")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Do what the arguments say (by default those of the process), and return the exit code.
+
+    It is 0: done; 2: bad input; 3: the numerics failed; 130: interrupted.
+    """
+    asked = _parser().parse_args(arguments)
+    try:
+        if asked.list:
+            return _list(asked.json)
+        return _write_claims(asked) if asked.claims else _draw(asked)
+    except gw.errors.GapwalkError as error:
+        if asked.debug:
+            raise
+        print(f"error: {error}", file=sys.stderr)
+        if asked.json:
+            print(json.dumps({"error": {"type": type(error).__name__, "message": str(error)}}))
+        return FAILED if isinstance(error, gw.errors.NumericalError) else BAD_INPUT
+    except KeyboardInterrupt:
+        print("interrupted; the same command resumes", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m reproductions.padmanabhan_singh_1995",
+        description="Draw the figures of Padmanabhan and Singh (1995), and check what the paper says of them. What is "
+        "computed is kept: the same command resumes, and computes nothing twice.",
+    )
+    add = parser.add_argument
+    add("figures", nargs="*", help="figures, or parts of them, such as 13 or 20a; by default all, with a page")
+    add("--list", action="store_true", help="list the figures")
+    add("--slope", choices=list(gw.paper.SlopeReading), default=USUAL.slope, help="how the second slope is read")
+    add("--damping", choices=list(gw.paper.DampingReading), default=USUAL.damping, help="how impact damping is read")
+    add("--output", type=Path, help=f"folder of pictures, results and tables; by default {_FOLDER}, none with --json")
+    add(
+        "--claims", type=Path, help="check all that the paper says, and write this page in Markdown; no figure is drawn"
+    )
+    add("--workers", type=int, help="number of processes; by default one for each core")
+    add("--force", action="store_true", help="compute everything again")
+    add("--json", action="store_true", help="print one JSON document; of several figures, a list")
+    add("--debug", action="store_true", help="show the traceback of an error")
+    return parser
+
+
+def _list(as_json: bool) -> int:
+    if as_json:
+        each = ({"figure": f.name, "kind": f.kind, "caption": f.caption, "notes": f.notes} for f in FIGURES)
+        print(json.dumps(list(each)))
+    else:
+        for figure in FIGURES:
+            print(f"{figure.name:3} {figure.kind:27} {figure.caption}")
+    return DONE
+
+
+def _draw(asked: argparse.Namespace) -> int:
+    """Draw the figures that are asked for; an unknown one is refused before anything is computed."""
+    reading = Reading(gw.paper.SlopeReading(asked.slope), gw.paper.DampingReading(asked.damping))
+    figures = [find_figure(name) for name in asked.figures] or list(FIGURES)
+    numbers = dict.fromkeys(figure.number for figure in figures)
+    claims = [claim for number in numbers for claim in claims_about(number)] if asked.figures else CLAIMS
+    if reading != USUAL:  # claims name their own readings: they belong to the report of the default one
+        claims = ()
+    folder = asked.output or (None if asked.json else _FOLDER)
+    with TemporaryDirectory() as scratch:
+        report = reproduce(
+            figures,
+            claims,
+            reading,
+            folder or Path(scratch),
+            draw=folder is not None,
+            force=asked.force,
+            cores=asked.workers,
+            progress=None if asked.json else _show,
+        )
+    if asked.json:
+        print(json.dumps(document(report, whole=not asked.figures), allow_nan=False))
+    else:
+        _print(report, folder)
+    if folder is not None and not asked.figures:
+        page = folder / f"index{reading.suffix}.html"
+        _write(page, html_page(report))
+        if not asked.json:
+            print(f"all of it as a page: {page}")
+    return _code(report)
+
+
+def _write_claims(asked: argparse.Namespace) -> int:
+    report = reproduce(
+        (),
+        CLAIMS,
+        USUAL,
+        asked.output or _FOLDER,
+        draw=False,
+        force=asked.force,
+        cores=asked.workers,
+        progress=_show,
+    )
+    _write(asked.claims, claims_page(report.checked))
+    print(f"written: {asked.claims}")
+    return _code(report)
+
+
+def _print(report: Report, folder: Path | None) -> None:
+    for figure in report.figures:
+        print(f"Figure {figure.name}. {figure.caption}")
+        for name, note in figure.notes.items():
+            print(f"  note on the set of figure {name}: {note}")
+        for job in figure.jobs:
+            if job.key in report.results:
+                result = report.results[job.key]
+                print(f"  {job.key}: {result if result.diagram is None else result.diagram!r}")
+        for claim, outcome in report.about(figure):
+            print(f"  {outcome}: {claim.says} ({outcome.evidence})")
+        if folder is not None and figure.name in report.pictures:
+            print(f"  written: {', '.join(str(folder / name) for name in report.pictures[figure.name])}")
+
+
+def _show(what: str, name: str, done: int, total: int) -> None:
+    print(f"{what} {done} of {total}: {name}", file=sys.stderr)
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise gw.errors.StoreError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def _code(report: Report) -> int:
+    for key, text in report.faults.items():
+        print(f"error: {key}: {text}", file=sys.stderr)
+    return FAILED if report.faults else DONE
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ended from outside, it stops as by Ctrl-C
+    sys.exit(main())

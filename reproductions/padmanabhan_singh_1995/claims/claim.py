@@ -1,0 +1,139 @@
+"""A claim: one statement of the paper, and the check that decides whether it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, Job, Reading
+
+BOTH = (LITERAL, AS_PRINTED)
+"""The readings that are not the default one."""
+
+Check = Callable[..., tuple[bool, str]]
+"""Takes results, and returns whether the statement holds, and the numbers that were found.
+
+For what does not hold the evidence says what was found instead, and where the nearest motion is that does it.
+"""
+
+
+class Verdict(StrEnum):
+    """What the check of a claim comes to."""
+
+    REPRODUCED = "reproduced"
+    OTHER_READING = "reproduced under another reading"
+    NOT_REPRODUCED = "not reproduced"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The verdict on a claim.
+
+    Attributes
+    ----------
+    verdict
+        Whether the claim holds.
+    evidence
+        The numbers that were found, in every reading that was checked.
+    reading
+        The other reading under which it holds; empty for the default one.
+    """
+
+    verdict: Verdict
+    evidence: str
+    reading: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.verdict.value}{f' ({self.reading})' if self.reading else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One statement of the paper.
+
+    Parameters
+    ----------
+    name
+        A name that begins with the number of its figure, such as ``13-loops``.
+    says
+        The statement, in our words.
+    rests_on
+        Keys of the jobs whose results the check takes, in this order.
+    check
+        The check.
+    others
+        Readings that are checked besides the default one, which has the first word.
+    short
+        Whether motions of period 1 are enough for it: in other readings longer ones are then left out.
+    """
+
+    name: str
+    says: str
+    rests_on: tuple[str, ...]
+    check: Check
+    others: tuple[Reading, ...] = ()
+    short: bool = False
+
+    @property
+    def figure(self) -> str:
+        """The number of its figure; ``summary`` if it is about several."""
+        return self.name.partition("-")[0]
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """The jobs whose results are needed, in every reading, each once."""
+        wanted = [job for reading in (None, *self.others) for job in self._jobs_in(reading)]
+        return tuple({job.key: job for job in wanted}.values())
+
+    def outcome(self, results: Mapping[str, gw.Result], failures: Mapping[str, str]) -> Outcome:
+        """Check it in every reading.
+
+        Parameters
+        ----------
+        results, failures
+            The results of jobs, and why others have none, by the keys of the jobs.
+        """
+        holds, evidence = self._check_in(None, results, failures)
+        holding, parts = "", [evidence]
+        for reading in self.others:
+            also, evidence = self._check_in(reading, results, failures)
+            parts.append(f"[{reading.differs}] {evidence}")
+            holding = holding or (reading.differs if also else "")
+        if holds:
+            return Outcome(Verdict.REPRODUCED, "; ".join(parts))
+        verdict = Verdict.OTHER_READING if holding else Verdict.NOT_REPRODUCED
+        return Outcome(verdict, "; ".join(parts), holding)
+
+    def _jobs_in(self, reading: Reading | None) -> list[Job]:
+        jobs = [JOBS[key] for key in self.rests_on]
+        if reading is None:
+            return jobs
+        # A job that the reading does not change is shared with the default reading, longer periods and all.
+        return [job if (other := job.at(reading)) == job else (other.shortest if self.short else other) for job in jobs]
+
+    def _check_in(
+        self, reading: Reading | None, results: Mapping[str, gw.Result], failures: Mapping[str, str]
+    ) -> tuple[bool, str]:
+        keys = [job.key for job in self._jobs_in(reading)]
+        missing = [f"{key}: {failures.get(key, 'no result')}" for key in keys if key not in results]
+        if missing:
+            return False, f"could not be computed ({'; '.join(missing)})"
+        return self.check(*(results[key] for key in keys))
+
+
+ALL: list[Claim] = []
+"""All claims, in the order in which their modules define them."""
+
+
+def claim(
+    name: str, says: str, *rests_on: str, others: tuple[Reading, ...] = (), short: bool = False
+) -> Callable[[Check], Check]:
+    """Make a check the check of a claim; parameters as those of `Claim`."""
+
+    def register(check: Check) -> Check:
+        ALL.append(Claim(name, says, rests_on, check, others, short))
+        return check
+
+    return register

@@ -1,0 +1,270 @@
+"""The studies that figures and claims rest on: parameter sets of the paper, each with what is computed of it.
+
+Several figures may show the same study, which is run once. The paper can be read in two ways at two places (`Reading`),
+and every study can be run in each reading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import gapwalk as gw
+
+MEASURE = "half.q1"
+"""What frequency responses show: half the peak to peak of q1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One way to read the paper.
+
+    Parameters
+    ----------
+    slope, damping
+        How the slope of the second stage and the impact damping are read, as in `gapwalk.paper.case`.
+    """
+
+    slope: gw.paper.SlopeReading = gw.paper.SlopeReading.REDUCED
+    damping: gw.paper.DampingReading = gw.paper.DampingReading.DISSIPATIVE
+
+    @property
+    def changes(self) -> tuple[tuple[str, str], ...]:
+        """What differs from the default reading, such as ``("slope", "literal")``."""
+        pairs = (("slope", self.slope, USUAL.slope), ("damping", self.damping, USUAL.damping))
+        return tuple((word, own.value) for word, own, usual in pairs if own != usual)
+
+    @property
+    def suffix(self) -> str:
+        """The end of file names: empty for the default reading, otherwise such as ``-literal``."""
+        return "".join(f"-{value}" for _, value in self.changes)
+
+    @property
+    def differs(self) -> str:
+        """The same in words, such as ``slope literal``; empty for the default reading."""
+        return ", ".join(f"{word} {value.replace('-', ' ')}" for word, value in self.changes)
+
+    def __str__(self) -> str:
+        return f"slope {self.slope.value}, damping {self.damping.value}"
+
+    def of_case(self, case: str) -> Reading:
+        """Leave out what changes nothing: without a first stage both slopes are 1, without beta all laws agree."""
+        numbers = gw.paper.parameter_set(case)
+        return Reading(
+            self.slope if numbers.stiffness[0] else USUAL.slope, self.damping if numbers.beta else USUAL.damping
+        )
+
+
+USUAL = Reading()
+LITERAL = Reading(slope=gw.paper.SlopeReading.LITERAL)
+AS_PRINTED = Reading(damping=gw.paper.DampingReading.AS_PRINTED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A study of one parameter set, in one reading.
+
+    Parameters
+    ----------
+    case
+        Name of the parameter set, as in `gapwalk.paper.case`.
+    options
+        What is computed.
+    name
+        Name of its files; by default that of the case.
+    changes
+        Values of parameters that differ from the parameter set.
+    short_search
+        Values at which the study without longer periods searches for isolated branches; None: as `options` says.
+    effort
+        Seconds of one core that it takes, roughly: the longest job begins first.
+    reading
+        How the paper is read.
+    """
+
+    case: str
+    options: gw.ResponseOptions | gw.DiagramStudyOptions | gw.SettleStudyOptions
+    name: str = ""
+    changes: Mapping[str, float] = field(default_factory=dict)
+    short_search: tuple[float, ...] | None = None
+    effort: float = field(default=2.0, compare=False)
+    reading: Reading = USUAL
+
+    @property
+    def key(self) -> str:
+        """The name of its files, which no other job has."""
+        return f"{self.name or self.case}{self.reading.suffix}"
+
+    def at(self, reading: Reading) -> Job:
+        """Return the job in another reading; the same job, if that changes nothing of its parameter set."""
+        return replace(self, reading=reading.of_case(self.case))
+
+    @property
+    def shortest(self) -> Job:
+        """The job without longer periods, for statements on period 1; itself, if it has none."""
+        options = self.options
+        if not isinstance(options, gw.DiagramStudyOptions) or options.max_period == 1:
+            return self
+        values = options.search_values if self.short_search is None else self.short_search
+        options = replace(options, max_period=1, search_values=values)
+        return replace(self, name=f"{self.name or self.case}-period-1", options=options)
+
+    @property
+    def study(self) -> gw.Study:
+        """The study, as `gapwalk.run` takes it."""
+        system = gw.paper.case(self.case, slope=self.reading.slope, damping=self.reading.damping).at(self.changes)
+        if not isinstance(self.options, gw.SettleStudyOptions):
+            system = system.at({self.options.parameter: self.options.begin})
+        return gw.Study(
+            system, self.options, f"Padmanabhan and Singh (1995), set of figure {self.case} ({self.reading})"
+        )
+
+
+# Isolated branches of period 1: Newton's method finds them whether they are stable or not, so transients may be short.
+_SEARCH = gw.SearchOptions(starts=8, periods=2, newton_starts=24, newton_periods=(1,), patience=64)
+_AMPLITUDE = "harmonic1.amplitude"
+
+
+def _branches(
+    case: str,
+    name: str = "",
+    *,
+    parameter: str = "frequency",
+    over: tuple[float, float] = (2.0, 0.15),
+    max_period: int = 4,
+    search_values: int | tuple[float, ...] = 0,
+    short_search: tuple[float, ...] | None = None,
+    changes: Mapping[str, float] | None = None,
+    effort: float = 2.0,
+) -> Job:
+    """A diagram: motions of period 1 over one parameter, and the branches that leave them."""
+    options = gw.DiagramStudyOptions(
+        parameter,
+        *over,
+        MEASURE,
+        max_period=max_period,
+        max_branches=40,
+        workers=1,  # several jobs are done at the same time
+        search_values=search_values,
+        search=_SEARCH,
+    )
+    return Job(case=case, options=options, name=name, changes=changes or {}, short_search=short_search, effort=effort)
+
+
+def _balance(case: str) -> Job:
+    """The response of period 1 by harmonic balance.
+
+    It has as many harmonics as the paper takes for its lighter loads (section 5: 15 to 20). The truncation may be
+    large: the comparison with shooting shows what it does.
+    """
+    options = gw.ResponseOptions("frequency", 2.0, 0.15, MEASURE, method=gw.Balance(20, error=0.01))
+    return Job(case=case, options=options, name=f"{case}-balance", effort=1.0)
+
+
+def _motion(
+    case: str,
+    name: str = "",
+    changes: Mapping[str, float] | None = None,
+    *,
+    signal: str = "q1",
+    start: str | tuple[float, ...] = "rest",
+    max_periods: int = 4096,
+    effort: float = 0.5,
+) -> Job:
+    """A settled motion. The sign of the largest exponent decides its kind, so errors may be of a tenth."""
+    lyapunov = gw.LyapunovOptions(max_periods=max_periods, relative=0.1)
+    options = gw.SettleStudyOptions(signal, start, lyapunov=lyapunov)
+    return Job(case=case, options=options, name=name, changes=changes or {}, effort=effort)
+
+
+# Isolated branches away from 0 come in pairs, since the sign of Te1 is a shift by half a period: for their extents one
+# of each pair will do.
+_POSITIVE = tuple(round(0.025 + 0.05 * place, 3) for place in range(16))
+_OVER_AMPLITUDE = _branches(
+    "27",
+    parameter=_AMPLITUDE,
+    over=(-0.8, 0.8),
+    max_period=2,
+    search_values=32,
+    short_search=_POSITIVE,
+    effort=10.0,
+)
+_OVERLAPPING = replace(
+    _OVER_AMPLITUDE.shortest, case="28", name="28-overlap", changes={"frequency": 0.2576}, effort=5.0
+)
+
+# The place nearest to the printed numbers of figures 5 and 6 that was found to have both of their motions, with all
+# multipliers below 0.9 (docs/design.md: how). Over Te1 or Tm1 alone each of them exists, but not both at one place.
+_NEAR = {"mean.q1": 0.2143, "mean.q3": 0.2047, _AMPLITUDE: 0.2968, "frequency": 0.1679}
+_FOUR_PEAKS = (2.432, 0.709, 0.46, 0.282)  # a state on the motion of figure 5
+_VERY_LOW = {"mean.q1": 0.05, "mean.q3": 0.05, "frequency": 0.35}
+_BETA = "stage2.impact_damping"
+
+_SHOWN = (  # in figures
+    _motion("3-impact", signal="q1''"),
+    _motion("3-viscous", signal="q1''"),
+    _branches("4a"),
+    _branches("4b"),
+    _motion("5", "5-near", _NEAR | {_BETA: 0.1103}, signal="stage2"),
+    _motion("6", "6-near", _NEAR, signal="stage2", start=_FOUR_PEAKS),
+    # Three times the viscous damping, and the impact damping that gives the nearest force: the paper prints neither.
+    _motion("7-viscous", "7-viscous-near", _NEAR | {"damping.q1.q1": 0.12, "damping.q3.q1": -0.12}, start=_FOUR_PEAKS),
+    _motion("7-impact", "7-impact-near", _NEAR | {_BETA: 0.287}, start=_FOUR_PEAKS),
+    _motion("8a", "8-impact", _VERY_LOW),
+    _motion("6", "8-viscous", _VERY_LOW),
+    # The motion behind the synthetic record: its load and its damping differ a little from those of figure 8.
+    _motion("8a", "8-record", _VERY_LOW | {"mean.q1": 0.055, _BETA: 0.12}),
+    _branches("9a"),
+    _branches("9b"),
+    _balance("9a"),
+    _balance("9b"),
+    _branches("10b"),
+    _branches("11a"),
+    _branches("11b", max_period=2, effort=7.0),  # it has many motions of period 4, and the paper shows none
+    _branches("12"),
+    _branches("13"),
+    _branches("15", effort=20.0),
+    # Where the motions of these three figures are: the printed frequencies have none of them.
+    _motion("15", "17-near", {"frequency": 0.864}),
+    _motion("15", "18-near", {"frequency": 0.855}, effort=4.0),
+    # After 4096 forcing periods the largest exponent may still be zero: 0.019 +- 0.006.
+    _motion("15", "19-near", {"frequency": 0.833}, start=(0.5, 1.0, 0.5, 0.5), max_periods=8192, effort=5.0),
+    _branches("20a"),
+    _branches("20b", effort=6.0),
+    _branches("22"),
+    _branches("23b"),
+    _branches("24"),
+    _branches("25"),
+    _branches("26b", effort=5.0),
+    _OVER_AMPLITUDE,
+    replace(_OVER_AMPLITUDE, case="28"),
+    _branches("29", parameter=_AMPLITUDE, over=(0.02, 1.0), effort=15.0),
+)
+
+_CHECKED = (  # in claims only
+    _motion("5", signal="stage2"),
+    _motion("6", "6-near-rest", _NEAR),
+    _motion("6", signal="stage2"),
+    *(
+        _branches(case, f"{case}-{name}", parameter=parameter, over=over, max_period=1)
+        for name, parameter, over in (("mean", "mean.q1", (0.25, 0.0)), ("amplitude", _AMPLITUDE, (0.25, 0.4)))
+        for case in ("5", "6")
+    ),
+    _branches("10b", "10b-softer", changes={"stage2.force.q1": 0.7, "stage2.force.q3": -0.42}),
+    # The proportions that all other sets have; with them the resonances are as far apart as the paper says.
+    _branches("11a", "11a-mended", changes={"stiffness.q1.q3": -0.6, "stage2.force.q3": -0.42}),
+    _motion("17"),
+    _motion("18"),
+    _motion("19"),
+    *(
+        _branches("23b", f"23b-{degrees}", max_period=1, changes={"harmonic2.phase": math.radians(degrees)})
+        for degrees in (120, 180)
+    ),
+    _OVERLAPPING,
+    *(_motion("29", f"29-{value}", {_AMPLITUDE: value}, effort=3.0) for value in (0.16, 0.2, 0.27, 0.36)),
+    *(_motion("29", f"29-{value}", {_AMPLITUDE: value}, effort=2.0) for value in (0.65, 0.8, 0.95)),
+)
+
+JOBS = {job.key: job for job in (*_SHOWN, *_CHECKED)}
+"""All jobs by their keys, in the default reading."""

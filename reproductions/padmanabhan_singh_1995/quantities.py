@@ -1,0 +1,254 @@
+"""The quantities that figures and claims look at: of responses, of settled motions, and what the paper leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gapwalk as gw
+from reproductions.padmanabhan_singh_1995.jobs import MEASURE
+
+Array = NDArray[np.float64]
+
+# Responses: ranges of instability, peaks, special points.
+
+
+class Range(NamedTuple):
+    """A range of a parameter."""
+
+    low: float
+    high: float
+
+    @property
+    def width(self) -> float:
+        """Its width."""
+        return self.high - self.low
+
+    def meets(self, low: float, high: float) -> bool:
+        """Tell whether it overlaps another range."""
+        return self.low <= high and low <= self.high
+
+    def __str__(self) -> str:
+        return f"{self.low:.4g}–{self.high:.4g}"
+
+
+class Peak(NamedTuple):
+    """A local maximum of a response: parameter and height."""
+
+    value: float
+    height: float
+
+    def __str__(self) -> str:
+        return f"{self.height:.3g} at {self.value:.3g}"
+
+
+def main_branch(result: gw.Result) -> gw.Branch:
+    """Return the branch of period 1 that was followed first."""
+    return result.branches[0]
+
+
+def limbs(result: gw.Result, period: int) -> list[gw.Limb]:
+    """Return the branches of one period."""
+    assert result.diagram is not None
+    return [limb for limb in result.diagram.limbs if limb.period == period]
+
+
+def values(branch: gw.Branch, kind: gw.Kind, low: float = -np.inf, high: float = np.inf) -> list[float]:
+    """Return the parameter at the special points of one kind within a range, in order of size."""
+    return sorted(special.value for special in branch.special(kind) if low <= special.value <= high)
+
+
+def ranges(branch: gw.Branch, test: Callable[[Any], bool]) -> list[Range]:
+    """Return the ranges of the parameter, from low to high, where the unstable multipliers of all motions pass a test.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    test
+        Takes the number of unstable multipliers, as `BranchPoint.instability` has it.
+    """
+    nodes = [(point.arclength, point.value, point.instability) for point in branch.points]
+    nodes += [(special.point.arclength, special.value, special.after) for special in branch.special_points]
+    nodes.sort(key=lambda node: node[0])
+    found: list[list[float]] = []
+    inside = False
+    for _, value, instability in nodes:
+        if inside:
+            found[-1].append(value)  # the node at which a range ends belongs to it too
+        passes = test(instability)
+        if passes and not inside:
+            found.append([value])
+        inside = passes
+    return sorted(Range(min(each), max(each)) for each in found)
+
+
+def flipped(branch: gw.Branch) -> list[Range]:
+    """Return where a multiplier lies beyond -1."""
+    return ranges(branch, lambda instability: instability.below > 0)
+
+
+def with_pair(branch: gw.Branch) -> list[Range]:
+    """Return where a complex pair of multipliers lies outside the unit circle."""
+    return ranges(branch, lambda instability: instability.pairs > 0)
+
+
+def meeting(found: Sequence[Range], low: float, high: float) -> list[Range]:
+    """Return the ranges that overlap another one."""
+    return [each for each in found if each.meets(low, high)]
+
+
+def extent(branch: gw.Branch) -> Range:
+    """Return the range of the parameter that a branch covers."""
+    return Range(float(branch.values.min()), float(branch.values.max()))
+
+
+def peaks(branch: gw.Branch, low: float = -np.inf, high: float = np.inf) -> list[Peak]:
+    """Return the local maxima of the response along the branch within a range, by the parameter."""
+    heights, places = branch.measure(MEASURE), branch.values
+    inner = np.flatnonzero((heights[1:-1] > heights[:-2]) & (heights[1:-1] >= heights[2:])) + 1
+    found = [Peak(float(places[i]), float(heights[i])) for i in inner if low <= places[i] <= high]
+    return sorted(found)
+
+
+def highest(branch: gw.Branch, low: float = -np.inf, high: float = np.inf) -> Peak:
+    """Return the highest point of the response within a range."""
+    heights, places = branch.measure(MEASURE), branch.values
+    inside = np.flatnonzero((places >= low) & (places <= high))
+    best = inside[np.argmax(heights[inside])]
+    return Peak(float(places[best]), float(heights[best]))
+
+
+def words(found: Sequence[object]) -> str:
+    """List things in words; ``none`` if there are none."""
+    return ", ".join(f"{each:.4g}" if isinstance(each, float) else str(each) for each in found) or "none"
+
+
+# Settled motions: histories, force peaks, lines of spectra.
+
+
+def attractor_of(result: gw.Result) -> gw.Attractor:
+    """Return the attractor on which a motion has settled."""
+    assert isinstance(result.finding, gw.SettleFinding)
+    return result.finding.attractor
+
+
+def orbit_of(result: gw.Result) -> gw.Orbit:
+    """Return the periodic motion on which a motion has settled."""
+    orbit = attractor_of(result).orbit
+    assert orbit is not None
+    return orbit
+
+
+def over_two_periods(result: gw.Result, signal: str) -> Array:
+    """Sample a signal of a periodic motion evenly over two forcing periods."""
+    orbit = orbit_of(result)
+    return np.tile(orbit.motion(512).signal(signal)[:-1], 2 // orbit.period or 1)
+
+
+def difference(first: Array, second: Array) -> float:
+    """Return the rms of the difference of two signals, as a share of the rms of the first about its mean."""
+    return float(np.sqrt(np.mean((first - second) ** 2)) / np.std(first))
+
+
+def force_peaks(orbit: gw.Orbit) -> tuple[int, int]:
+    """Count how often the contact is pressed most, on each side, in one full period.
+
+    This is what a picture of the contact force shows. Between two peaks the contact need not open, so there may be more
+    peaks than impacts.
+    """
+    turns = np.array(orbit.turns[0].values)
+    clearance = orbit.system["stage2.clearance"]
+    before, after = np.roll(turns, 1), np.roll(turns, -1)
+    high = (turns > before) & (turns > after) & (turns > clearance)
+    low = (turns < before) & (turns < after) & (turns < -clearance)
+    return int(high.sum()), int(low.sum())
+
+
+def lines(orbit: gw.Orbit, signal: str) -> Array:
+    """Return the amplitudes of the harmonics of the excitation frequency of a periodic motion, the first first."""
+    found = gw.spectrum(orbit, signal)
+    whole = np.isclose(found.orders % 1.0, 0.0) & (found.orders > 0.5)
+    return found.amplitudes[whole]
+
+
+# Figure 1: the force of a contact under a harmonic deflection by both damping laws.
+
+VISCOUS, IMPACT = "viscous damping", "impact damping"
+
+
+def _loops() -> dict[str, gw.Hysteresis]:
+    """Compute both loops; the damper costs as much per cycle as the impact damping, so that they can be compared.
+
+    The paper prints no numbers for them. The clearance is 1, as in its tables, the amplitude twice that, and beta is
+    larger than in any of its sets, so that the loop can be seen.
+    """
+
+    def loop(law: gw.DampingLaw, impact: float, damper: float) -> gw.Hysteresis:
+        stop = (gw.Stage(clearance=1.0, side=gw.Side.POSITIVE),)
+        return gw.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, impact, damper), 2.0)
+
+    impact = loop(gw.DampingLaw.HUNT_CROSSLEY, 0.5, 0.0)
+    damper = impact.loss / loop(gw.DampingLaw.VISCOUS, 0.0, 1.0).loss
+    return {VISCOUS: loop(gw.DampingLaw.VISCOUS, 0.0, damper), IMPACT: impact}
+
+
+LOOPS = _loops()
+"""The loops by the names of their laws."""
+
+
+# Figure 8: the third inertia, and the record that stands for the measured one.
+
+NOISE = 0.1
+"""Standard deviation of the noise of the synthetic record, relative to that of the motion."""
+
+_SAMPLES, _PERIODS, _SEED = 160, 6, 1995  # samples per forcing period; forcing periods; seed of the noise
+_PHASE = 1.0  # rad, at the first sample
+
+
+def third_inertia(system: gw.System) -> gw.Signal:
+    """Return u3'' about its mean, in units of the shaft's deflection bc3 times w^2, as a signal of the paper's system.
+
+    Parameters
+    ----------
+    system
+        A system of the paper: coordinates q1 and q3, and the contact ``stage2``.
+
+    Notes
+    -----
+    The two degrees of freedom of the paper leave the third inertia out. By its equation 3, I3 u3'' = K2 q3 + C2 q3' -
+    Tm. The tables hold K2/I2 bc3/bc1 = K12 and K2/I2 + K2/I3 = K22, so ``K2/I3 = K22 - K12 / r`` with r = bc3/bc1,
+    which no table prints. It follows from the mean loads: one and the same torque Tm is behind Tm1 and Tm2, and with
+    n2/n1 = Ia/(I2 r) that leaves ``r = K12 (Tm2 + n Tm1) / (n (Tm1 K22 + Tm2 K12))``, n = n2/n1. (At equal mean loads
+    r = 16/17.) Then the mean of K2/I3 q3 is Tm2 for every motion, so that the train keeps its speed, and u3'' is what
+    is left about the mean. C2/I3 is taken from the tables as K2/I3 is; they hold no damper that would fit both C12 and
+    C22.
+    """
+    k12, k22 = -system["stiffness.q1.q3"], system["stiffness.q3.q3"]
+    c12, c22 = -system["damping.q1.q3"], system["damping.q3.q3"]
+    n = -system["stage2.force.q3"] / system["stage2.force.q1"]
+    first, second = system["mean.q1"], system["mean.q3"]
+    r = k12 * (second + n * first) / (n * (first * k22 + second * k12))
+    return gw.Signal((("q3", k22 - k12 / r), ("q3'", c22 - c12 / r)), "u3''")
+
+
+def synthetic_record(orbit: gw.Orbit) -> gw.Record:
+    """Return a record of u3'' of a motion, as a sensor with white noise would give it.
+
+    The measured record of figure 8 is not printed as numbers. This one is no measurement, and its name says so.
+    """
+    begin = round(_PHASE / (2.0 * np.pi) * _SAMPLES)
+    once = third_inertia(orbit.system).of(orbit.motion(_SAMPLES))[:-1]
+    exact = np.tile(once, -(-(_PERIODS + 1) // orbit.period))[begin : begin + _PERIODS * _SAMPLES + 1]
+    noise = np.random.default_rng(_SEED).normal(0.0, NOISE * float(np.std(once)), len(exact))
+    time = 2.0 * np.pi / orbit.system.frequency * np.arange(len(exact)) / _SAMPLES
+    return gw.Record(time, exact + noise, name="SYNTHETIC, no measurement")
+
+
+def aligned_with_record(computed: gw.Result, recorded: gw.Result) -> gw.Alignment:
+    """Align u3'' of a settled motion with the synthetic record of another one at the same frequency."""
+    orbit = orbit_of(computed)
+    return gw.align(orbit, synthetic_record(orbit_of(recorded)), third_inertia(orbit.system))

@@ -1,0 +1,77 @@
+"""Events of a user's own: a function of the orbit changes its sign."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gapwalk.bifurcation.kind import Kind
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.orbit.orbit import Orbit
+
+
+class Event(Kind):
+    """A point of a branch where a function of the orbit passes zero, such as a limit of the force in a contact.
+
+    It is located like a bifurcation, with an estimate of its error, and kept among the special points of the branch.
+
+    Parameters
+    ----------
+    name
+        What it is called in tables and pictures.
+    function
+        Called with an orbit; returns a number that varies smoothly along the branch, of any unit.
+
+    Raises
+    ------
+    ModelError
+        If the name is that of another kind, or the function is none.
+
+    Examples
+    --------
+    Where the amplitude of q1 passes 2:
+
+    >>> limit = gw.Event("amplitude 2", lambda orbit: orbit.measure("half.q1") - 2.0)
+    >>> branch = gw.follow(orbit, "frequency", 1.5, events=[limit])
+    >>> branch.special("amplitude 2")
+    """
+
+    _of_orbit: Callable[[Orbit], float]
+
+    def __new__(cls, name: str, function: Callable[[Orbit], float]) -> Event:  # noqa: D102 - as the class
+        if name in Kind.known() or not str(name).strip():
+            raise ModelError(f"the event is called {name!r}; choose a name that no other kind of special point has")
+        if not callable(function):
+            raise ModelError(
+                f"the function of the event {name!r} is {function!r}; it must be callable with an orbit, such as "
+                'lambda orbit: orbit.measure("max.q1") - 2.0'
+            )
+        event = super().__new__(cls, name)
+        event._of_orbit = function
+        return event
+
+    def function(self, point: BranchPoint) -> float:
+        """The user's function at a point."""
+        value = float(self._of_orbit(point.orbit))
+        if not math.isfinite(value):
+            raise ModelError(
+                f"the function of the event {str(self)!r} is {value} at {point.value:.10g}; it must be finite all along"
+            )
+        return value
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Event, (str(self), self._of_orbit)
+
+
+def check_events(events: Sequence[Event]) -> None:
+    """A ModelError if these are no events, or two have the same name."""
+    if isinstance(events, Event) or not isinstance(events, Sequence) or not all(isinstance(e, Event) for e in events):
+        raise ModelError(
+            f"events is {reprlib.repr(events)}; write a list of events: "
+            'events=[gw.Event("limit", lambda orbit: orbit.measure("max.q1") - 2.0)]'
+        )
+    if len(set(events)) < len(events):
+        raise ModelError(f"two events have the same name: {', '.join(events)}; each needs a name of its own")

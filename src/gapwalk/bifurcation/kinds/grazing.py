@@ -1,0 +1,233 @@
+"""Grazing: where a contact just touches a breakpoint, so that the contact pattern changes along the branch."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.kind import Kind, Symbol
+from gapwalk.bifurcation.kinds.search import Search, Zero
+from gapwalk.bifurcation.second import SecondOpinion, location_error
+from gapwalk.bifurcation.stretch import Stretch
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.motion import switch_names
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.survey import Turns, apart
+
+_EPS = float(np.finfo(float).eps)
+_SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
+_BIRTH = 2e-4  # arclength to which the appearance of a pair of extremes near a breakpoint is narrowed down in any case
+_NEAR = 0.02  # of all extremes, how near is near
+_LONELY = 0.05  # angle from an extreme to the nearest of another motion beyond which it was not there
+_DRIFT = 4.0  # times the change of other extremes by which a pair may have moved since it appeared
+_TOUCH = 1e-6  # depth of a graze, relative to those at the ends of its bracket, that is nothing but rounding
+_DOUBT = 0.5  # share of its bend by which an extremum may have moved between two points; 1/8 for a parabola
+
+
+class Grazing(Kind):
+    """A deflection just reaches the clearance of a stage.
+
+    It has no test function of its own: each extremum of each deflection has one, its depth past its breakpoint, and
+    extrema come and go along a branch.
+    """
+
+    turn = 0
+    symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
+
+    def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
+        """As told by both sides: the depth may rise on one of them and stay all but zero on the other."""
+        return location_error(zero, second, [search.near(zero.point), *search.known_sides(zero.point)])
+
+    @property
+    def no_locus(self) -> str:
+        """It has one: the depth of the extremum that grazes is zero along it."""
+        return ""
+
+    def points_in(self, search: Search) -> list[Zero]:
+        """All grazing points of a step; see `find_grazing`."""
+        return [
+            Zero(
+                self,
+                graze.point,
+                graze.spread,
+                lambda point, graze=graze: depth_near(point.orbit, graze.switch, graze.theta),
+                describe_switch(graze.point.orbit, graze.switch),
+                _EPS * float(np.abs(graze.point.orbit.extremes[:, :2]).max()),
+            )
+            for graze in find_grazing(search.stretch, search.before, search.first, search.last)
+        ]
+
+
+class Graze(NamedTuple):
+    """A grazing point: the point of the branch, which switch grazes, when, and its bracket's width in arclength."""
+
+    point: BranchPoint
+    switch: int
+    theta: float
+    spread: float
+
+
+def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
+    """All grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
+
+    A change of the pattern between two points is halved until each grazing point stands alone and can be located. Two
+    changes that undo each other within one step leave no trace in the pattern: wherever extrema of a deflection may
+    have touched their breakpoint between two points all the same, the step is halved until that doubt is gone.
+    """
+    changes = [
+        0 if gapless else then - now
+        for now, then, gapless in zip(first.orbit.closings, last.orbit.closings, _gapless(first, last), strict=True)
+    ]
+    number = sum(map(abs, changes))
+    length = last.arclength - first.arclength
+    if number and length < _SMALLEST:
+        return [Graze(last, switch, _touch(last.orbit, switch), length) for switch in np.flatnonzero(changes).tolist()]
+    is_doubtful = length > stretch.finest and _is_doubtful(before, first, last, changes)
+    if number < 2 and not is_doubtful:
+        if not number:
+            return []
+        graze = _locate(stretch, first, last, int(np.flatnonzero(changes)[0]))
+        if graze is not None:
+            return [graze]
+    middle = stretch.middle(first, last)
+    return find_grazing(stretch, before, first, middle) + find_grazing(stretch, first, middle, last)
+
+
+def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
+    """Whether grazing points that undo each other may hide between two points with these changes of the pattern."""
+    length = last.arclength - first.arclength
+    full = PERIOD * first.orbit.period
+    gapless = _gapless(first, last)
+    for switch, change in enumerate(changes):
+        if gapless[switch]:
+            continue
+        now, then = (point.orbit.turning_depths[switch] for point in (first, last))
+        if _crossings(now, then, full) > abs(change):
+            return True
+        # a pair that is born may graze once more than the change of the pattern tells: in, up to rest inside, and out
+        if _is_born_near_contact(now, then, full, _NEAR if length > _BIRTH else 0.0):
+            return True
+        if not change and before is not None and _may_touch(before, first, last, switch):
+            return True
+    return False
+
+
+def _gapless(first: BranchPoint, last: BranchPoint) -> list[bool]:
+    """For each switch whether its stage has no gap at one of two points at least: without a gap nothing can touch."""
+    both = zip(first.orbit.system.gapless, last.orbit.system.gapless, strict=True)
+    return [now or then for now, then in both]
+
+
+def _crossings(now: Turns, then: Turns, full: float) -> int:
+    """How many extremes have gone from one side of their breakpoint to the other.
+
+    One that comes in and one that goes out may leave the pattern as it was: a maximum makes one visit more or less, a
+    minimum one less or more.
+    """
+    if [depth > 0.0 for depth in now.values] == [depth > 0.0 for depth in then.values]:
+        return 0
+    count = 0
+    for index, (theta, depth) in enumerate(zip(*now, strict=True)):
+        if then.thetas:
+            nearest = then.nearest(theta, full)
+            if now.nearest(then.thetas[nearest], full) == index:
+                count += (depth > 0.0) is not (then.values[nearest] > 0.0)
+    return count
+
+
+def _is_born_near_contact(now: Turns, then: Turns, full: float, near: float) -> bool:
+    """Whether a pair of extremes of a deflection appeared or vanished near a breakpoint, and may have passed it since.
+
+    Near is this share of the way between all extremes, or as far as others moved meanwhile. The shorter the time, the
+    nearer is that: so a pair that passes a breakpoint just after it appeared is found, however soon.
+    """
+    fewer, more = sorted((now, then), key=lambda turns: len(turns.thetas))
+    if len(more.thetas) < len(fewer.thetas) + 2:
+        return False
+    lonely, drift = [], 0.0
+    for theta, depth in zip(*more, strict=True):
+        nearest = fewer.nearest(theta, full) if fewer.thetas else None
+        if nearest is None or apart(fewer.thetas[nearest], theta, full) > _LONELY:
+            lonely.append(depth)
+        else:
+            drift = max(drift, abs(depth - fewer.values[nearest]))
+    return bool(lonely) and min(map(abs, lonely)) < max(near * (max(more.values) - min(more.values)), _DRIFT * drift)
+
+
+def _may_touch(before: BranchPoint, first: BranchPoint, last: BranchPoint, switch: int) -> bool:
+    """Whether an extremum of a deflection, seen at three points, may have touched a breakpoint between the last two."""
+    if first.arclength <= before.arclength:
+        return False
+    ratio = (last.arclength - first.arclength) / (first.arclength - before.arclength)
+    full = PERIOD * first.orbit.period
+    now, then, past = (point.orbit.turning_depths[switch] for point in (first, last, before))
+    if not now.thetas or not then.thetas or not past.thetas:
+        return False
+    for theta, depth in zip(*now, strict=True):
+        following = then.values[then.nearest(theta, full)]
+        preceding = past.values[past.nearest(theta, full)]
+        bend = abs((following - depth) - ratio * (depth - preceding))
+        if min(abs(depth), abs(following)) < _DOUBT * bend:
+            return True
+    return False
+
+
+def describe_switch(orbit: Orbit, switch: int) -> str:
+    """Contact, stage and side of a switch, such as ``stage2 -``."""
+    contact, stage, side = switch_names(orbit.system)[switch]
+    return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
+
+
+def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
+    """The point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
+
+    None if the extremum that reaches it cannot be tracked: it may be born on the way.
+    """
+    from scipy.optimize import brentq  # imported late: it takes long
+
+    fewer, richer = sorted((first, last), key=lambda point: point.orbit.closings[switch])
+    tracked = {richer.arclength: _extremum(richer.orbit, switch, _shortest_visit(richer.orbit, switch))}
+
+    def depth(arclength: float) -> float:
+        if arclength not in tracked:
+            nearest = min(tracked, key=lambda known: abs(known - arclength))
+            tracked[arclength] = _extremum(stretch.at(arclength).orbit, switch, tracked[nearest][0])
+        return tracked[arclength][1]
+
+    ends = depth(richer.arclength), depth(fewer.arclength)
+    if ends[0] * ends[1] >= 0.0:
+        return None
+    root = float(brentq(depth, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
+    if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
+        return None
+    point = stretch.at(root)
+    return Graze(point, switch, tracked[root][0], 1e-12)
+
+
+def _shortest_visit(orbit: Orbit, switch: int) -> float:
+    """Middle of the shortest time between two events of one switch: the visit or the absence about to vanish."""
+    thetas = np.array([event.theta for event in orbit.events if event.switch == switch])
+    full = PERIOD * orbit.period
+    following = np.append(thetas[1:], thetas[0] + full)
+    shortest = int(np.argmin(following - thetas))
+    return float(0.5 * (thetas[shortest] + following[shortest]) % full)
+
+
+def depth_near(orbit: Orbit, switch: int, theta: float) -> float:
+    """How far the deflection's extremum nearest to an angle is past the breakpoint of a switch."""
+    return _extremum(orbit, switch, theta)[1]
+
+
+def _touch(orbit: Orbit, switch: int) -> float:
+    """The angle of the extremum that is nearest to the breakpoint of a switch."""
+    turns = orbit.turning_depths[switch]
+    return turns.thetas[int(np.argmin(np.abs(turns.values)))]
+
+
+def _extremum(orbit: Orbit, switch: int, near: float) -> tuple[float, float]:
+    """Angle, and deflection past the breakpoint, of the deflection's extremum nearest to an angle."""
+    turns = orbit.turning_depths[switch]
+    nearest = turns.nearest(near, PERIOD * orbit.period)
+    return turns.thetas[nearest], turns.values[nearest]

@@ -1,0 +1,169 @@
+"""A matrix in a file of its own: Matrix Market, a sparse matrix of SciPy, an array of NumPy, or rows of CSV."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.files import array_header, check_npz, open_file
+from gapwalk.model.fields import MAX_COORDINATES
+from gapwalk.model.problem import given
+
+_MAX_BYTES = 200_000_000  # of a file, and of what is packed in one
+_MAX_LINE = 100 * MAX_COORDINATES  # characters in a line of CSV: a number takes some 25
+_REAL = "fiu"  # kinds of NumPy's numbers that are real
+
+
+def read_matrix(path: str) -> NDArray[np.float64]:
+    """The matrix of a file, shape (n, n); an array of NumPy may also be its diagonal, shape (n,).
+
+    Nothing in the file is executed, and nothing is made that is larger than a system can be.
+
+    Raises
+    ------
+    ValueError
+        If there is none that can be used; the message follows on the name of the file.
+    """
+    read = _READERS.get(os.path.splitext(path)[1].lower())
+    if read is None:
+        raise ValueError(f"which must be a list of rows, or a file in the form of {_FORMS}")
+    try:
+        with open_file(path) as file:
+            size = os.fstat(file.fileno()).st_size
+        if size > _MAX_BYTES:
+            raise ValueError(f"which is larger than {_MAX_BYTES // 1_000_000} MB")
+        matrix = read(path, size)
+    except OSError as error:
+        raise ValueError(f"which cannot be read: {error.strerror or error}") from None
+    if not np.isfinite(matrix).all():
+        raise ValueError("which holds numbers that are not finite")
+    return matrix
+
+
+def _market(path: str, size: int) -> NDArray[np.float64]:
+    from scipy.io import mminfo, mmread  # only now: few models need them
+
+    try:
+        rows, columns, entries, _, field, _ = mminfo(path)
+        _check_shape((rows, columns))
+        if 2 * entries > size:  # a digit and a space each, at least
+            raise ValueError(f"which is said to have {entries:,} entries, but they are not there")
+        if field not in ("real", "integer", "double", "unsigned-integer"):
+            raise ValueError(f"which holds entries that are {field}; they must be real numbers")
+        matrix: Any = mmread(path)
+    except (TypeError, OverflowError, UnicodeDecodeError) as error:
+        raise ValueError(f"which is no Matrix Market file: {error}") from None
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith("which ") else f"which is no Matrix Market file: {text}") from None
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=float)
+
+
+def _packed(path: str, _: int) -> NDArray[np.float64]:
+    from scipy.sparse import load_npz
+
+    try:
+        check_npz(path, _MAX_BYTES)
+        matrix: Any = load_npz(path)  # refuses pickled objects
+        _check_shape(matrix.shape)
+        if matrix.format in ("csr", "csc", "bsr"):
+            matrix.check_format(full_check=True)  # an index beyond the matrix would be written to without a look
+        elif matrix.format != "coo":  # which looks at its indices when it is made
+            raise ValueError(f"which is stored as {matrix.format}; store it as csr, csc, coo or bsr")
+        _check_real(matrix.dtype)
+        return np.asarray(matrix.toarray(), dtype=float)
+    except (zipfile.BadZipFile, LookupError, TypeError, AttributeError, NotImplementedError, EOFError) as error:
+        raise ValueError(f"which is no sparse matrix of SciPy: {error}") from None
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith("which ") else f"which is no sparse matrix of SciPy: {text}") from None
+
+
+def _array(path: str, size: int) -> NDArray[np.float64]:
+    try:
+        with open_file(path) as file:
+            shape, kind = array_header(file, size)
+            _check_shape(shape * 2 if len(shape) == 1 else shape)  # a row of numbers is a diagonal, as in a model file
+            _check_real(kind)
+            file.seek(0)
+            matrix = np.load(file, allow_pickle=False)
+        with np.errstate(over="ignore"):  # a longer number than a float holds is not finite
+            return matrix.astype(float)
+    except (EOFError, TypeError) as error:
+        raise ValueError(f"which is no array of NumPy: {error}") from None
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith("which ") else f"which is no array of NumPy: {text}") from None
+
+
+def _table(path: str, _: int) -> NDArray[np.float64]:
+    rows: list[list[float]] = []
+    with open_file(path) as file:
+        for number, line in enumerate(iter(lambda: file.readline(_MAX_LINE + 1), b""), start=1):
+            if len(line) > _MAX_LINE:
+                raise ValueError(f"which has a line {number} of more than {_MAX_LINE:,} characters; a row is shorter")
+            try:
+                row = _row(line.decode("utf-8-sig" if number == 1 else "utf-8"))
+            except UnicodeDecodeError:
+                raise ValueError("which is no text in UTF-8; save it as CSV in UTF-8") from None
+            except ValueError as error:
+                raise ValueError(f"which has {error} in line {number}") from None
+            if row and rows and len(row) != len(rows[0]):
+                raise ValueError(
+                    f"which has {len(row)} numbers in line {number}, but {len(rows[0])} in the first row; all rows of "
+                    "a matrix are of one length"
+                )
+            rows += [row] if row else []
+            if len(rows) > MAX_COORDINATES or len(row) > MAX_COORDINATES:
+                _check_shape((max(len(rows), len(row)),) * 2)
+    if not rows:
+        raise ValueError("which holds no numbers; write a row of the matrix in each line, as in 2.0,-1.0")
+    _check_shape((len(rows), len(rows[0])))
+    return np.array(rows)
+
+
+def _row(line: str) -> list[float]:
+    """The numbers of a line, parted by semicolons, tabs, commas or blanks; none in a comment."""
+    text = line.partition("#")[0].strip()
+    mark = next((mark for mark in ";\t," if mark in text), None)
+    cells = text.split(mark)
+    if len(cells) > MAX_COORDINATES:
+        raise ValueError(f"{len(cells):,} numbers, more than the {MAX_COORDINATES:,} coordinates that there may be,")
+    return [_number(cell.strip(), decimal_comma=mark != ",") for cell in cells]
+
+
+def _number(cell: str, *, decimal_comma: bool) -> float:
+    try:
+        if "_" in cell:  # which Python would read
+            raise ValueError
+        return float(cell)
+    except ValueError:
+        hint = "; write decimal points, not commas," if decimal_comma and "," in cell else ""
+        raise ValueError(f"{given(cell)}, where only real numbers may stand{hint}") from None
+
+
+_READERS: Mapping[str, Callable[[str, int], NDArray[np.float64]]] = {
+    ".mtx": _market,
+    ".npz": _packed,
+    ".npy": _array,
+    ".csv": _table,
+}
+_FORMS = "Matrix Market (.mtx), SciPy's sparse format (.npz), NumPy's (.npy), or CSV (.csv)"
+
+
+def _check_real(kind: np.dtype[Any]) -> None:
+    if kind.kind not in _REAL:
+        raise ValueError(f"which holds numbers of the kind {kind}; they must be real")
+
+
+def _check_shape(shape: tuple[int, ...]) -> None:
+    if len(shape) != 2 or shape[0] != shape[1]:
+        held = f"a matrix of {' x '.join(map(str, shape))}" if shape else "one number"
+        raise ValueError(f"which holds {held}; it must have a row and a column per coordinate")
+    if shape[0] > MAX_COORDINATES:
+        raise ValueError(f"which holds a matrix of {shape[0]} rows; there may be {MAX_COORDINATES} at most")

@@ -1,0 +1,66 @@
+"""Motions of which a part floats within its clearance: nothing but an open contact holds it, so they are not isolated.
+
+A loose gear on a bearing that has drag, but no stiffness, is held by its mesh alone. While the mesh rattles, its motion
+is an isolated orbit like any other. A motion of which the mesh touches nowhere, though, may be shifted within the
+clearance as it is: the orbits form a family at each value of a parameter, and a multiplier is exactly 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.system import System
+from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.orbit.orbit import Orbit
+
+_NOTHING = 1e-12  # of the largest singular value of the stiffness, below which one is zero but for rounding
+_TOUCHES = 1e-8  # share of a clearance by which a contact must be closed to hold anything
+
+
+def unheld(system: System) -> NDArray[np.float64]:
+    """The directions in which no spring acts while all contacts are open, orthonormal, shape (n, ways)."""
+    _, sizes, rows = np.linalg.svd(system.matrix("stiffness"))
+    return rows[sizes <= _NOTHING * sizes[0]].T
+
+
+def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
+    """Why an orbit is one of a family: what would hold it, and what to write; empty if it is isolated.
+
+    Parameters
+    ----------
+    orbit
+        The orbit.
+    ways : shape (n, ways)
+        The directions in which contacts alone hold the system, as from `unheld`.
+    """
+    if not ways.shape[1]:
+        return ""
+    system, touching, opened = orbit.system, [], []
+    depths = list(zip(system.breakpoints, orbit.turning_depths, strict=True))
+    for place, contact in enumerate(system.structure.contacts):
+        deflection = system.vector(f"{contact.name}.deflection")
+        if np.abs(deflection @ ways).max() <= _NOTHING * np.abs(deflection).max():
+            continue
+        own = [(each[2], turns.values) for each, turns in depths if each[0] == place]
+        closed = any(not values or max(values) > _TOUCHES * clearance for clearance, values in own)
+        (touching if closed else opened).append((contact.name, deflection @ ways))
+    if np.linalg.matrix_rank(np.array([row for _, row in touching]).reshape(-1, ways.shape[1])) == ways.shape[1]:
+        return ""
+    if not opened:
+        return f"no spring holds it in some direction, so each such motion is one of many; {_advice(system, ways)}"
+    names = " and ".join(name for name, _ in opened)
+    return (
+        f"{names} {'touch' if opened[1:] else 'touches'} nowhere, and no other spring holds what floats there: it may "
+        f"lie anywhere within its clearance, so each such motion is one of many; {_advice(system, ways)}"
+    )
+
+
+def _advice(system: System, ways: NDArray[np.float64]) -> str:
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        deflections = assembly.links(system.values)[2] @ ways
+        for link, moved in zip(assembly.form.links, deflections, strict=True):
+            if link.drag and np.abs(moved).max() > _NOTHING:
+                return f"give {link.name} a stiffness, however small, or begin where the contact is met"
+    return "give it a stiffness, however small, or begin where the contact is met"

@@ -1,0 +1,336 @@
+"""Pictures of branches over their parameter: stable and unstable pieces, special points, and what is not explained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path
+from matplotlib.transforms import IdentityTransform
+from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
+
+from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import WIDE, open_window, write_legend
+from gapwalk.plot.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINES,
+    UNEXPLAINED,
+    VERMILLION,
+    LineStyle,
+    broken,
+    in_order,
+    in_style,
+    symbol_style,
+)
+from gapwalk.plot.words import full_measure, measure_words, parameter_words
+
+Curves = Callable[[BranchPoint], NDArray[np.float64]]
+"""Heights of the curves that are drawn at a point of a branch, shape (curves,)."""
+
+_SUBSTEPS = 5  # parts into which each step of a branch is divided, so that it looks as smooth as it is
+_SAME = 1e-9  # arclength below which two points are one
+_MARKERS = (0.015, 0.035)  # first and distance of the markers along a line, in diagonals of the axes
+_PAD = 0.06  # margin above and below, as a share of the height
+_TICK = 7.0  # length of the tick at a grazing point, in points
+_OVERLAID: tuple[tuple[str, Any], ...] = (  # colour and dashes of each system of an overlay
+    (BLACK, "-"),
+    (VERMILLION, (0, (4.5, 1.6))),
+    (BLUE, (0, (1.3, 1.3))),
+    (GREEN, (0, (6, 1.5, 1.3, 1.5))),
+)
+_STABLE, _UNSTABLE = 1.7, 0.7  # widths of their lines, in points
+
+
+class Piece(NamedTuple):
+    """A piece of a branch on which stability does not change, cut exactly at special points.
+
+    Attributes
+    ----------
+    label
+        The kind of instability, see `Instability.label`.
+    x : shape (points,)
+        Parameter. Neighbouring pieces share the point between them.
+    y : shape (points,) or (points, curves)
+        Measure, or several of them.
+    """
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+def pieces_of(branch: Branch, measure: str) -> list[Piece]:
+    """Cut a branch into pieces, in the order in which it was followed."""
+    return [piece._replace(y=piece.y[:, 0]) for piece in cut(branch, lambda point: np.array([point.measure(measure)]))]
+
+
+def cut(branch: Branch, curves: Curves) -> list[Piece]:
+    """Cut a branch into pieces with the curves that a function of its points draws."""
+    nodes = [(point.arclength, point, point.instability.label, False) for point in branch.points]
+    nodes += [(each.point.arclength, each.point, each.after.label, True) for each in branch.special_points]
+    nodes.sort(key=lambda node: node[0])
+    s = np.array([arclength for arclength, *_ in nodes])
+    values = np.array([(point.value, *curves(point)) for _, point, *_ in nodes])
+    # A node begins its piece: a special point has the label of what follows it.
+    starts = [i for i in range(len(nodes)) if i == 0 or nodes[i][2] != nodes[i - 1][2]]
+    pieces = []
+    for start, end in zip(starts, [*starts[1:], len(nodes) - 1], strict=True):
+        if end > start or len(nodes) == 1:
+            special = [i for i in range(start, end + 1) if nodes[i][3] or i in (start, end)]
+            special = special if len(special) > 1 else [start, end]
+            line = np.concatenate([_smooth(s[a : b + 1], values[a : b + 1]) for a, b in pairwise(special)])
+            pieces.append(Piece(nodes[start][2], line[:, 0], line[:, 1:]))
+    return pieces
+
+
+def _smooth(s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lay a smooth line through points between two special points; at a special point it may have a corner."""
+    distinct = (s - s[0] > _SAME) & (s[-1] - s > _SAME) & np.append(True, np.diff(s) > _SAME)
+    distinct[[0, -1]] = True
+    s, values = s[distinct], values[distinct]
+    if len(s) < 3:
+        return values
+    fine = np.interp(np.linspace(0, len(s) - 1, _SUBSTEPS * (len(s) - 1) + 1), np.arange(len(s)), s)
+    line = Akima1DInterpolator(s, values, method="makima")(fine)
+    line[::_SUBSTEPS] = values  # not just to rounding: pieces meet in one point
+    return line
+
+
+def joined(
+    curves: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Join curves of one style to one, with nan between them: a thousand lines take a hundred times as long as one."""
+    breaks = np.cumsum([len(x) for x, _ in curves])
+    x, y = (np.insert(np.concatenate(parts), breaks, np.nan) for parts in zip(*curves, strict=True))
+    return x, y
+
+
+def unexplained_places(branch: Branch, curves: Curves) -> list[tuple[float, float]]:
+    """Places where something was missed on a branch: the middle of each of its unexplained steps, on each curve."""
+    if not branch.unexplained:
+        return []
+    values, places = branch.values, []
+    for each in branch.unexplained:
+        step = int(np.argmin(np.abs(values[:-1] - each.first) + np.abs(values[1:] - each.last)))
+        heights = 0.5 * (curves(branch.points[step]) + curves(branch.points[step + 1]))
+        places += [(0.5 * (each.first + each.last), float(height)) for height in heights]
+    return places
+
+
+def draw_unexplained(ax: Axes, places: Sequence[tuple[float, float]], clip_on: bool = True) -> None:
+    """Draw question marks where something was missed; whole ones at the border of the axes, if they are not clipped."""
+    if places:
+        ax.plot(*np.array(places).T, zorder=6, **UNEXPLAINED.options(clip_on=clip_on))
+
+
+def unexplained_entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
+    """The entry of a legend for question marks, if there are any."""
+    return [UNEXPLAINED.entry] if any(branch.unexplained for branch in branches) else []
+
+
+def overlay(
+    branches: Mapping[str, Sequence[Branch]],
+    measure: str = "half",
+    *,
+    ax: Axes | None = None,
+    within: tuple[float, float] | None = None,
+) -> Axes:
+    """Draw branches of several systems over one another, each system by a line of its own; unstable parts are thin.
+
+    Parameters
+    ----------
+    branches
+        The branches of each system, by the name that the legend gives it. They run over the same parameter.
+    measure
+        As in `draw_branches`.
+    ax
+        Axes to draw in; by default those of a new figure of pyplot.
+    within
+        Range of the parameter that is shown; by default all of it.
+
+    Returns
+    -------
+    Axes
+        The axes that were drawn in.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gw.plot.overlay({"light": [light], "heavy": [heavy]}, "half.q1", within=(0.5, 0.8))  # doctest: +SKIP
+    """
+    first = next(iter(branches.values()))[0]
+    measure = full_measure(measure, first.system.coordinates)
+    window = open_window(WIDE) if ax is None else None
+    with in_style():
+        place = window.add_subplot() if window is not None else ax
+        assert place is not None
+        entries, heights = [], []
+        for number, (name, each) in enumerate(branches.items()):
+            color, dashes = _OVERLAID[number % len(_OVERLAID)]
+            styles = [LineStyle("", color, dashes, width).options() for width in (_STABLE, _UNSTABLE)]
+            for piece in (piece for branch in each for piece in pieces_of(branch, measure)):
+                place.plot(piece.x, piece.y, **styles[piece.label != "stable"])
+                heights.append(piece.y if within is None else piece.y[(piece.x >= within[0]) & (piece.x <= within[1])])
+            entries.append((name, styles[0]))
+        entries.append(("thin: unstable", LineStyle("", BLACK, "-", _UNSTABLE).options()))
+        if within:
+            shown = np.concatenate(heights)
+            low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 1.0)
+            pad = _PAD * ((high - low) or 1.0)
+            place.set(xlim=within, ylim=(low - pad, high + pad))
+        place.set_xlabel(parameter_words(first.parameter, first.system.units))
+        place.set_ylabel(broken(measure_words(measure, first.system.units)))
+        write_legend(place, entries, "inside")
+    return place
+
+
+@draws(Branch, alone={"closeup": True}, several=True)
+def draw_branches(
+    branches: Branch | Sequence[Branch],
+    ax: Axes,
+    measure: str = "half",
+    *,
+    labels: bool = True,
+    legend: bool | Literal["above"] = True,
+    closeup: bool = False,
+    within: tuple[float, float] | None = None,
+) -> Finish:
+    """Draw a branch, or several over the same parameter.
+
+    Parameters
+    ----------
+    branches, ax
+        What, and where.
+    measure
+        What is drawn: a measure (``"max.q1"``), a coordinate (``"q1"``: half its peak to peak) or ``"half"`` (that of
+        the first coordinate).
+    labels
+        Whether the special points have their short names next to them.
+    legend
+        Whether to explain what is drawn; ``"above"``: above the axes.
+    closeup
+        Whether to enlarge, where there is room, the place where special points crowd; by default on a sheet of
+        its own.
+    within
+        Range of the parameter that is shown; by default all of it.
+    """
+    branches = [branches] if isinstance(branches, Branch) else list(branches)
+    first = branches[0]
+    measure = full_measure(measure, first.system.coordinates)
+    drawing = _Drawing(branches, measure)
+    drawing.draw_lines(ax)
+    ax.set_xlabel(parameter_words(first.parameter, first.system.units))
+    ax.set_ylabel(broken(measure_words(measure, first.system.units)))
+    ax.margins(x=0.02, y=0.06)
+    ax.autoscale_view()
+    if within:
+        ax.set(xlim=within, ylim=drawing.extent(*within))
+    ax.set_autoscale_on(False)  # what follows is placed for these limits
+    if legend:
+        write_legend(ax, _entries(branches), "above" if legend == "above" else "below")
+    return partial(drawing.finish, ax, labels, closeup)
+
+
+def _entries(branches: Sequence[Branch]) -> list[tuple[str, dict[str, Any]]]:
+    """The lines and symbols that occur, for a legend: between special points there may be no point of the branch."""
+    counts = {count.label for branch in branches for count in branch.instabilities}
+    counts |= {special.after.label for branch in branches for special in branch.special_points}
+    entries = [style.entry for name, style in LINES.items() if name in counts]
+    kinds = {special.kind for branch in branches for special in branch.special_points}
+    entries += [symbol_style(kind).entry for kind in in_order(kinds)]
+    return entries + unexplained_entries(branches)
+
+
+class _Drawing:
+    """Lines and symbols of some branches, in the whole picture and in a close-up alike."""
+
+    def __init__(self, branches: Sequence[Branch], measure: str) -> None:
+        self.pieces = [piece for branch in branches for piece in pieces_of(branch, measure)]
+        self.curve = np.concatenate([np.column_stack((piece.x, piece.y)) for piece in self.pieces])
+        self.special_points = [
+            (special.kind, special.value, special.point.measure(measure))
+            for branch in branches
+            for special in branch.special_points
+        ]
+        self.unexplained = [
+            place
+            for branch in branches
+            for place in unexplained_places(branch, lambda point: np.array([point.measure(measure)]))
+        ]
+
+    def extent(self, left: float, right: float) -> tuple[float, float]:
+        """The least and the greatest measure within a range of the parameter, with a margin."""
+        inside = self.curve[(self.curve[:, 0] >= left) & (self.curve[:, 0] <= right), 1]
+        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
+        pad = _PAD * ((high - low) or 1.0)
+        return low - pad, high + pad
+
+    def draw_lines(self, ax: Axes) -> None:
+        for piece in self.pieces:
+            marked = bool(LINES[piece.label].marker)
+            options = LINES[piece.label].options(markevery=_MARKERS if marked else None)
+            ax.plot(piece.x, piece.y, zorder=2.5 if marked else 3, **options)
+
+    def finish(self, ax: Axes, labels: bool, closeup: bool) -> None:
+        """Draw the special points, and a close-up where they crowd, into axes whose place is final."""
+        marked = np.array([(x, y) for kind, x, y in self.special_points if kind is not Kind.GRAZING])
+        crowd = crowded_region(ax, marked) if closeup else None
+        enlarged = draw_closeup(ax, crowd, self.curve) if crowd else None
+        self.draw_special_points(ax, labels, without=crowd if enlarged else None)
+        if enlarged:
+            self.draw_lines(enlarged)
+            self.draw_special_points(enlarged, labels)
+
+    def draw_special_points(self, ax: Axes, labels: bool, without: Region | None = None) -> None:
+        """Draw the symbols, and labels but for those in a region."""
+        for kind in in_order(kind for kind, _, _ in self.special_points):
+            places = np.array([(x, y) for each, x, y in self.special_points if each is kind])
+            if len(places) and kind is Kind.GRAZING:
+                _draw_ticks(ax, places, self.curve)
+            elif len(places):
+                ax.plot(*places.T, zorder=5, **symbol_style(kind).options())
+        draw_unexplained(ax, self.unexplained)
+        inside = Region(*ax.get_xlim(), *ax.get_ylim())
+        texts = [
+            Label(symbol_style(kind).label, x, y)
+            for kind, x, y in self.special_points
+            if symbol_style(kind).label and inside.holds(x, y) and not (without and without.holds(x, y))
+        ]
+        if labels and texts:
+            place_labels(ax, texts, self.curve, np.array([(x, y) for _, x, y in self.special_points]))
+
+
+def _draw_ticks(ax: Axes, places: NDArray[np.float64], curve: NDArray[np.float64]) -> None:
+    """Draw short ticks across the curve, all as one: each has a direction of its own."""
+    pixels = ax.transData.transform(curve)
+    ticks = []
+    for place in ax.transData.transform(places):
+        here = int(np.argmin(np.hypot(*(pixels - place).T)))
+        along = pixels[min(here + 1, len(pixels) - 1)] - pixels[max(here - 1, 0)]
+        across = np.array([-along[1], along[0]]) / (float(np.hypot(*along)) or 1.0)
+        ticks.append(Path([-0.5 * across, 0.5 * across]))
+    style = symbol_style(Kind.GRAZING).options()
+    ax.add_collection(
+        PathCollection(
+            ticks,
+            sizes=[_TICK**2],
+            offsets=places,
+            offset_transform=ax.transData,
+            transform=IdentityTransform(),
+            edgecolors=style["markeredgecolor"],
+            linewidths=style["markeredgewidth"],
+            zorder=4,
+        ),
+        autolim=False,
+    )

@@ -1,0 +1,357 @@
+"""Pictures of where motions settle: basins of attraction, maps of regimes, and sweeps with their strips of regimes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, to_rgb
+from numpy.typing import NDArray
+
+from gapwalk.attractor.attractor import AttractorKind
+from gapwalk.attractor.basins import Basins
+from gapwalk.attractor.regime import Regime, regime_word
+from gapwalk.attractor.regimes import Regimes
+from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.bifurcation.locus import Locus
+from gapwalk.errors import ModelError
+from gapwalk.motion.signal import contact_to_show
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
+from gapwalk.plot.style import (
+    BLACK,
+    BLUE,
+    LOCI,
+    NAMED_PERIODS,
+    VERMILLION,
+    dots,
+    locus_options,
+    period_of,
+    points,
+    regime_color,
+    regime_entries,
+    symbols,
+)
+from gapwalk.plot.words import coordinate_words, parameter_words, state_words
+from gapwalk.study.sweep.options import Way
+from gapwalk.study.sweep.record import Sweep
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+
+# From dark to light and of different hues (Okabe and Ito 2008), so that neighbours differ in grey as well.
+_FILLS = ("#0b56a4", "#f3c55b", "#8fcdf1", "#d55e00", "#9adbc3", "#7a3b69", "#f0e442", "#cc79a7", "#00664b", "#c9c9c9")
+_UNRESOLVED, _RUNAWAY = "#ffffff", "#3a3a3a"
+_MARKERS = "osD^vPX*<>"
+_STROBES = ("in the plane", "all", "none")
+_IN_PLANE = 1e-6  # distance, relative to the size of the plane, at which a strobe lies in it
+_FORCES = "cividis"  # of peak forces and impacts: even to any eye
+
+_SWEEP: Inches = (8.0, 5.4)
+_WAYS = {Way.UP: ("up", BLUE), Way.DOWN: ("down", VERMILLION), Way.AFRESH: ("afresh", BLACK)}
+_STRIP = 0.16  # height of a strip, in inches
+_MOST_STRIPS = 12
+_SPARSE = 6e4  # points up to which each is drawn boldly and large; more of them are fainter, so that dense regions show
+# their shape
+_LETTER = 5.0  # width of a letter in a strip, in points
+
+
+def _fill(ax: Axes, cells: NDArray[Any], within: Ranges, words: tuple[str, str], **options: Any) -> Any:
+    """Fill the cells of a plane with colours."""
+    extent = (*within[0], *within[1])
+    fixed = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "zorder": 1}
+    image = ax.imshow(cells, extent=extent, **fixed, **options)
+    ax.grid(visible=False)
+    ax.set(xlim=within[0], ylim=within[1], xlabel=words[0], ylabel=words[1])
+    return image
+
+
+def _fill_colors(ax: Axes, codes: NDArray[Any], colors: Sequence[str], within: Ranges, words: tuple[str, str]) -> None:
+    """Fill the cells of a plane with the colours of their codes 0, 1, ..."""
+    _fill(ax, codes, within, words, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5)
+
+
+@draws(Basins, size=(6.6, 6.2))
+def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> None:
+    """Draw the basins of attraction: the plane of initial states, each cell in the colour of its attractor.
+
+    Parameters
+    ----------
+    found, ax
+        What, and where.
+    strobes
+        Which strobes of the attractors are marked: those that lie ``"in the plane"``, ``"all"`` of them, seen along
+        the other components of the state, or ``"none"``.
+    """
+    if strobes not in _STROBES:
+        raise ModelError(f'strobes is {strobes!r}; write "in the plane", "all" or "none"')
+    window, units = found.window, found.system.units
+    fills = [_FILLS[index % len(_FILLS)] for index in range(len(found.attractors))]
+    words = [f"{coordinate_words(name, units)} at the start" for name in (window.across, window.up)]
+    colors = [_RUNAWAY, _UNRESOLVED, *fills]
+    _fill_colors(ax, found.labels - RUNAWAY, colors, window.within, (words[0], words[1]))
+    share = 100.0 / found.labels.size
+    entries: list[tuple[str, Any]] = [
+        (f"{name} ({share * count:.1f} %)", fill)
+        for (name, count), fill in zip(found.cells.items(), fills, strict=True)
+    ]
+    for label, color, text in ((RUNAWAY, _RUNAWAY, "runs away"), (UNRESOLVED, _UNRESOLVED, "unresolved")):
+        if count := int(np.sum(found.labels == label)):
+            entries.append((f"{text} ({share * count:.2g} %)", color))
+    for index, states in _marked(found, strobes):
+        marker = symbols(_MARKERS[index % len(_MARKERS)], 6.0, width=1.0)
+        ax.plot(*states.T, zorder=4, **marker)
+        entries.append((f"orbit of {found.names[index]}", marker))
+    write_legend(ax, entries, note=found.check.text)
+
+
+def _marked(found: Basins, which: str) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """The attractors of which strobes are marked, and where these are in the plane."""
+    box = found.window.box
+    shown = [box.names.index(name) for name in (found.window.across, found.window.up)]
+    low, high = np.array(box.low), np.array(box.high)
+    fixed = low == high
+    for index, attractor in enumerate(found.attractors):
+        if attractor.kind is AttractorKind.PERIODIC and which != "none":
+            distances = np.abs(attractor.strobes - low)[:, fixed] / (high - low).max()
+            states = attractor.strobes[(distances <= _IN_PLANE).all(axis=1) | (which == "all")]
+            if len(states):
+                yield index, states[:, shown]
+
+
+# ------------------------------------------------------------------------------------------------- maps of regimes
+
+
+@draws(Regimes, size=stacked(1))
+def draw_cells(found: Regimes, ax: Axes, *, loci: Iterable[Locus] = ()) -> None:
+    """Draw the kinds of motion in the plane of two parameters, in one panel; `loci` are as in `draw_regimes`."""
+    codes, entries = np.zeros(found.regimes.shape), []
+    for code, (text, color, cells) in enumerate(_regimes(found)):
+        codes[cells] = code
+        entries.append((text, color))
+    _fill_colors(ax, codes, [color for _, color in entries], found.within, _axes_words(found))
+    checked, different = found.check.checked, len(found.check.different)
+    note = f"checked with the exact flow: {different} of {checked} cells differed"
+    lines = _draw_loci(ax, found, list(loci))
+    write_legend(ax, [*entries, *lines], note=note if checked else "not checked with the exact flow")
+
+
+@draws(Regimes, panels=True, size=lambda found, panels=None, **_: stacked(1 + len(_shown(found, panels))))
+def draw_regimes(
+    found: Regimes,
+    figure: AnyFigure,
+    *,
+    panels: Sequence[str] | None = None,
+    loci: Iterable[Locus] = (),
+    contact: int | str | None = None,
+    title: str = "",
+) -> None:
+    """Draw a map of regimes: kinds of motion in the plane of two parameters, and how hard contacts hit.
+
+    Parameters
+    ----------
+    found, figure
+        What, and where.
+    panels
+        What is shown below the regimes: ``"peak force"``, ``"impacts"``, both or neither; by default the first, if
+        there are contacts.
+    loci
+        Loci of bifurcations in the same plane, drawn over the regimes.
+    contact
+        Name or number of the contact that these are of; by default the one that is hit hardest.
+    title
+        Above the picture.
+    """
+    shown = _shown(found, panels)
+    axes = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    axes[0].set_title(title, wrap=True)
+    draw_cells(found, axes[0], loci=loci)
+    for which, ax in zip(shown, axes[1:], strict=True):
+        _draw_forces(found, which, contact, ax)
+    for ax in axes[:-1]:
+        ax.set_xlabel("")
+
+
+def _shown(found: Regimes, panels: Sequence[str] | None) -> Sequence[str]:
+    contacts = found.peak_force.shape[2]
+    if panels and not contacts:
+        raise ModelError("the map has no figures of contacts; write panels=()")
+    for which in panels or ():
+        if which not in ("peak force", "impacts"):
+            raise ModelError(f'there is no figure {which!r} of a contact; write "peak force" or "impacts"')
+    return (["peak force"] if contacts else []) if panels is None else panels
+
+
+def _axes_words(found: Regimes) -> tuple[str, str]:
+    return parameter_words(found.first, found.system.units), parameter_words(found.second, found.system.units)
+
+
+def _draw_forces(found: Regimes, which: str, contact: int | str | None, ax: Axes) -> None:
+    """Draw the peak force or the impacts a period of one contact in the plane, with a scale."""
+    place = _contact_index(found, contact)
+    name = found.system.structure.contacts[place].name
+    cells = (found.peak_force if which == "peak force" else found.impacts)[..., place]
+    top = float(np.nanquantile(cells, 0.998)) if np.isfinite(cells).any() else 1.0
+    image = _fill(
+        ax, cells, found.within, _axes_words(found), cmap=_FORCES, vmin=0.0, vmax=max(top, np.finfo(float).tiny)
+    )
+    text = f"peak force of {name}" if which == "peak force" else f"impacts of {name} a forcing period"
+    ax.figure.colorbar(image, ax=ax, label=text, pad=0.015, fraction=0.05, extend="max")
+
+
+def _contact_index(found: Regimes, contact: int | str | None) -> int:
+    names = [form.name for form in found.system.structure.contacts][: found.peak_force.shape[2]]
+    if contact is None:
+        forces = np.nan_to_num(found.peak_force).reshape(-1, len(names)).max(axis=0)
+        return contact_to_show(found.system, "", forces)
+    if isinstance(contact, str) and contact in names:
+        return names.index(contact)
+    if isinstance(contact, int) and 0 <= contact < len(names):
+        return contact
+    raise ModelError(f"the map has no figures of a contact {contact!r}; contacts are {', '.join(names)}")
+
+
+def _regimes(found: Regimes) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """Yield the regimes of a map, the periods first: text, colour, and which cells have it."""
+    kinds = np.unique(np.stack((found.regimes, found.periods), axis=-1).reshape(-1, 2), axis=0)
+    for text, word in regime_entries({regime_word(*pair) for pair in kinds.tolist()}).items():
+        m = period_of(word)
+        if m is None:
+            cells = found.regimes == next(regime for regime in Regime if regime.text == word)
+        else:
+            cells = found.periods == m if m <= NAMED_PERIODS else found.periods > NAMED_PERIODS
+        yield text, regime_color(word), cells
+
+
+def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[str, dict[str, Any]]]:
+    """Draw loci black on white, which is seen on any colour; the entries of the legend."""
+    for locus in loci:
+        if (locus.first, locus.second) != (found.first, found.second):
+            raise ModelError(
+                f"a locus is in the plane of {locus.first} and {locus.second}, and the map in that of {found.first} "
+                f"and {found.second}"
+            )
+        x, y = (np.vstack((locus.values, locus.values[:1])) if locus.is_closed else locus.values).T
+        ax.plot(x, y, color="white", linewidth=points(2.6), zorder=3)
+        ax.plot(x, y, zorder=4, **_black(locus))
+    firsts = {locus.kind: locus for locus in loci}
+    return [(style.text, _black(firsts[kind])) for kind, style in LOCI.items() if kind in firsts]
+
+
+def _black(locus: Locus) -> dict[str, Any]:
+    return locus_options(locus.kind) | {"color": BLACK, "linewidth": points(1.1)}
+
+
+# ---------------------------------------------------------------------------------------------------------- sweeps
+
+
+@draws(Sweep, panels=True, size=_SWEEP)
+def draw_sweep(
+    sweep: Sweep, figure: AnyFigure, signal: str | None = None, *, title: str = "", legend: bool = True
+) -> Finish:
+    """Draw the section points of a sweep over its parameter, with a strip of regimes for each lane above them.
+
+    The points are drawn as an image, so that a picture of a hundred thousand of them stays small as SVG or PDF too.
+
+    Parameters
+    ----------
+    sweep, figure
+        What, and where.
+    signal
+        A coordinate, or with a dash its velocity (``q1'``); by default the first one.
+    title
+        Above the picture.
+    legend
+        Whether to explain what is drawn.
+    """
+    _check(sweep, signal)
+    shown = _shown_lanes(sweep)
+    above = len(shown) * _STRIP
+    strips, ax = figure.subplots(2, 1, sharex=True, height_ratios=[above, _SWEEP[1] - above])
+    draw_points(sweep, ax, signal)
+    _draw_strips(strips, sweep, shown)
+    strips.set_title(title, wrap=True)
+    if legend:
+        write_legend(figure, _sweep_entries(sweep, shown))
+    return partial(_write_periods, strips, sweep, shown)
+
+
+def _check(sweep: Sweep, signal: str | None) -> str:
+    """The coordinate that is drawn; a ModelError if there is none, or nothing to draw yet."""
+    place = sweep.place(signal)
+    if not np.isfinite(sweep.sections[..., place]).any():
+        raise ModelError("the sweep has no section points yet, so there is nothing to draw")
+    return [*sweep.system.coordinates, *(f"{name}'" for name in sweep.system.coordinates)][place]
+
+
+@draws(Sweep)
+def draw_points(sweep: Sweep, ax: Axes, signal: str | None = None) -> None:
+    """Draw the section points of a sweep in one panel; `signal` is as in `draw_sweep`."""
+    coordinate, units = _check(sweep, signal), sweep.system.units
+    lanes = sorted(range(len(sweep.lanes)), key=lambda lane: -sweep.lanes[lane].way.number)  # up over down
+    count = max(1, sum(len(sweep.section(coordinate, lane)[0]) for lane in lanes))
+    alpha = float(np.clip(np.sqrt(_SPARSE / count), 0.15, 0.8))
+    size = float(np.clip(1.1 * (_SPARSE / count) ** 0.25, 1.1, 3.0))
+    for lane in lanes:
+        color = _WAYS[sweep.lanes[lane].way][1]
+        x, y = sweep.section(coordinate, lane)
+        ax.plot(x, y, **dots(size, color, alpha=alpha, rasterized=True, zorder=2))
+    ax.set(xlabel=parameter_words(sweep.parameter, units), ylabel=state_words(coordinate, units))
+    ax.set_xlim(sweep.values[0], sweep.values[-1])
+
+
+def _shown_lanes(sweep: Sweep) -> list[int]:
+    """The lanes that get a strip: the first starts of each way, where all would be too many."""
+    most = max(1, _MOST_STRIPS // len({lane.way for lane in sweep.lanes}))
+    return [index for index, lane in enumerate(sweep.lanes) if lane.start <= most]
+
+
+def _draw_strips(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
+    for row, lane in enumerate(shown):
+        for band in sweep.bands(lane):
+            color = regime_color(band.regime)
+            ax.barh(row, band.high - band.low, left=band.low, height=0.84, color=color, linewidth=0)
+        frame = {"fill": False, "edgecolor": "#8a8a8a", "linewidth": 0.5}
+        ax.barh(row, sweep.values[-1] - sweep.values[0], left=sweep.values[0], height=0.84, **frame)
+    ax.set_yticks(range(len(shown)), [_lane_words(sweep, lane, len(shown)) for lane in shown], fontsize=points(8))
+    ax.set_ylim(len(shown) - 0.5, -0.5)
+    ax.tick_params(axis="both", length=0)
+    ax.tick_params(axis="x", labelbottom=False)
+    ax.grid(visible=False)
+    ax.spines[:].set_visible(False)
+
+
+def _lane_words(sweep: Sweep, lane: int, shown: int) -> str:
+    """The name of a strip; where not all lanes have one, it says how many starts there are."""
+    way, start = _WAYS[sweep.lanes[lane].way][0], sweep.lanes[lane].start
+    count = max(each.start for each in sweep.lanes)
+    if count == 1:
+        return way
+    return f"{way} {start}" if shown == len(sweep.lanes) else f"{way} {start} of {count}"
+
+
+def _write_periods(ax: Axes, sweep: Sweep, shown: Sequence[int]) -> None:
+    """Write into each band that is wide enough what it is: nothing is said by colour alone."""
+    width = ax.get_window_extent().width / ax.figure.dpi * 72.0  # known only when the layout is final
+    span = sweep.values[-1] - sweep.values[0]
+    centered: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": points(6.5)}
+    for row, lane in enumerate(shown):
+        for band in sweep.bands(lane):
+            text = f"P{m}" if (m := period_of(band.regime)) is not None else band.regime
+            if (band.high - band.low) / span * width > points(_LETTER) * len(text) + 2.0:
+                red, green, blue = to_rgb(regime_color(band.regime))
+                color = "white" if 0.3 * red + 0.59 * green + 0.11 * blue < 0.5 else BLACK
+                ax.text(0.5 * (band.low + band.high), row, text, color=color, **centered)
+
+
+def _sweep_entries(sweep: Sweep, shown: Sequence[int]) -> list[tuple[str, Any]]:
+    ways = list(dict.fromkeys(lane.way for lane in sweep.lanes))
+    top = min(way.number for way in ways)
+    entries: list[tuple[str, Any]] = [
+        (_WAYS[way][0] + " (beneath)" * (way.number > top), symbols("o", 4.0, _WAYS[way][1], _WAYS[way][1]))
+        for way in ways
+    ]
+    regimes = {band.regime for lane in shown for band in sweep.bands(lane)}
+    return entries + [(text, regime_color(regime)) for text, regime in regime_entries(regimes).items()]

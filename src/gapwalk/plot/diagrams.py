@@ -1,0 +1,287 @@
+"""Pictures of diagrams: a measure of the shortest motions, and stroboscopic states of all of them.
+
+In the stroboscopic picture a motion of period m is m curves, its states a forcing period apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import cached_property, partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.diagram import Diagram, Limb
+from gapwalk.continuation.point import BranchPoint
+from gapwalk.errors import ModelError
+from gapwalk.model.problem import did_you_mean
+from gapwalk.orbit.identity import stroboscopic
+from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, joined, unexplained_entries
+from gapwalk.plot.branches import unexplained_places as places_of
+from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_heading, write_legend, write_letters
+from gapwalk.plot.style import GREY, SHADE, birth_options, broken, period_options
+from gapwalk.plot.words import full_measure, parameter_words, state_words
+
+Range = tuple[float, float]
+
+_NAMED = 16  # names that a picture may hold
+_MANY, _MOST = 8, 0.8  # births from which there may be a crowd, and the share of all that is in it
+_PART = 0.45  # of the whole range that a crowd covers at most
+_PAD = 0.06  # margin of a close-up, as a share of its width
+
+
+class Birth(NamedTuple):
+    """A special point at which other branches begin or end: parameter, point, and the period of its branch."""
+
+    value: float
+    point: BranchPoint
+    period: int
+
+
+def births_of(diagram: Diagram) -> Iterator[Birth]:
+    """The special points of a diagram at which other branches begin or end."""
+    for limb in diagram.limbs:
+        for index, special in enumerate(limb.branch.special_points):
+            if diagram.attached(limb.name, index):
+                yield Birth(special.value, special.point, limb.period)
+
+
+def crowded_range(values: Sequence[float], within: Range) -> Range | None:
+    """The range of the parameter in which most branches are born, if that is only a part of the whole."""
+    births = np.sort(values)
+    count = math.ceil(_MOST * len(births))
+    if count < _MANY:
+        return None
+    widths = births[count - 1 :] - births[: len(births) - count + 1]
+    first = int(np.argmin(widths))
+    low, high = within
+    pad = _PAD * widths[first]
+    left, right = max(low, births[first] - pad), min(high, births[first + count - 1] + pad)
+    return (float(left), float(right)) if right - left < _PART * (high - low) else None
+
+
+def _closeup(diagram: Diagram, closeup: Range | Literal[False] | None) -> Range | None:
+    if closeup is None:
+        return crowded_range([birth.value for birth in births_of(diagram)], diagram.within)
+    return closeup or None
+
+
+def _size(diagram: Diagram, closeup: Range | Literal[False] | None = None, **_: object) -> Inches:
+    return stacked(3 if _closeup(diagram, closeup) else 2)
+
+
+@draws(Diagram, panels=True, size=_size)
+def draw_diagram(
+    diagram: Diagram,
+    figure: AnyFigure,
+    measure: str = "half",
+    *,
+    labels: bool = True,
+    legend: bool = True,
+    closeup: Range | Literal[False] | None = None,
+    title: str = "",
+) -> Finish:
+    """Draw a diagram in two panels over its parameter, and a third one for a close-up.
+
+    The first shows a measure of the motions of the shortest period; the second the states of all motions, seen once
+    every forcing period: a motion of period m is m curves.
+
+    Parameters
+    ----------
+    diagram, figure
+        What, and where.
+    measure
+        What the first panel shows, as in `draw_branches`; the others show the same coordinate.
+    labels
+        Whether special points and branches have their names next to them.
+    legend
+        Whether to explain what is drawn.
+    closeup
+        Range of the parameter that a third panel enlarges; by default where most branches are born, if that is a small
+        part of the whole. False: no third panel.
+    title
+        Above the picture.
+    """
+    if not diagram.limbs:
+        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    measure = full_measure(measure, diagram.branches[0].system.coordinates)
+    shortest = min(limb.period for limb in diagram.limbs)
+    first = [limb.branch for limb in diagram.limbs if limb.period == shortest]
+    crowd = _closeup(diagram, closeup)
+    strobes = Strobes(diagram, measure.partition(".")[2])
+    panels = figure.subplots(3 if crowd else 2, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
+    write_heading(figure, title)
+    write_letters(panels)
+    for panel in panels[1:]:
+        strobes.draw(panel)
+    # panels a and b cover the same range, and c that of the close-up, which is shaded in b
+    panels[1].margins(x=0.02, y=0.06)
+    panels[1].autoscale_view()
+    panels[0].sharex(panels[1])
+    if crowd:
+        panels[1].axvspan(*crowd, color=SHADE, linewidth=0, zorder=0.5)
+        panels[2].set(xlim=crowd, ylim=strobes.extent(*crowd))
+        panels[2].set_title("the shaded range of b", fontsize="small")
+    for panel in panels[1:]:
+        panel.set_autoscale_on(False)
+    if legend:
+        strobes.write_legend(panels[1])
+    above = "above" if legend else False
+    finish = draw_branches(first, panels[0], measure, labels=labels, legend=above, closeup=True)
+    return partial(_finish, finish, strobes, panels[1:] if labels else [], crowd)
+
+
+def _finish(finish: Finish, strobes: Strobes, panels: Sequence[Axes], crowd: Range | None) -> None:
+    if finish:
+        finish()
+    for panel, without in zip(panels, (crowd, None), strict=False):
+        strobes.draw_names(panel, without=without)
+
+
+@draws(Diagram)
+def draw_strobes(
+    diagram: Diagram,
+    ax: Axes,
+    measure: str = "half",
+    *,
+    labels: bool = True,
+    legend: bool = True,
+    within: Range | None = None,
+) -> Finish:
+    """Draw the states of all motions of a diagram in one panel, seen once every forcing period.
+
+    Parameters
+    ----------
+    diagram, ax
+        What, and where.
+    measure
+        A coordinate, or a measure of one: the coordinate of the states. By default the first one.
+    labels
+        Whether branches have their names next to them.
+    legend
+        Whether to explain the colours above the axes.
+    within
+        Range of the parameter that is shown; by default that of the diagram.
+    """
+    if not diagram.limbs:
+        raise ModelError("the diagram has no branches yet, so there is nothing to draw")
+    coordinates = diagram.branches[0].system.coordinates
+    coordinate = full_measure(measure, coordinates).partition(".")[2] or measure
+    if coordinate not in coordinates:
+        raise ModelError(f"there is no coordinate {coordinate!r}; {did_you_mean(coordinate, coordinates)}")
+    strobes = Strobes(diagram, coordinate)
+    strobes.draw(ax)
+    left, right = within or diagram.within
+    pad = 0.0 if within else 0.02 * (right - left)
+    ax.set(xlim=(left - pad, right + pad), ylim=strobes.extent(left, right))
+    ax.set_autoscale_on(False)
+    if legend:
+        strobes.write_legend(ax, (left, right))
+    return partial(strobes.draw_names, ax) if labels else None
+
+
+class Strobes:
+    """Curves of the states of a diagram, in the whole picture and in a close-up alike.
+
+    Parameters
+    ----------
+    diagram
+        The diagram.
+    coordinate
+        Which coordinate of the states is drawn; the first one if it is not a coordinate.
+    """
+
+    def __init__(self, diagram: Diagram, coordinate: str) -> None:
+        self.system = diagram.branches[0].system
+        names = self.system.coordinates
+        self.diagram, self.coordinate = diagram, coordinate if coordinate in names else names[0]
+        self.periods = sorted({limb.period for limb in diagram.limbs})
+        self._place = names.index(self.coordinate)
+        self.pieces: list[tuple[Limb, list[Piece]]] = [(limb, cut(limb.branch, self._states)) for limb in diagram.limbs]
+        self.births = list(births_of(diagram))
+
+    def draw(self, ax: Axes) -> None:
+        """Draw all curves, short periods over long ones, where branches are born, and what is not explained."""
+        for rank, period in reversed(list(enumerate(self.periods))):
+            for stable in (False, True):
+                curves = [
+                    (piece.x, y)
+                    for limb, pieces in self.pieces
+                    for piece in pieces
+                    for y in piece.y.T
+                    if limb.period == period and (piece.label == "stable") == stable
+                ]
+                if curves:
+                    options = period_options(rank, stable)
+                    ax.plot(*joined(curves), zorder=(4 if stable else 3) - 0.1 * rank, **options)
+            births = [birth for birth in self.births if birth.period == period]
+            if births:
+                values = np.repeat([birth.value for birth in births], period)
+                states = np.concatenate([self._states(birth.point) for birth in births])
+                ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
+        for limb in self.diagram.limbs:
+            draw_unexplained(ax, places_of(limb.branch, self._states))
+        ax.set_xlabel(parameter_words(self.diagram.parameter, self.system.units))
+        ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
+
+    def write_legend(self, ax: Axes, within: Range | None = None) -> None:
+        """Explain the colours of periods above the axes, up to the longest period within a range."""
+        low, high = within or (-math.inf, math.inf)
+        periods = {
+            limb.period
+            for limb in self.diagram.limbs
+            if ((limb.branch.values >= low) & (limb.branch.values <= high)).any()
+        }
+        shown = [period for period in self.periods if period <= max(periods, default=0)]
+        entries = [(f"period {period}", period_options(rank, stable=True)) for rank, period in enumerate(shown)]
+        for text, stable in (("stable", True), ("unstable", False)):
+            entries.append((text, period_options(0, stable) | {"color": GREY}))
+        if self.births:
+            entries.append(("a branch begins or ends", birth_options(0)))
+        write_legend(ax, entries + unexplained_entries(self.diagram.branches), "above")
+
+    def draw_names(self, ax: Axes, without: Range | None = None) -> None:
+        """Write the names of the branches of the two shortest periods next to them, but in a range of the parameter."""
+        counts = Counter(limb.period for limb in self.diagram.limbs)
+        named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
+        labels = [
+            label
+            for limb, pieces in self.pieces
+            if limb.period in named and (label := self._label(limb, pieces, ax.get_xlim(), without))
+        ]
+        if 0 < len(labels) <= _NAMED:
+            place_labels(ax, labels, self._curve, np.empty((0, 2)))
+
+    def extent(self, left: float, right: float) -> Range:
+        """The least and the greatest state within a range of the parameter, with a margin."""
+        inside = self._curve[(self._curve[:, 0] >= left) & (self._curve[:, 0] <= right), 1]
+        low, high = (float(inside.min()), float(inside.max())) if len(inside) else (0.0, 1.0)
+        pad = _PAD * ((high - low) or 1.0)
+        return low - pad, high + pad
+
+    @cached_property
+    def _curve(self) -> NDArray[np.float64]:
+        """All curves as one, with rows of nan between them, shape (points, 2)."""
+        curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
+        return np.column_stack(joined(curves))
+
+    def _label(self, limb: Limb, pieces: Sequence[Piece], shown: Range, without: Range | None) -> Label | None:
+        """The name of a branch next to the point that is farthest from the others; None if that is not shown."""
+        x, y = (np.concatenate(parts) for parts in zip(*((piece.x, piece.y[:, 0]) for piece in pieces), strict=True))
+        inside = (x >= shown[0]) & (x <= shown[1])
+        if without:
+            inside &= (x < without[0]) | (x > without[1])
+        if not inside.any():
+            return None
+        middle = float(np.nanmedian(self._curve[:, 1]))
+        best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
+        return Label(limb.name, float(x[best]), float(y[best]))
+
+    def _states(self, point: BranchPoint) -> NDArray[np.float64]:
+        return stroboscopic(point.orbit)[:, self._place]

@@ -1,0 +1,324 @@
+"""Pictures over two parameters: loci of a map with its sections, and families with the paths of special points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.transforms import blended_transform_factory
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Branch, Kind
+from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus
+from gapwalk.continuation.walk import EndReason
+from gapwalk.errors import ModelError
+from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places
+from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import WIDE, AnyFigure, write_legend, write_letters
+from gapwalk.plot.style import (
+    BLACK,
+    CODIM2,
+    GREY,
+    LINES,
+    LOCI,
+    LineStyle,
+    SymbolStyle,
+    in_order,
+    locus_options,
+    stroke,
+    symbol_style,
+    symbols,
+)
+from gapwalk.plot.words import full_measure, measure_words, parameter_words
+from gapwalk.study.family.joint import Fate, Joint
+from gapwalk.study.family.record import Family
+from gapwalk.study.map import Map
+
+_ONE = 6.0  # distance, in points, within which two symbols of one kind are one
+
+# without its light end, which vanishes on white: even in grey, and for any form of colour vision
+_COLOURS = LinearSegmentedColormap.from_list("members", mpl.colormaps["viridis"](np.linspace(0.0, 0.88, 128)))
+_SMALL = 0.62  # size of the symbols of special points, of which a family has many
+_THIN = 0.75  # width of the lines of members, of which there are several
+_MOST_TICKS = 12
+
+
+_SECTION = LineStyle("section", "#b9b1a0", "-", 0.7)
+_LOST = SymbolStyle("not followed further", "", "x", "white", 5.0, width=1.2)
+_TURN = SymbolStyle("two meet", "", "o", "white", 4.6, width=0.9)
+_NOWHERE = SymbolStyle("leads to no known branch", "", "s", "white", 4.0, GREY, 0.9)
+_GUESS = LineStyle("joined by nearness", GREY, (0, (1.0, 2.2)), 1.0)
+
+
+def _isola() -> dict[str, Any]:
+    return symbols("|", 9.0, width=1.3) | stroke(BLACK, 2.0)
+
+
+@draws(Map, size=(WIDE[0], 5.6), shows="its loci over two parameters")
+def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) -> Finish:
+    """Draw all loci of a map in the plane of its two parameters.
+
+    A thin line is a section, on which branches were followed; the isolas on it (closed branches) are bars.
+
+    Parameters
+    ----------
+    chart, ax
+        What, and where.
+    labels
+        Whether points of codimension two and sections are named.
+    legend
+        Whether to explain what is drawn.
+    """
+    ax.set(xlim=chart.within[0], ylim=chart.within[1])
+    units = chart.sections[0].branches[0].system.units if chart.branches else None
+    ax.set_xlabel(parameter_words(chart.first, units))
+    ax.set_ylabel(parameter_words(chart.second, units))
+    _draw_sections(ax, chart, labels)
+    order, periods = list(LOCI), _periods(chart)
+    for locus in chart.loci:
+        options = locus_options(locus.kind, periods.index(locus.period))
+        ax.plot(*_curve(locus).T, zorder=3.0 - 0.1 * order.index(locus.kind), **options)
+    found = [point for locus in chart.loci for point in locus.codim2_points]
+    for point in found:
+        style = CODIM2[point.kind]
+        ax.plot(*point.values, zorder=5 if style.label else 4, **style.options())
+    for place in _lost_ends(chart):
+        ax.plot(*place, zorder=5, **_LOST.options())
+    if legend:
+        write_legend(ax, list(_map_entries(chart, found)))
+    return partial(_name, ax, chart, found) if labels else None
+
+
+def _periods(chart: Map) -> list[int]:
+    return sorted({locus.period for locus in chart.loci})
+
+
+def _curve(locus: Locus) -> NDArray[np.float64]:
+    values = locus.values
+    return np.vstack((values, values[:1])) if locus.is_closed else values
+
+
+def _draw_sections(ax: Axes, chart: Map, labels: bool) -> None:
+    """Draw the sections, the isolas on them, and where something was missed on their branches."""
+    right = blended_transform_factory(ax.transAxes, ax.transData)
+    style = {"color": "#8a8270", "fontsize": "x-small", "clip_on": False}
+    for section in chart.sections:
+        ax.axhline(section.value, zorder=1.5, **_SECTION.options())
+        if labels:
+            ax.text(1.006, section.value, f"{section.value:.4g}", transform=right, va="center", **style)
+        draw_unexplained(ax, _unexplained(section.branches, section.value), clip_on=False)
+    for value, low, high in _isolas(chart):
+        ax.plot((low, high), (value, value), zorder=3.5, **_isola())
+
+
+def _unexplained(branches: Sequence[Branch], value: float) -> list[tuple[float, float]]:
+    """Places where something was missed on branches at a value of the second parameter."""
+    return [place for branch in branches for place in unexplained_places(branch, lambda _: np.array([value]))]
+
+
+def _isolas(chart: Map) -> Iterator[tuple[float, float, float]]:
+    """Yield value of the section and range of the first parameter for each isola (closed branch) on a section."""
+    for section in chart.sections:
+        for branch in section.branches:
+            if branch.ends[-1].reason is EndReason.CLOSED:
+                yield section.value, float(branch.values.min()), float(branch.values.max())
+
+
+def _lost_ends(chart: Map) -> list[tuple[float, float]]:
+    """Return the ends of loci at which the numerics gave up."""
+    return [end.values for locus in chart.loci for end in locus.ends if end.reason.is_failure]
+
+
+def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, dict[str, Any]]]:
+    periods = _periods(chart)
+    for kind, style in LOCI.items():
+        for rank, period in enumerate(periods):
+            if any(locus.period == period for locus in chart.of_kind(kind)):
+                yield style.text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
+    if next(_isolas(chart), None):
+        yield "isola on a section", _isola()
+    kinds = {point.kind for point in points}
+    shown = dict.fromkeys(style for kind, style in CODIM2.items() if kind in kinds)
+    yield from (style.entry for style in shown)
+    if _lost_ends(chart):
+        yield _LOST.entry
+    yield from unexplained_entries(chart.branches)
+    if chart.sections:
+        yield _SECTION.entry
+
+
+def _name(ax: Axes, chart: Map, points: list[Codim2Point]) -> None:
+    """Write the short names of points of codimension two next to them; loci that meet in one share its name."""
+    named: list[Codim2Point] = []
+    unit = ax.figure.dpi / 72.0
+    for point in (each for each in points if CODIM2[each.kind].label):
+        place = ax.transData.transform(point.values)
+        known = (ax.transData.transform(other.values) for other in named if other.kind is point.kind)
+        if all(np.hypot(*(place - other)) > _ONE * unit for other in known):
+            named.append(point)
+    if not named:
+        return
+    gap = np.full((1, 2), np.nan)
+    lines = [part for locus in chart.loci if locus.kind is not Kind.GRAZING for part in (_curve(locus), gap)]
+    places = np.array([point.values for point in points])
+    labels = [Label(CODIM2[point.kind].label, *point.values) for point in named]
+    place_labels(ax, labels, np.vstack(lines or [places]), places)
+
+
+@draws(Family, panels=True, size=(WIDE[0], 7.6))
+def draw_family(
+    family: Family, figure: AnyFigure, measure: str = "half", *, legend: bool = True, title: str = ""
+) -> None:
+    """Draw a family in two panels: a measure of the motions of all members, and where their special points are.
+
+    In the first a colour is a member, and the style of a line tells stability. The second has the value of what differs
+    over the same parameter: lines lead from special points of one member to those of the next.
+
+    Parameters
+    ----------
+    family, figure
+        What, and where.
+    measure
+        What the first panel shows, as in `draw_branches`.
+    legend
+        Whether to explain what is drawn.
+    title
+        Above the picture.
+    """
+    colours = ScalarMappable(Normalize(min(family.over.axis), max(family.over.axis)), _COLOURS)
+    _check(family, measure)
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=[1.25, 1.0])
+    draw_members(family, panels[0], measure)
+    panels[0].set_title(title, wrap=True)
+    panels[0].set_xlabel("")
+    panels[0].tick_params(labelbottom=True)
+    _draw_joints(panels[1], family)
+    panels[1].set(xlabel=parameter_words(family.parameter), ylabel=parameter_words(family.over.name))
+    panels[1].set_xlim(*family.within)
+    panels[1].margins(y=0.05)
+    write_letters(panels)
+    # the bar of colours is next to both panels, so that they stay of one width
+    axis = sorted(family.over.axis)
+    ticks = axis if len(axis) <= _MOST_TICKS else None
+    text = parameter_words(family.over.name)
+    bar = figure.colorbar(colours, ax=panels.tolist(), label=text, ticks=ticks, pad=0.015, fraction=0.03, aspect=50)
+    bar.ax.minorticks_off()
+    if ticks:
+        bar.ax.set_yticklabels([f"{value:.4g}" for value in ticks])
+    if legend:
+        write_legend(figure, list(_family_entries(family)))
+
+
+def _check(family: Family, measure: str) -> str:
+    if not family.branches:
+        raise ModelError("the family has no branches yet, so there is nothing to draw")
+    measure = full_measure(measure, family.system.coordinates)
+    family.branches[0].points[0].measure(measure)  # refuses what is not a measure
+    return measure
+
+
+@draws(Family)
+def draw_members(family: Family, ax: Axes, measure: str = "half") -> None:
+    """Draw a measure of the motions of all members in one panel, each in a colour of its own."""
+    measure, ranks = _check(family, measure), _ranks(family)
+    norm = Normalize(min(family.over.axis), max(family.over.axis))
+    for member in family.members:
+        color = _COLOURS(norm(member.value))
+        for branch in member.branches:
+            width = _THIN * (1.0 if ranks[branch.period] == 0 else 0.6)
+            for piece in pieces_of(branch, measure):
+                style = LINES[piece.label]
+                ax.plot(piece.x, piece.y, zorder=3, **stroke(color, width * style.width, style.line))
+            for special in branch.special_points:
+                if special.kind is not Kind.GRAZING:
+                    ax.plot(special.value, special.point.measure(measure), zorder=5, **_small(special.kind))
+            heights = partial(_height, measure)
+            draw_unexplained(ax, unexplained_places(branch, heights))
+    ax.margins(y=0.05)
+    ax.set_xlabel(parameter_words(family.parameter))
+    ax.set_ylabel(measure_words(measure))
+
+
+def _height(measure: str, point: Any) -> NDArray[np.float64]:
+    return np.array([point.measure(measure)])
+
+
+def _draw_joints(ax: Axes, family: Family) -> None:
+    """Draw the paths of special points from member to member, and what happens on the way."""
+    ranks = _ranks(family)
+    for member in family.members:
+        ax.axhline(member.value, zorder=1.5, **_SECTION.options())
+        for _, special in member.special_points:
+            ax.plot(special.value, member.value, zorder=4, **_small(special.kind))
+        draw_unexplained(ax, _unexplained(member.branches, member.value))
+    for joint in _joints(family):
+        if joint.curve:
+            options = _GUESS.options() if joint.fate is Fate.NEAR else locus_options(joint.kind, ranks[joint.period])
+            ax.plot(*np.array(joint.curve).T, zorder=2.5 if joint.kind is Kind.GRAZING else 3.0, **options)
+        for passage in joint.passages:
+            style = CODIM2[Codim2(passage.kind)]
+            if style.label:
+                ax.plot(passage.first, passage.value, zorder=6, **style.options())
+        if joint.at is not None and _leads_nowhere(joint):
+            ax.plot(*(joint.at if joint.fate is Fate.OUTSIDE else joint.curve[-1]), zorder=5, **_NOWHERE.options())
+        if joint.at is not None and _turns(joint):
+            ax.plot(*joint.at, zorder=5, **_TURN.options())
+
+
+def _leads_nowhere(joint: Joint) -> bool:
+    """Return True if a path leads to a member, but to none of the branches that are known there."""
+    return joint.fate is Fate.OUTSIDE or (joint.fate is Fate.MET and joint.end is None)
+
+
+def _turns(joint: Joint) -> bool:
+    """Return True if two special points meet, and what happens has no symbol of its own."""
+    known = joint.event in list(Codim2) and bool(CODIM2[Codim2(joint.event)].label)
+    return joint.fate is Fate.MET and not known
+
+
+def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
+    labels = {each.label for branch in family.branches for each in branch.instabilities}
+    for name, style in LINES.items():
+        if name in labels:
+            yield style.text, stroke(GREY, style.width, style.line)
+    ranks = _ranks(family)
+    kinds = {(special.kind, special.orbit.period) for branch in family.branches for special in branch.special_points}
+    for kind in in_order(kind for kind, _ in kinds):
+        style = symbol_style(kind)
+        for period, rank in ranks.items():
+            if (kind, period) in kinds:
+                line = locus_options(kind, rank) if kind in LOCI else {}
+                yield style.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
+    joints = list(_joints(family))
+    events = {passage.kind for joint in joints for passage in joint.passages}
+    events |= {joint.event for joint in joints if joint.fate is Fate.MET}
+    shown = [style for kind, style in CODIM2.items() if kind.value in events and style.label]
+    yield from (style.entry for style in shown)
+    if any(map(_turns, joints)):
+        yield _TURN.entry
+    if any(map(_leads_nowhere, joints)):
+        yield _NOWHERE.entry
+    if any(joint.fate is Fate.NEAR for joint in joints):
+        yield _GUESS.entry
+    yield from unexplained_entries(family.branches)
+
+
+def _small(kind: Kind) -> dict[str, Any]:
+    return symbol_style(kind).options(_SMALL)
+
+
+def _ranks(family: Family) -> dict[int, int]:
+    """The periods that occur, the shortest first, with their ranks."""
+    return {period: rank for rank, period in enumerate(sorted({branch.period for branch in family.branches}))}
+
+
+def _joints(family: Family) -> Iterator[Joint]:
+    for joints in (family.joints or {}).values():
+        yield from joints

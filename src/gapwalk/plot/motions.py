@@ -1,0 +1,410 @@
+"""Pictures of motions: history, loop of a contact, spectrum, section; loops of laws, waterfalls and mode shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any, cast
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+from numpy.typing import NDArray
+
+from gapwalk.attractor.attractor import Attractor
+from gapwalk.attractor.section import Section, strobe
+from gapwalk.attractor.settled import Settled
+from gapwalk.attractor.spectrum import Spectrum, SpectrumOptions, spectrum
+from gapwalk.attractor.waterfall import Waterfall
+from gapwalk.errors import ModelError
+from gapwalk.model.modes import Modes
+from gapwalk.model.structure import ContactForm
+from gapwalk.model.system import System
+from gapwalk.model.train import geometry
+from gapwalk.model.train.assembly import TrainAssembly
+from gapwalk.motion.flow import PERIOD
+from gapwalk.motion.hysteresis import Hysteresis
+from gapwalk.motion.motion import Motion, integrate
+from gapwalk.motion.signal import contact_to_show
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.labels import Label, place_labels
+from gapwalk.plot.picture import Finish, draws
+from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
+from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
+from gapwalk.plot.words import line_words, order_words, pace_words, parameter_words, signal_words
+
+_SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
+_NAMED, _NOTABLE = 5, 0.03  # lines that have their names next to them, and their least height, relative to the largest
+_FEW = 33  # points of a section from which on they are drawn as dots
+
+_LONG = 24  # forcing periods of a time history, at least, where the motion does not repeat sooner
+_POINTS = 2000  # of the section of a motion without period
+_SMOOTH = 512  # samples a forcing period
+
+_LOOPS = ((BLACK, "-"), (VERMILLION, (0, (4, 1.5))), (BLUE, (0, (1.3, 1.3))), (GREEN, "-."), (PURPLE, (0, (6, 2))))
+
+_WATERFALL_DEPTH = 1e-3  # smallest amplitude that has a colour, relative to the largest
+_TICKS = 8
+_COLOURS = "viridis_r"  # even in grey, and for any form of colour vision
+
+_MODES = 6  # modes that are shown
+_PLACES = 40  # places along a train, or coordinates, that have their names below
+
+
+@draws(Motion, Orbit, Settled, Attractor)
+def draw_history(
+    motion: Motion | Orbit | Settled | Attractor, ax: Axes, signal: str | None = None, *, contact: str | None = None
+) -> None:
+    """Draw a signal of a motion over time, and the breakpoints of the contacts that it meets; or a contact's loop.
+
+    Parameters
+    ----------
+    motion, ax
+        What, and where.
+    signal
+        As in `Motion.signal`; by default the first coordinate.
+    contact
+        Name of a contact whose force is drawn over its deflection instead: the area of the loop is the energy that it
+        costs. The motion should last a whole period if it has one.
+    """
+    if isinstance(motion, Attractor):
+        motion = _as_settled(motion)
+    motion = motion if isinstance(motion, Motion) else motion.motion()
+    if contact is not None:
+        _draw_loop(motion, contact, ax)
+        return
+    signal = signal or motion.system.coordinates[0]
+    values = motion.signal(signal)
+    ax.plot(motion.theta / PERIOD, values, **stroke(BLACK, 1.1, solid_joinstyle="round"))
+    low, high = float(values.min()), float(values.max())
+    pad = 0.08 * ((high - low) or 1.0)
+    for level in breakpoints(motion.system, signal):
+        if low - 3 * pad <= level <= high + 3 * pad:
+            ax.axhline(level, **GUIDE.options(zorder=1))
+            low, high = min(low, level), max(high, level)
+    ax.set_xlim(float(motion.theta[0]) / PERIOD, float(motion.theta[-1]) / PERIOD)
+    ax.set_ylim(low - pad, high + pad)
+    ax.set_xlabel("forcing periods")
+    ax.set_ylabel(signal_words(signal, motion.system.units))
+
+
+def _draw_loop(motion: Motion, contact: str, ax: Axes) -> None:
+    system = motion.system
+    contacts = system.structure.contacts
+    names = [form.name for form in contacts]
+    if contact not in names:
+        raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(names) or 'none at all'}")
+    index = names.index(contact)
+    ax.plot(motion.deflections[:, index], motion.forces[:, index], **stroke(BLACK, 0.9, solid_joinstyle="round"))
+    for level in _levels(system, contacts[index]):
+        ax.axvline(level, **GUIDE.options(zorder=1))
+    ax.set_xlabel(f"deflection of {signal_words(contact, system.units)}")
+    ax.set_ylabel(f"force of {contact}" + " [N m]" * (system.units is not None))
+
+
+def breakpoints(system: System, signal: str) -> list[float]:
+    """Values of a coordinate at which a contact of that coordinate alone opens or closes."""
+    if signal not in system.coordinates:
+        return []
+    place = system.coordinates.index(signal)
+    found = []
+    for contact in system.structure.contacts:
+        vector = system.vector(f"{contact.name}.deflection")
+        if vector[place] and np.count_nonzero(vector) == 1:
+            found += [level / float(vector[place]) for level in _levels(system, contact)]
+    return found
+
+
+def _levels(system: System, contact: ContactForm) -> list[float]:
+    return [
+        side * system[f"{contact.stage_prefix(stage)}.clearance"]
+        for stage in contact.stages
+        for side in stage.side.signs
+    ]
+
+
+@draws(Section)
+def draw_section(
+    found: Section, ax: Axes, first: str | None = None, second: str | None = None, *, heading: bool = True
+) -> None:
+    """Draw a section of a motion: a few points for an orbit, curves for a torus, a cloud for chaos.
+
+    Parameters
+    ----------
+    found, ax
+        What, and where.
+    first, second
+        The signals, such as ``"q1"`` and ``"q1'"``; by default the first coordinate and its velocity.
+    heading
+        Whether to say what the section is taken at.
+    """
+    first = first or found.system.coordinates[0]
+    second = second or f"{first}'"
+    x, y = found.signal(first), found.signal(second)
+    cloud = dots(float(np.clip(60.0 / np.sqrt(max(len(x), 1)), 0.7, 3.0)))
+    ax.plot(x, y, **(symbols("o", 5.5, BLUE, width=1.0) if len(x) < _FEW else cloud))
+    for limits, values in ((ax.set_xlim, x), (ax.set_ylim, y)):
+        low, high = (float(values.min()), float(values.max())) if len(values) else (-1.0, 1.0)
+        pad = 0.12 * (high - low) or 0.1 * max(1.0, abs(high))
+        limits(low - pad, high + pad)
+    ax.set_xlabel(signal_words(first, found.system.units))
+    ax.set_ylabel(signal_words(second, found.system.units))
+    if heading:
+        ax.set_title(f"section at {found.text}", fontsize="small")
+
+
+@draws(Spectrum)
+def draw_spectrum(found: Spectrum, ax: Axes, *, top: float | None = None, labels: bool = True) -> Finish:
+    """Draw the amplitudes of a spectrum over its orders: exact lines of periodic motions, curves of all others.
+
+    Parameters
+    ----------
+    found, ax
+        What, and where.
+    top
+        The highest order; by default as far as lines are notable.
+    labels
+        Whether the highest lines are named (``2Ω``, ``Ω/3``).
+    """
+    heights = found.amplitudes.copy()
+    heights[0] = abs(heights[0])
+    largest = float(heights[1:].max()) if len(heights) > 1 else 0.0
+    floor = _SPECTRUM_DEPTH * (largest or 1.0)
+    top = top or _top(found, largest)
+    shown = (found.orders > 0) & (found.orders <= top)
+    orders, heights = found.orders[shown], np.maximum(heights[shown], floor)
+    if found.period:
+        ax.vlines(orders, floor, heights, color=BLACK, linewidth=1.2)
+        ax.plot(orders, heights, **symbols("o", 2.6, BLACK))
+    else:
+        ax.plot(orders, heights, **stroke(BLACK, 0.8))
+    ax.set_yscale("log")
+    ax.set_xlim(0.0, top)
+    ax.set_ylim(floor, 4.0 * (largest or 1.0))
+    ax.xaxis.set_major_locator(MultipleLocator(max(1.0, np.ceil(top / 8))))
+    ax.set_xlabel(order_words(found.system.turns))
+    ax.set_ylabel(f"amplitude of {signal_words(found.signal, found.system.units)}")
+    named = [
+        Label(line_words(peak.name), peak.order, peak.amplitude)
+        for peak in found.peaks(_NAMED, _NOTABLE)
+        if peak.order <= top and "." not in peak.name
+    ]
+    stems = np.column_stack((np.full_like(heights, floor), heights, heights)).ravel()
+    curve, ends = np.column_stack((np.repeat(orders, 3), stems)), np.column_stack((orders, heights))
+    return partial(place_labels, ax, named, curve, ends) if labels else None
+
+
+def _top(found: Spectrum, largest: float) -> float:
+    notable = found.orders[found.amplitudes > 30 * _SPECTRUM_DEPTH * largest]
+    unit = found.system.turns or 1
+    return unit * float(np.ceil(min(max(float(notable.max(initial=0.0)) / unit, 2.0), 12.0) + 0.3))
+
+
+@draws(Settled, Attractor, panels=True, size=(9.0, 5.8))
+def draw_settled(
+    motion: Settled | Attractor,
+    figure: AnyFigure,
+    signal: str | None = None,
+    *,
+    phase: float = 0.0,
+    contact: str | None = None,
+    options: SpectrumOptions | None = None,
+    title: str | None = None,
+) -> Finish:
+    """Draw a settled motion: time history, spectrum, section, and the loop of a contact's force.
+
+    The arrangement is that of figures 17 to 19 of Padmanabhan and Singh (1995), and the loop of their figures 5 and 6.
+
+    Parameters
+    ----------
+    motion, figure
+        What, and where.
+    signal
+        The signal of history and spectrum; by default the first coordinate.
+    phase
+        Phase of the excitation at which the section is taken, in radians.
+    contact
+        The contact whose loop is drawn; by default the one that the signal names, else one that touches.
+    options
+        Of the spectrum.
+    title
+        Above the picture; by default what kind of motion it is, and at which frequency.
+    """
+    write_heading(figure, _settled_title(motion) if title is None else title)
+    settled = _as_settled(motion)
+    system = settled.system
+    signal = signal or system.coordinates[0]
+    contacts = system.structure.contacts
+    lower: list[Any] = ["spectrum", "section", *(["loop"] if contacts else [])]
+    axes = figure.subplot_mosaic(
+        [cast(list[Any], ["history"] * len(lower)), lower],
+        width_ratios=[1.25, 1.0, 1.0][: len(lower)],
+        height_ratios=[1.0, 1.25],  # type: ignore[arg-type]
+    )
+    period = settled.period or 0
+    length = period * -(-6 // period) if period else _LONG
+    draw_history(integrate(system, settled.state, max(length, 6), _SMOOTH), axes["history"], signal)
+    base = signal.rstrip("'") if signal.rstrip("'") in system.coordinates else system.coordinates[0]
+    draw_section(strobe(system, settled.state, period or _POINTS, phase), axes["section"], base)
+    if contacts:
+        turns = integrate(system, settled.state, period or _LONG, _SMOOTH)
+        shown = contact or contacts[contact_to_show(system, signal, np.abs(turns.forces).max(axis=0))].name
+        _draw_loop(turns, shown, axes["loop"])
+    return draw_spectrum(spectrum(settled, signal, options), axes["spectrum"])
+
+
+def _as_settled(motion: Settled | Attractor) -> Settled:
+    if isinstance(motion, Settled):
+        return motion
+    return Settled(motion.system, motion.strobes, 0, True, motion.orbit, 0.0, motion.evidence)
+
+
+def _settled_title(motion: Settled | Attractor) -> str:
+    where = f"at {pace_words(motion.system)}"
+    if isinstance(motion, Attractor):
+        kind = f"period {motion.period}" if motion.orbit is not None else motion.kind.value
+        return f"{kind[0].upper()}{kind[1:]} motion {where}"
+    return f"Motion of period {motion.period} {where}" if motion.period else f"Motion without period {where}"
+
+
+@draws(Hysteresis, size=(6.0, 4.4), several=True)
+def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: Sequence[str] = ()) -> None:
+    """Draw loops of contact force over deflection, one or several: the area is the energy that a cycle costs.
+
+    Parameters
+    ----------
+    loops, ax
+        What, and where.
+    names
+        Of the loops; by default their laws.
+    """
+    loops = [loops] if isinstance(loops, Hysteresis) else list(loops)
+    entries = []
+    for place, loop in enumerate(loops):
+        options = stroke(_LOOPS[place % len(_LOOPS)][0], 1.3, _LOOPS[place % len(_LOOPS)][1])
+        ax.plot(loop.deflection, loop.force, **options)
+        name = names[place] if place < len(names) else loop.law.value
+        entries.append((f"{name}: loss {loop.loss:.4g} a cycle", options))
+    ax.axhline(0.0, **AXIS.options(zorder=1))
+    for level in sorted({level for loop in loops for level in loop.breakpoints}):
+        if any(loop.deflection.min() < level < loop.deflection.max() for loop in loops):
+            ax.axvline(level, **GUIDE.options(zorder=1))
+    ax.set_xlabel("deflection")
+    ax.set_ylabel("contact force")
+    write_legend(ax, entries, "inside")
+
+
+@draws(Waterfall)
+def draw_waterfall(found: Waterfall, ax: Axes, *, depth: float = _WATERFALL_DEPTH) -> None:
+    """Draw the amplitudes of all orders along a branch as colours, on a logarithmic scale.
+
+    Where the branch turns round, there is a dashed line, and the parameter goes back: the axis is the path along it.
+
+    Parameters
+    ----------
+    found, ax
+        What, and where.
+    depth
+        Smallest amplitude that has a colour, relative to the largest.
+    """
+    steps = np.diff(found.values)
+    places = np.concatenate(([0.0], np.cumsum(np.maximum(np.abs(steps), 1e-12))))  # along the branch
+    turns = 1 + np.flatnonzero(steps[:-1] * steps[1:] < 0.0)
+    heights = found.amplitudes[:, 1:]
+    largest = float(heights.max()) or 1.0
+    spacing = float(found.orders[1]) if len(found.orders) > 1 else 1.0
+    middles = 0.5 * (places[:-1] + places[1:])
+    ends = np.concatenate((places[:1], middles, places[-1:])) if len(middles) else places[0] + np.array([-0.5, 0.5])
+    mesh = ax.pcolormesh(
+        ends,
+        np.append(found.orders[1:] - 0.5 * spacing, found.orders[-1] + 0.5 * spacing),
+        np.maximum(heights.T, 0.1 * depth * largest),
+        norm=LogNorm(depth * largest, largest),
+        cmap=mpl.colormaps[_COLOURS].with_extremes(under="white"),
+        rasterized=True,
+    )
+    for turn in turns:
+        ax.axvline(float(places[turn]), **GUIDE.options())
+    marks = _marks(found.values, places, turns)
+    ax.set_xticks([x for x, _ in marks], [text for _, text in marks])
+    ax.grid(visible=False)
+    ax.set_xlabel(parameter_words(found.parameter) + (", along the branch" if len(turns) else ""))
+    ax.set_ylabel(order_words(found.turns))
+    ax.figure.colorbar(mesh, ax=ax, label=f"amplitude of {found.signal}", pad=0.02, extend="min")
+
+
+def _marks(
+    values: NDArray[np.float64], places: NDArray[np.float64], turns: NDArray[np.intp]
+) -> list[tuple[float, str]]:
+    """Ticks with the parameter's values: round ones between the turns, none too near to another."""
+    rounds = MaxNLocator(_TICKS).tick_values(float(values.min()), float(values.max()))
+    marks: list[tuple[float, str]] = []
+    for first, last in pairwise([0, *turns.tolist(), len(values) - 1]):
+        part = slice(first, last + 1)
+        order = np.argsort(values[part])
+        inside = [v for v in rounds if values[part].min() <= v <= values[part].max()]
+        at = np.interp(inside, values[part][order], places[part][order])
+        marks += [(float(x), f"{v:.6g}") for x, v in zip(at, inside, strict=True)]
+    least = (places[-1] - places[0]) / 20 if len(places) > 1 else 1.0
+    shown: list[tuple[float, str]] = []
+    for mark in sorted(marks):
+        if not shown or mark[0] - shown[-1][0] > least:
+            shown.append(mark)
+    return shown
+
+
+def _modes_size(modes: Modes, **_: object) -> Inches:
+    return WIDE[0], 0.8 + 1.05 * min(len(modes), _MODES)
+
+
+@draws(Modes, panels=True, size=_modes_size)
+def draw_modes(modes: Modes, figure: AnyFigure, system: System, *, title: str = "") -> None:
+    """Draw the slowest modes, one panel each: of a drive train along its inertias, else by the coordinates.
+
+    Parameters
+    ----------
+    modes, figure
+        What, and where.
+    system
+        The system that they are of.
+    title
+        Above the picture.
+    """
+    write_heading(figure, title)
+    panels = figure.subplots(min(len(modes), _MODES), 1, sharex=True, squeeze=False)[:, 0]
+    assembly = system.structure.assembly
+    held = isinstance(assembly, TrainAssembly) and not assembly.form.is_free
+    names = (*(modes.inertias or modes.coordinates), *["ground"] * held)
+    for number, ax in enumerate(panels):
+        _draw_mode(system, modes, number, ax, len(names))
+        frequency = modes.frequencies[number]
+        rate = f"{frequency / (2 * math.pi):.4g} Hz" if system.units else f"{frequency:.4g}"
+        text = "no vibration" if math.isnan(frequency) else rate
+        ax.set_ylabel(f"{number + 1}\n{text}", rotation=0, ha="right", va="center")
+        ax.axhline(0.0, **AXIS.options())
+        ax.set_ylim(-1.25, 1.25)
+        ax.set_yticks([-1, 0, 1])
+    if len(names) <= _PLACES:
+        panels[-1].set_xticks(range(len(names)), names, rotation=35 if len(names) > 6 else 0, ha="center")
+    kind = "" if system.units else " (angular)"
+    quantity = "angles, each times the ratio to the first inertia" if modes.inertias else "coordinates"
+    panels[-1].set_xlabel(f"{quantity}; on the left the natural frequencies{kind}")
+
+
+def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int) -> None:
+    assembly = system.structure.assembly
+    if isinstance(assembly, TrainAssembly):
+        # The angles as they are felt at the first inertia, the largest of them 1: across gears the line continues.
+        heights = modes.angles[:, number] / geometry.speeds(assembly.form, assembly.form.ratios(system.values))
+        heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
+        for link in assembly.form.links:
+            ends = list(link.ends)
+            ax.plot(ends, heights[ends], **stroke(BLUE, 1.4, "--" if link.contact else "-"))
+    else:
+        heights = modes.shapes[:, number]
+        ax.vlines(range(len(heights)), 0.0, heights, color=BLUE, linewidth=1.4)
+    ax.plot(heights, **symbols("o", 4, BLACK))

@@ -1,0 +1,66 @@
+"""A branch walked point by point: looked at, stopped, and resumed."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.continuation import EndReason
+from gapwalk.errors import ModelError
+
+
+def system() -> gw.System:
+    return gw.System(
+        ["a"],
+        [[1.0]],
+        [[0.08]],
+        contacts=[gw.backlash("stop", {"a": 1.0}, 1.0, 20.0, impact_damping=0.1)],
+        harmonics=[gw.Harmonic(0.5, {"a": 1.0})],
+        frequency=1.0,
+    )
+
+
+def test_the_points_are_those_of_the_branch():
+    orbit = gw.find_orbit(system())
+    branch = gw.follow(orbit, "frequency", 0.6)
+    steps = gw.walk(orbit, "frequency", 0.6)
+    points, special = [], []
+    for point in steps:
+        points.append(point)
+        special += steps.special_points
+    assert [point.value for point in points] == [point.value for point in branch.points[1:]]
+    assert [each.value for each in special] == [each.value for each in branch.special_points]
+    assert steps.branch.ends == branch.ends
+
+
+def test_a_walk_in_both_directions_is_resumed_in_either_of_them():
+    orbit = gw.find_orbit(system())
+    whole = gw.follow(orbit, "frequency", (0.8, 1.2))
+    for count in (3, len(whole.points) - 4):
+        steps = gw.walk(orbit, "frequency", (0.8, 1.2))
+        for _ in range(count):
+            next(steps)
+        state = pickle.loads(pickle.dumps(steps.state))
+        resumed = gw.walk(orbit, "frequency", (0.8, 1.2), resume=state)
+        for _ in resumed:
+            pass
+        assert np.array_equal(resumed.branch.values, whole.values)
+        assert resumed.branch.ends == whole.ends
+
+
+def test_what_was_walked_is_a_branch():
+    steps = gw.walk(gw.find_orbit(system()), "frequency", 0.6)
+    with pytest.raises(ModelError, match="next"):
+        assert steps.branch
+    next(steps)
+    assert len(steps.branch.points) == 2
+    assert steps.branch.ends[-1].reason is EndReason.STOPPED
+
+
+def test_a_branch_that_leaves_a_special_point_is_walked_too():
+    branch = gw.follow(gw.find_orbit(system()), "frequency", 0.6)
+    (first, *_) = [each for each in branch.special_points if each.kind in ("flip", "branch-point")]
+    steps = gw.walk(first, "frequency", (0.6, 1.0))
+    assert next(steps).orbit.period in (1, 2)
+    assert steps.branch.ends[0].reason is EndReason.BRANCHED

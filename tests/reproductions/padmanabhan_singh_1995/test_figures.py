@@ -1,0 +1,144 @@
+"""The figures of the paper as data: each is there, and rests on jobs that exist."""
+
+import numpy as np
+import pytest
+
+import gapwalk as gw
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.motion.forces import accelerations
+from reproductions.padmanabhan_singh_1995.claims import CLAIMS
+from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
+from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, USUAL, Reading
+from reproductions.padmanabhan_singh_1995.panels import (
+    Balance,
+    Contrast,
+    Hysteresis,
+    Loops,
+    Motion,
+    Overlay,
+    Record,
+    Response,
+)
+
+READINGS = (USUAL, LITERAL, AS_PRINTED)
+OTHER = Reading(gw.paper.SlopeReading.LITERAL, gw.paper.DampingReading.AS_PRINTED)
+
+
+def test_every_figure_of_the_paper_that_shows_results_is_there_once() -> None:
+    assert [figure.name for figure in FIGURES] == ["1", *(str(number) for number in range(3, 30))]
+    assert all(figure.panels for figure in FIGURES)
+
+
+def test_panels_have_the_letters_of_the_paper_once_each() -> None:
+    for figure in FIGURES:
+        letters = [panel.letter for panel in figure.panels if panel.letter]
+        assert letters == sorted(set(letters))
+
+
+@pytest.mark.parametrize("reading", READINGS, ids=str)
+def test_every_job_of_a_figure_makes_a_study_in_every_reading(reading: Reading) -> None:
+    for figure in FIGURES:
+        for job in figure.at(reading).jobs:
+            assert job.reading == reading.of_case(job.case)
+            study = job.study
+            assert str(job.reading) in study.title
+            asked = gw.paper.case(job.case, slope=reading.slope, damping=reading.damping).at(job.changes)
+            if not isinstance(job.options, gw.SettleStudyOptions):
+                asked = asked.at({job.options.parameter: job.options.begin})
+            assert np.array_equal(rates(study.system), rates(asked))
+
+
+def rates(system: gw.System) -> np.ndarray:
+    """Accelerations at some states, far on both sides of the gap too: two readings that agree in them are the same."""
+    q, v = np.random.default_rng(5).normal(scale=3.0, size=(2, 40, 2))
+    return accelerations(layout_of(system.structure), coefficients_of(system), np.linspace(0.0, 6.0, 40), q, v)
+
+
+def test_a_reading_that_changes_nothing_is_the_default_one() -> None:
+    assert JOBS["4a"].at(LITERAL).key == "4a"  # no first stage
+    assert JOBS["4b"].at(AS_PRINTED).key == "4b"  # no impact damping
+    assert JOBS["4a"].at(AS_PRINTED).key == "4a-as-printed"
+    assert JOBS["12"].at(OTHER).key == "12-literal-as-printed"
+
+
+def test_a_job_without_longer_periods() -> None:
+    job = JOBS["24"].at(LITERAL).shortest
+    assert (job.key, job.options.max_period, job.case) == ("24-period-1-literal", 1, "24")
+    assert job.reading == LITERAL
+    assert JOBS["17"].shortest is JOBS["17"]  # a motion, not a branch
+    assert JOBS["27"].shortest.options.search_values == tuple(np.round(np.arange(16) * 0.05 + 0.025, 3))
+    assert JOBS["28-overlap"].shortest is JOBS["28-overlap"]
+
+
+def test_a_job_has_its_changes_and_begins_where_it_says() -> None:
+    for key, job in JOBS.items():
+        system, options = job.study.system, job.options
+        begin = {} if isinstance(options, gw.SettleStudyOptions) else {options.parameter: options.begin}
+        assert all(system[name] == value for name, value in {**job.changes, **begin}.items())
+        assert key == job.key
+    assert len({job.key for job in JOBS.values()}) == len(JOBS)
+
+
+KINDS = {
+    Motion: ("settle",),
+    Contrast: ("settle", "settle"),
+    Record: ("settle", "settle"),
+    Balance: ("diagram", "response"),
+    Hysteresis: (),
+    Response: ("diagram",),
+    Loops: ("diagram",),
+    Overlay: ("diagram", "diagram"),
+}
+
+
+def test_panels_fit_their_jobs() -> None:
+    for figure in FIGURES:
+        for panel in figure.panels:
+            assert tuple(job.options.kind for job in figure.jobs_of(panel)) == KINDS[type(panel)]
+            assert len(getattr(panel, "names", panel.jobs)) == len(panel.jobs)
+    kinds = {figure.kind for figure in FIGURES}
+    assert kinds == {
+        "frequency response", "diagram over the amplitude", "settled motion", "two motions", "motion and a record",
+        "force law",
+    }  # fmt: skip
+
+
+def test_no_job_is_idle() -> None:
+    used = {key for figure in FIGURES for panel in figure.panels for key in panel.jobs}
+    used |= {key for claim in CLAIMS for key in claim.rests_on}
+    assert used == set(JOBS)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [("13", "13"), ("Figure 20", "20"), ("fig. 20(A)", "20a"), ("20b", "20b"), ("1", "1"), (" 27 ", "27")],
+)
+def test_what_a_name_stands_for(given: str, name: str) -> None:
+    assert find_figure(given).name == name
+
+
+def test_a_part_has_one_panel_and_its_jobs_only() -> None:
+    part = find_figure("20b")
+    assert [panel.letter for panel in part.panels] == ["b"]
+    assert part.jobs == (JOBS["20b"],)
+    assert part.file_name == "figure-20b"
+    assert part.number == 20
+
+
+@pytest.mark.parametrize("name", ["2", "30", "", ".*", "20c", "13x"])
+def test_an_unknown_figure_is_refused(name: str) -> None:
+    with pytest.raises(gw.errors.ModelError, match="the paper has no figure"):
+        find_figure(name)
+
+
+def test_a_near_name_is_offered() -> None:
+    with pytest.raises(gw.errors.ModelError, match=r"did you mean .*20a"):
+        find_figure("20c")
+
+
+def test_files_name_the_reading() -> None:
+    assert find_figure("12").file_name == "figure-12"
+    assert find_figure("12").at(LITERAL).file_name == "figure-12-literal"
+    assert find_figure("12").at(OTHER).file_name == "figure-12-literal-as-printed"
+    assert [job.key for job in find_figure("12").at(OTHER).jobs] == ["12-literal-as-printed"]
+    assert OTHER.differs == "slope literal, damping as printed"
