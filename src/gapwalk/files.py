@@ -1,11 +1,15 @@
-"""Files from outside: only ordinary ones are opened, and no more memory is asked for than they can fill."""
+"""Files: from outside, only ordinary ones that fill their memory are read; Ctrl-C waits until one is written."""
 
 from __future__ import annotations
 
 import errno
 import math
 import os
+import signal
+import threading
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from tokenize import TokenError
 from typing import IO, Any
 
@@ -23,6 +27,23 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
     if os.path.exists(name) and not os.path.isfile(name):
         return "is a pipe or a device, and no file; choose another name"
     return ""
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C wait for the end of the block, so that what is written there is written, and known to be."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield  # Python interrupts the main thread only
+        return
+    asked = []
+    signal.signal(signal.SIGINT, lambda *_: asked.append(True))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if asked:
+            signal.raise_signal(signal.SIGINT)
 
 
 def open_file(path: str | os.PathLike[str]) -> IO[bytes]:

@@ -49,7 +49,7 @@ TAMPERINGS = {
     "versions": replaced("versions", "0.1", "0.2"),
     "complete": replaced("diagram", "true", "false"),
     "nature": replaced("branch", "supercritical", "subcritical"),
-    "special point": replaced("branch", "FLIP", "FOLD"),
+    "special point": replaced("branch", "flip", "fold"),
     "numbers": "UPDATE part SET arrays = zeroblob(length(arrays)) WHERE name = 'branch' AND number = 0",
     "leaf": "DELETE FROM part WHERE name = 'branch' AND number = 1",
     "ends": replaced("branch", "RANGE", "STEP"),

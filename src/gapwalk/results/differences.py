@@ -46,10 +46,7 @@ def differences(now: Any, then: Any, path: str = "") -> Iterator[str]:
     if isinstance(now, System) and isinstance(then, System):
         yield from _system_differences(now, then)
     elif type(now) is not type(then) and (is_dataclass(now) or is_dataclass(then)):
-        kinds = (
-            getattr(each, "kind", None) or getattr(each, "asks", None) or type(each).__name__ for each in (now, then)
-        )
-        yield f"{path or 'its kind'} is {next(kinds)}, and was {next(kinds)}"
+        yield f"{path or 'its kind'} is {_kind_of(now)}, and was {_kind_of(then)}"
     elif is_dataclass(now):
         for field in (each for each in fields(now) if each.compare):
             # the options of a study, and the system, need no name

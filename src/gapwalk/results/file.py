@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import gapwalk.results.records  # noqa: F401 (it registers how systems and orbits are kept)
 from gapwalk import __version__
 from gapwalk.errors import StoreError
-from gapwalk.files import why_no_file
+from gapwalk.files import uninterrupted, why_no_file
 from gapwalk.results.codec import Packed, decode, encode
 from gapwalk.results.faults import explained, undamaged
 
@@ -145,42 +145,54 @@ class ResultFile:
     def __init__(self, path: str | os.PathLike[str], *head: Entry, exists: bool) -> None:
         self.path, self._head = path, head
         self._base = head[0].value.system
+        self._exists = exists
         self._connection: sqlite3.Connection | None = None
         if exists:
-            self._connection, self._seal = _open_to_write(path)
-            self._write(head[1:])
+            self.write(*head[1:])
 
     @property
     def is_begun(self) -> bool:
         """Whether there is a file."""
-        return self._connection is not None
+        return self._exists
 
     def known(self, part: Part) -> Iterator[tuple[int, Any]]:
         """The parts of a kind that the file has, as `Parts.all`."""
-        if self._connection is not None:
-            parts = Parts(self.path, self._connection)
+        if self._exists:
+            parts = Parts(self.path, self._opened())
             parts.base = self._base
             with explained(self.path):
                 yield from parts.all(part)
 
+    def count(self, part: Part) -> int:
+        """How many parts of a kind the file has."""
+        if not self._exists:
+            return 0
+        with explained(self.path):
+            (count,) = self._opened().execute("SELECT count(*) FROM part WHERE name = ?", (part.name,)).fetchone()
+        return count
+
     def write(self, *entries: Entry) -> None:
-        """Write some parts, all or none of them; once this returns they are safe.
+        """Write some parts, all or none of them; once this returns they are safe. Ctrl-C waits until it does.
 
         Raises
         ------
         StoreError
             If the file cannot be written.
         """
-        if self._connection is None:
-            _begin(self.path, self._head, entries)
-            self._connection, self._seal = _open_to_write(self.path)
-        else:
-            self._write(entries)
+        with uninterrupted():
+            if self._exists:
+                with _transaction(self.path, connection := self._opened()):
+                    _insert(connection, entries, self._base)
+            else:
+                _begin(self.path, self._head, entries)
+                self._exists = True  # from here on, what has the file's name is this result
+                self._opened()
 
     def close(self) -> None:
         """Close the file; it is then one file again."""
         if self._connection is not None:
-            _close_whole(self.path, self._connection)
+            with uninterrupted():
+                _close_whole(self.path, self._connection)
 
     def __enter__(self) -> ResultFile:
         return self
@@ -190,11 +202,10 @@ class ResultFile:
     ) -> None:
         self.close()
 
-    def _write(self, entries: tuple[Entry, ...]) -> None:
-        assert self._connection is not None
-        with _transaction(self.path, self._connection):
-            seal = _insert(self._connection, entries, self._base, self._seal)
-        self._seal = seal
+    def _opened(self) -> sqlite3.Connection:
+        if self._connection is None:
+            self._connection = _open_to_write(self.path)
+        return self._connection
 
 
 @contextmanager
@@ -237,18 +248,19 @@ def seal_fault(path: str | os.PathLike[str]) -> str:
 
 def write_more(path: str | os.PathLike[str], system: Any, *entries: Entry) -> None:
     """Write parts into a file that is complete; `system` is that of its request. Errors as `ResultFile.write`."""
-    connection, seal = _open_to_write(path)
-    try:
-        with _transaction(path, connection):
-            _insert(connection, entries, system, seal)
-    finally:
-        _close_whole(path, connection)
+    with uninterrupted():
+        connection = _open_to_write(path)
+        try:
+            with _transaction(path, connection):
+                _insert(connection, entries, system)
+        finally:
+            _close_whole(path, connection)
 
 
 def tidy(path: str | os.PathLike[str]) -> None:
     """Make one file of a result whose writer was killed just before it would have done so."""
     if any(os.path.exists(f"{os.fspath(path)}{suffix}") for suffix in _SIDE_FILES):
-        _close_whole(path, _open_to_write(path)[0])
+        _close_whole(path, _open_to_write(path))
 
 
 @contextmanager
@@ -299,8 +311,9 @@ def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple
             connection.execute(f"PRAGMA user_version = {SCHEMA}")
             connection.execute("BEGIN IMMEDIATE")
             connection.execute(TABLE)
-            seal = _insert(connection, head[:1], None, 0)  # the request has its system in full
-            _insert(connection, (*head[1:], *entries), base, seal)
+            connection.execute("INSERT INTO part VALUES (?, 0, '0', x'', '')", (_SEAL,))
+            _insert(connection, head[:1], None)  # the request has its system in full
+            _insert(connection, (*head[1:], *entries), base)
             connection.execute("COMMIT")
         finally:
             connection.close()
@@ -308,8 +321,9 @@ def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple
         os.replace(new, path)
 
 
-def _insert(connection: sqlite3.Connection, entries: tuple[Entry, ...], base: Any, seal: int) -> int:
-    """Write parts and the new seal, in a transaction; the new seal."""
+def _insert(connection: sqlite3.Connection, entries: tuple[Entry, ...], base: Any) -> None:
+    """Write parts and the new seal, in a transaction."""
+    seal = _seal_of(connection)
     for part, number, value in entries:
         packed = encode(value, part.type, base)
         if not part.numbered:
@@ -319,9 +333,14 @@ def _insert(connection: sqlite3.Connection, entries: tuple[Entry, ...], base: An
         checksum = _checksum(part.name, number, *packed)
         connection.execute("INSERT INTO part VALUES (?, ?, ?, ?, ?)", (part.name, number, *packed, checksum))
         seal += int(checksum, 16)
-    text = f"{seal % _ALL:x}"
-    connection.execute("INSERT OR REPLACE INTO part VALUES (?, 0, ?, x'', '')", (_SEAL, text))
-    return seal % _ALL
+    connection.execute("UPDATE part SET head = ? WHERE name = ?", (f"{seal % _ALL:x}", _SEAL))
+
+
+def _seal_of(connection: sqlite3.Connection) -> int:
+    """The sum of the checksums, as the file has it."""
+    for (text,) in connection.execute("SELECT head FROM part WHERE name = ?", (_SEAL,)):
+        return int(text, 16)
+    raise ValueError("it has no checksum")
 
 
 def _checksum(name: str, number: int, head: str, arrays: bytes) -> str:
@@ -391,15 +410,15 @@ def _seal_fault(connection: sqlite3.Connection) -> str:
     return ""
 
 
-def _open_to_write(path: str | os.PathLike[str]) -> tuple[sqlite3.Connection, int]:
-    """An existing file and its seal, such that what is committed survives the death of this process at any moment."""
+def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
+    """An existing file, such that what is committed survives the death of this process at any moment."""
     with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
         _check_format(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = NORMAL")
-        row = connection.execute("SELECT head FROM part WHERE name = ?", (_SEAL,)).fetchone()
         with undamaged(path):
-            return connection, int(row[0], 16)
+            _seal_of(connection)
+        return connection
 
 
 def _close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:

@@ -56,6 +56,10 @@ class NoFile:
         """No parts."""
         return iter(())
 
+    def count(self, part: Part) -> int:
+        """No parts."""
+        return 0
+
     def write(self, *entries: Entry) -> None:
         """Nothing."""
 

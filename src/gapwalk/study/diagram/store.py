@@ -35,29 +35,26 @@ class DiagramStore:
     """
 
     def __init__(self, file: Keeper, known: Diagram) -> None:
-        self._file, self._count, self._search = file, len(known.limbs), known.search
+        self._file, self._search = file, known.search
 
-    def add(self, diagram: Diagram, limb: Limb) -> None:
-        """Write the branch that was added to a diagram last.
+    def write(self, diagram: Diagram, *, finished: bool = False) -> None:
+        """Write the branches that the file has not, what is known of the whole, and whether nothing is left to do.
+
+        After Ctrl-C the file may lack a branch that was accepted just before.
 
         Raises
         ------
         StoreError
             If the file cannot be written.
         """
-        self._file.write(BRANCH.entry(limb, self._count), *self._state(diagram, finished=False))
-        self._count, self._search = self._count + 1, diagram.search
-
-    def finish(self, diagram: Diagram, *, finished: bool) -> None:
-        """Write what is known of the diagram as a whole, and whether nothing is left to do. Errors as `add`."""
-        self._file.write(*self._state(diagram, finished))
+        count = self._file.count(BRANCH)
+        branches = (BRANCH.entry(limb, number) for number, limb in enumerate(diagram.limbs[count:], start=count))
+        state = STATE.entry(DiagramState(replace(diagram, limbs=(), search=None), finished))
+        # the search only when it is new, for it may be long
+        is_new = diagram.search is not None and diagram.search is not self._search
+        search = (SEARCH.entry(diagram.search),) if is_new else ()
+        self._file.write(*branches, state, *search)
         self._search = diagram.search
-
-    def _state(self, diagram: Diagram, finished: bool):
-        """What is known of the diagram as a whole; its search only when it is new, for it may be long."""
-        yield STATE.entry(DiagramState(replace(diagram, limbs=(), search=None), finished))
-        if diagram.search is not None and diagram.search is not self._search:
-            yield SEARCH.entry(diagram.search)
 
 
 def stored_diagram(parts: Parts) -> DiagramState:

@@ -71,7 +71,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore, report: Report | No
     assert isinstance(options, DiagramStudyOptions)
 
     def keep(tree: Diagram, limb: Limb) -> None:
-        store.add(tree, limb)
+        store.write(tree)
         if report is not None:
             report(tree, limb)
 
@@ -83,7 +83,7 @@ def _grow(study: Study, known: Diagram, store: DiagramStore, report: Report | No
         raise KeyboardInterrupt  # there is nothing to keep
     if not grown.limbs:
         raise NumericalError("; ".join(grown.failures) or "no branch was found")
-    store.finish(grown, finished=finished)
+    store.write(grown, finished=finished)
     return DiagramState(grown, finished)
 
 

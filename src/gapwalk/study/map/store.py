@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gapwalk.bifurcation.locus import Locus
-from gapwalk.results.file import Entry, Part, Parts
+from gapwalk.results.file import Part, Parts
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.request import Keeper
 
@@ -27,21 +27,22 @@ class MapStore:
     def __init__(self, file: Keeper) -> None:
         self._file = file
 
-    def add(self, chart: Map, addition: Section | Locus) -> None:
-        """Write the section or the locus that was added to a map last.
+    def write(self, chart: Map) -> None:
+        """Write the sections and loci that the file has not, and what is known of the map as a whole.
+
+        After Ctrl-C the file may lack one that was accepted just before.
 
         Raises
         ------
         StoreError
             If the file cannot be written.
         """
-        is_section = isinstance(addition, Section)
-        added = SECTION.entry(addition, len(chart.sections) - 1) if is_section else None
-        self._file.write(added or LOCUS.entry(addition, len(chart.loci) - 1), _state(replace(chart, complete=False)))
-
-    def finish(self, chart: Map) -> None:
-        """Write what is known of the map as a whole. Errors as `add`."""
-        self._file.write(_state(chart))
+        sections, loci = (
+            [part.entry(value, number) for number, value in enumerate(values) if number >= self._file.count(part)]
+            for part, values in ((SECTION, chart.sections), (LOCUS, chart.loci))
+        )
+        state = (replace(chart, sections=(), loci=()), len(chart.sections), len(chart.loci))
+        self._file.write(*sections, *loci, STATE.entry(state))
 
 
 def stored_map(parts: Parts) -> Map:
@@ -51,7 +52,3 @@ def stored_map(parts: Parts) -> Map:
     if counts != [len(sections), len(loci)]:
         raise ValueError("a section or a locus is missing")
     return replace(chart, sections=tuple(sections), loci=tuple(loci))
-
-
-def _state(chart: Map) -> Entry:
-    return STATE.entry((replace(chart, sections=(), loci=()), len(chart.sections), len(chart.loci)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.errors import NumericalError
@@ -67,7 +68,7 @@ def _chart(study: Study, options: MapStudyOptions, known: Map, store: MapStore, 
     """Find what is not known yet, and keep it."""
 
     def keep(chart: Map, addition: Section | Locus) -> None:
-        store.add(chart, addition)
+        store.write(replace(chart, complete=False))
         if report is not None:
             report(chart, addition)
 
@@ -81,7 +82,7 @@ def _chart(study: Study, options: MapStudyOptions, known: Map, store: MapStore, 
         raise KeyboardInterrupt  # there is nothing to keep
     if chart.complete and not chart.branches:
         raise NumericalError("; ".join(chart.failures) or "no branch was found")
-    store.finish(chart)
+    store.write(chart)
     return chart
 
 
