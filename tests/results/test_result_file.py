@@ -1,10 +1,13 @@
 """The file format: what was reported is safe, what is damaged or strange is called so."""
 
+import gc
 import os
+import signal
 import sqlite3
 import sys
 import types
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -184,6 +187,56 @@ def test_a_killed_writer_leaves_what_it_had_written(path, tmp_path) -> None:
             for side in ("", "-wal"):  # as they lie there when the writer dies
                 (tmp_path / f"{number}{side}").write_bytes((tmp_path / f"job{side}").read_bytes())
             assert gw.load(copy) == number + 1.0
+
+
+class CtrlC:
+    """Ctrl-C at a line of the code that writes files, counted from the first one that is run; 0 for none."""
+
+    def __init__(self, at: int) -> None:
+        self.at, self.lines = at, 0
+
+    def __enter__(self):
+        sys.settrace(self._trace)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.settrace(None)
+
+    def _trace(self, frame, event, argument):
+        if not frame.f_code.co_filename.endswith((os.sep + "files.py", os.path.join("results", "file.py"))):
+            return None
+        if event == "line":
+            self.lines += 1
+            if self.lines == self.at:
+                signal.raise_signal(signal.SIGINT)
+        return self._trace
+
+
+def write_three(path, safe: list[int]) -> None:
+    """Write three numbers, one by one; after Ctrl-C, what is known by then."""
+    with call_file(CALL, path) as file:
+        try:
+            for number in range(file.count(NUMBERS), 3):
+                file.write(NUMBERS.entry((1.0,), number))
+                safe.append(number)
+        except KeyboardInterrupt:
+            file.write(STATE.entry({"stopped": file.count(NUMBERS)}))
+
+
+def test_ctrl_c_at_any_line_of_the_writer_loses_nothing(tmp_path) -> None:
+    with CtrlC(0) as undisturbed:
+        write_three(tmp_path / "undisturbed", [])
+    assert undisturbed.lines > 200
+    for at in range(1, undisturbed.lines + 1, 5):
+        path, safe = tmp_path / str(at), []
+        with suppress(KeyboardInterrupt), CtrlC(at):
+            write_three(path, safe)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert not safe or gw.load(path) >= len(safe)
+        gc.collect()  # Ctrl-C in the first line of `close` leaves that to the end of the object
+        write_three(path, safe)
+        assert gw.load(path) == 3.0
+        assert {name for name in os.listdir(tmp_path) if name.startswith(f"{at}-")} <= {f"{at}-lock"}
 
 
 def test_a_part_is_named_where_it_is_damaged(path) -> None:

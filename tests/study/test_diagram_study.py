@@ -14,6 +14,7 @@ from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.results import file
 from gapwalk.study.diagram import diagram as growing
+from gapwalk.study.diagram.store import DiagramStore
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.study.diagrams import clutch_diagram, many_branches
@@ -113,6 +114,20 @@ def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch,
     until_ctrl_c(gw.run, clutch_diagram(), path)
     assert gw.load(path).names == ("P1-1",)
     monkeypatch.undo()
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
+def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undisturbed) -> None:
+    write = DiagramStore.write
+
+    def interrupted(store, diagram, **options) -> None:
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+        write(store, diagram, **options)
+
+    monkeypatch.setattr(DiagramStore, "write", interrupted)
+    until_ctrl_c(gw.run, clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1",)
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
 

@@ -14,6 +14,7 @@ from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.map import charting
+from gapwalk.study.map.store import MapStore
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.study.killing import killed_after
@@ -104,6 +105,23 @@ def test_a_complete_result_is_not_computed_again(path, undisturbed) -> None:
 def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
     assert_same_result(gw.run(clutch_map(workers=2), path), undisturbed)
     assert_same_result(gw.run(clutch_map(workers=1), path, resume=True), undisturbed)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch, undisturbed) -> None:
+    write = MapStore.write
+
+    def interrupted(store, chart) -> None:
+        if len(chart.sections) + len(chart.loci) == count:
+            monkeypatch.undo()
+            signal.raise_signal(signal.SIGINT)
+        write(store, chart)
+
+    monkeypatch.setattr(MapStore, "write", interrupted)
+    stopped = until_ctrl_c(gw.run, clutch_map(), path)
+    assert len(stopped.map.sections) + len(stopped.map.loci) == count
+    assert_same_result(stopped, gw.load(path))
+    assert_same_result(gw.run(clutch_map(), path, resume=True), undisturbed)
 
 
 @pytest.mark.parametrize("after", [1, 3, 7])

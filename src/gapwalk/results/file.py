@@ -271,14 +271,17 @@ def lock(path: str | os.PathLike[str]) -> Iterator[None]:
     """
     check_place(path)
     name = f"{os.fspath(path)}-lock"
-    with explained(path), _closed_on_error(sqlite3.connect(name, isolation_level=None, timeout=0)) as holder:
-        holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
-        holder.execute("BEGIN EXCLUSIVE")
+    with explained(path):
+        holder = sqlite3.connect(name, isolation_level=None, timeout=0)
     try:
+        with explained(path):
+            holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
+            holder.execute("BEGIN EXCLUSIVE")
         yield
     finally:
-        with suppress(OSError):
-            os.unlink(name)  # before the lock is released: who waits for this file would lock one without a name
+        if holder.in_transaction:
+            with suppress(OSError):
+                os.unlink(name)  # before the lock is released: who waits for this file would lock one without a name
         holder.close()
 
 
