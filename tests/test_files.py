@@ -1,6 +1,8 @@
 import io
 import os
+import signal
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 from scipy import sparse
 
 from gapwalk.errors import ModelError
-from gapwalk.files import array_header, check_npz, open_file, why_no_file
+from gapwalk.files import array_header, check_npz, open_file, uninterrupted, why_no_file
 from gapwalk.model.file import read_system
 
 MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'
@@ -89,3 +91,27 @@ def test_an_array_in_a_file_has_the_entries_that_it_is_said_to_have(tmp_path: Pa
     (tmp_path / "model.toml").write_text(MODEL.format("k.npy"))
     with pytest.raises(ModelError, match=r'stiffness is "k.npy", which'):
         read_system(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_waits_for_the_end_of_a_write(number: int) -> None:
+    written: list[str] = []
+    caught: list[int] = []
+
+    def write() -> None:
+        with uninterrupted():
+            signal.raise_signal(number)
+            written.append("part")
+
+    def end(number: int, frame: object) -> None:
+        caught.append(len(written))
+
+    before = signal.signal(number, end)
+    try:
+        write()
+        assert (caught, signal.getsignal(number)) == ([1], end)
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(write).result()  # a thread has no signals of its own
+        assert signal.getsignal(number) is end
+    finally:
+        signal.signal(number, before)

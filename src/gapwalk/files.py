@@ -31,19 +31,24 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of the block, so that what is written there is written, and known to be."""
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield  # Python interrupts the main thread only
-        return
-    asked = []
-    signal.signal(signal.SIGINT, lambda *_: asked.append(True))
+    """Let Ctrl-C and SIGTERM wait for the end of the block, so that what is written there is written, and known to be.
+
+    Signals that have no handler in Python end the process at once, as ever. Other threads are never interrupted.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
+    caught: list[int] = []
     try:
+        for number, handler in handlers.items():
+            if callable(handler):
+                signal.signal(number, lambda number, frame: caught.append(number))
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-        if asked:
-            signal.raise_signal(signal.SIGINT)
+        for number, handler in reversed(handlers.items()):  # SIGTERM first: who catches it here goes no further
+            if callable(handler):
+                signal.signal(number, handler)
+        for number in caught[:1]:
+            signal.raise_signal(number)
 
 
 def open_file(path: str | os.PathLike[str]) -> IO[bytes]:
