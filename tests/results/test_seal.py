@@ -140,7 +140,7 @@ def test_a_write_that_fails_leaves_the_seal_of_what_was_there(response, tmp_path
     found = gw.verify(result)
     insert = file._insert
 
-    def fail(*arguments) -> int:
+    def fail(*arguments) -> None:
         insert(*arguments)
         raise RuntimeError
 

@@ -171,12 +171,12 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
     insert, count = file._insert, 0
 
-    def insert_some(*arguments) -> int:
+    def insert_some(*arguments) -> None:
         nonlocal count
         count += 1
         if count == 4:  # two make the file, with its first branch
             raise OSError(28, "No space left on device")
-        return insert(*arguments)
+        insert(*arguments)
 
     with monkeypatch.context() as patch:
         patch.setattr(file, "_insert", insert_some)

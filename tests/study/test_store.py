@@ -351,7 +351,7 @@ DAMAGES = [
     f"UPDATE part SET arrays = zeroblob(80) {part('moment')}",
     f"UPDATE part SET arrays = CAST(arrays || x'00' AS BLOB) {part('moment')}",
     "UPDATE part SET number = number + 1000 WHERE name = 'moment'",
-    "UPDATE part SET head = replace(head, 'FOLD', 'SURPRISE') WHERE name = 'moment'",
+    "UPDATE part SET head = replace(head, 'fold', 'surprise') WHERE name = 'moment'",
     f"UPDATE part SET head = replace(head, '[1,2]', '[1,2000000000000]') {part('start')}",
     f"UPDATE part SET head = replace(head, '\"count\":', '\"count\":1000000000000') {part('moment')}",
     f"UPDATE part SET head = replace(head, '\"count\":', '\"count\":-1') {part('moment')}",
