@@ -15,6 +15,7 @@ from gapwalk.continuation import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.balance import Balance, BalancedOrbit
+from gapwalk.orbit.method import Method
 from gapwalk.paper import case
 from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, locus, nearest, response
 from tests.bifurcation.test_many_degrees import rod
@@ -217,8 +218,8 @@ def test_a_trail_goes_on_bit_for_bit_from_its_state():
 
 
 def test_another_method_is_refused():
-    class Guess:
+    class Guess(Method):
         name = "guess"
 
-    with pytest.raises(ModelError, match=r"the method is guess; write Shooting\(\) or Balance\(\)"):
+    with pytest.raises(ModelError, match=r"no locus is followed by the method guess; write Shooting\(\)"):
         follow_locus(response().special(Kind.FLIP)[0], "frequency", "mean.q1", WIDE, method=Guess())  # pyright: ignore

@@ -12,11 +12,11 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range, check_range
 from gapwalk.continuation.scales import scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
-from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.identity import true_period
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.newton import solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def depart(
     within = check_range(start, to).along(parameter, orbit.system)
     for bound in (within.low, within.high):
         orbit.system.at({parameter: bound})
-    equation = (method or Shooting()).pose(orbit.system, parameter, orbit.period)
+    equation = chosen(method).pose(orbit.system, parameter, orbit.period)
     return _leave(equation, orbit, with_natural_change(within, equation, orbit), direction)
 
 

@@ -13,7 +13,7 @@ from gapwalk.bifurcation.meeting import meets, parent_flip
 from gapwalk.bifurcation.search.result import SearchResult
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.notebook.shown import Shown
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -216,12 +216,11 @@ def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
 
 def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
     """The flip of a parent, or the branch point of a branch of equal period, that has an orbit; not the limb's own."""
-    kinds = {limb.period: Kind.BRANCH_POINT, limb.period / 2: Kind.FLIP}
     candidates = (
         (Origin(other.name, index), special)
         for other in diagram.limbs
         for index, special in enumerate(other.branch.special_points)
-        if special.kind is kinds.get(other.period)
+        if special.kind.ways and other.period * special.kind.times == limb.period
     )
     shared = [
         (abs(special.value - orbit.system[diagram.parameter]), origin)

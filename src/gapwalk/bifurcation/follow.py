@@ -17,7 +17,7 @@ from gapwalk.continuation.tracing import Tracing, TracingState
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method, check_method
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
 Report = Callable[[BranchPoint, list[SpecialPoint]], None]
@@ -178,7 +178,7 @@ class BranchWalk(Iterator[BranchPoint]):
 def _departures(
     start: Orbit | SpecialPoint, parameter: str, to: float | tuple[float, float], method: Method | None
 ) -> list[Departure]:
-    check_method(method)
+    method = chosen(method)
     if not isinstance(start, Orbit | SpecialPoint):
         raise ModelError(
             f"follow begins at an orbit or a special point, not at {reprlib.repr(start)}; find an orbit first: "

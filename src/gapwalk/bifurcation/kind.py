@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gapwalk.bifurcation.kinds.search import Search, Zero
     from gapwalk.bifurcation.second import SecondOpinion
     from gapwalk.continuation.range import Range
-    from gapwalk.orbit.equation import Method
+    from gapwalk.orbit.method import Method
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +73,10 @@ class Kind(str):
         Where a multiplier is critical, if it is at one place: +1 or -1.
     moves_through_one
         Whether a multiplier passes +1, so that the Jacobian of the orbit changes the sign of its determinant.
+    ways
+        Directions in which other branches of periodic motions leave: one from a flip, two from a branch point, else 0.
+    times
+        Periods of this branch in one of those.
     is_turning
         Whether the branch turns round, so that the parameter is stationary there.
     sign_change
@@ -92,6 +96,8 @@ class Kind(str):
     symbol: ClassVar[Symbol] = Symbol("event", "", "d", 5.0, "grey")
     target: ClassVar[float | None] = None
     moves_through_one: ClassVar[bool] = False
+    ways: ClassVar[int] = 0
+    times: ClassVar[int] = 1
     is_turning: ClassVar[bool] = False
     sign_change: ClassVar[str] = ""
     noise: ClassVar[float] = 1e-6

@@ -13,7 +13,7 @@ from gapwalk.bifurcation.space import Knot, orbit_of
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two
-from gapwalk.orbit.balance import Balance, BalancedOrbit
+from gapwalk.orbit.balance import Balance
 from gapwalk.orbit.balance.equation import BalanceEquation
 from gapwalk.orbit.balance.kernels import from_real_form, real_form
 from gapwalk.orbit.identity import repeats
@@ -27,8 +27,9 @@ class LineSpace:
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self._branch, self._contacts = branch, len(branch.system.structure.contacts)
-        self._harmonics = max(_balanced(point.orbit).harmonics for point in points)
-        self._error = max(_balanced(point.orbit).truncation for point in points)
+        self._harmonics = max(point.orbit.harmonics for point in points)
+        self._error = max(point.orbit.truncation for point in points)
+        self._finest = self._equation(self._harmonics)
         self._unit, self._parameter_scale = self._units(points[0])
         self.size = len(self._finest.scales(1.0))
         self.scales = self._scales(self._finest)
@@ -58,7 +59,7 @@ class LineSpace:
     def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
         """See `Space.correct`."""
         # two balanced motions are the same only if they solve one equation
-        harmonics = orbit.harmonics if isinstance(orbit, BalancedOrbit) else self._harmonics
+        harmonics = orbit.harmonics or self._harmonics
         start, across = (np.append(self._resized(x[:-1], harmonics), x[-1]) for x in (guess, normal))
         correction = self._corrector(harmonics).correct(start, across / np.linalg.norm(across))
         if correction is None:
@@ -72,11 +73,7 @@ class LineSpace:
 
     def tolerance(self, orbit: Orbit) -> float:
         """See `Space.tolerance`."""
-        return 0.0 if isinstance(orbit, BalancedOrbit) else _ROUGH * self._error
-
-    @property
-    def _finest(self) -> BalanceEquation:
-        return self._equation(self._harmonics)
+        return _ROUGH * self._error if orbit.is_exact else 0.0
 
     def _equation(self, harmonics: int) -> BalanceEquation:
         branch = self._branch
@@ -91,7 +88,7 @@ class LineSpace:
 
     def _units(self, point: BranchPoint) -> tuple[float, float]:
         """Scale of the lines and of the parameter with which a point was walked."""
-        lines = real_form(_balanced(point.orbit).deflections.lines)
+        lines = self._finest.unknowns(point.orbit)
         size = float(np.abs(point.x[:-1]).sum())
         parameter = point.value / float(point.x[-1]) if point.x[-1] else 1.0
         units = powers_of_two(np.array([float(np.abs(lines).sum()) / size if size else 1.0, abs(parameter)]))
@@ -105,8 +102,3 @@ class LineSpace:
         kept = min(count + 1, known.shape[1])
         lines[:, :kept] = known[:, :kept]
         return real_form(lines).ravel()
-
-
-def _balanced(orbit: Orbit) -> BalancedOrbit:
-    assert isinstance(orbit, BalancedOrbit)
-    return orbit

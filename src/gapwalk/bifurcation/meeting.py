@@ -11,10 +11,9 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import NumericalError
 from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import SAME, phases
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 _STEPS = (1e-4, 2e-5, 4e-6)  # with which first step a flip is sought along its parent: smaller where one went astray
@@ -28,7 +27,7 @@ def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
     multipliers have it: the two differ by the truncation.
     """
     value, wanted = orbit.system[parameter], special.value
-    same = max(SAME, _truncation(orbit), _truncation(special.orbit))
+    same = max(SAME, orbit.truncation, special.orbit.truncation)
     if abs(value - wanted) > same * (1.0 + abs(wanted)):
         return False
     off = np.abs(phases(special.orbit) - orbit.state).max(axis=1)
@@ -73,11 +72,6 @@ def _first_flip(departure: Departure) -> SpecialPoint | None:
         if trail.end is None or trail.end.reason is not EndReason.JOINED:
             break
     return None
-
-
-def _truncation(orbit: Orbit) -> float:
-    """Relative error of a balanced orbit; 0 for others, which are exact to rounding."""
-    return orbit.truncation if isinstance(orbit, BalancedOrbit) else 0.0
 
 
 def _flips(special: list[SpecialPoint]) -> list[SpecialPoint]:

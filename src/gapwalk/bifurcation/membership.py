@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Curve:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         points = _knots(branch)
-        self._space = _space_of(branch, points)
+        self._space = space_of(points[0].orbit, branch, points)
         self._scales = self._space.scales
         knots = [self._space.knot(point) for point in points]
         if len(knots) > 1:
@@ -205,9 +206,22 @@ def _distance(a: Orbit, b: Orbit) -> float:
     return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)
 
 
-def _space_of(branch: Branch, points: Sequence[BranchPoint]) -> Space:
-    if any(isinstance(point.orbit, BalancedOrbit) for point in points):
-        from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
+@singledispatch
+def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+    """The space in which a branch of such orbits is a curve: of states, where no other is registered for their class.
 
-        return LineSpace(branch, points)
+    Parameters
+    ----------
+    orbit
+        One of them: its class decides.
+    branch, points
+        The branch, and points of it.
+    """
     return StateSpace(branch, points)
+
+
+@space_of.register(BalancedOrbit)
+def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+    from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
+
+    return LineSpace(branch, points)

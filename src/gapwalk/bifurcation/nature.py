@@ -15,9 +15,8 @@ from gapwalk.continuation.corrector import TRUST
 from gapwalk.continuation.range import check_range
 from gapwalk.errors import NumericalError
 from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 
 _STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
 """Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is taken.
@@ -75,7 +74,7 @@ def with_nature(special: SpecialPoint, parameter: str, method: Method | None = N
     within = check_range(special.value, (special.value - width, special.value + width))
     within = within.along(parameter, special.orbit.system)
     try:
-        doubled = Doubled(special, parameter, within, method or Shooting())
+        doubled = Doubled(special, parameter, within, chosen(method))
         start = doubled.start()
         limit = _limit(doubled, start)
     except (NumericalError, np.linalg.LinAlgError):

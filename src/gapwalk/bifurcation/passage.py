@@ -9,11 +9,11 @@ special points between are sought and located on that scale.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from gapwalk.bifurcation.second import ROUNDING
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import ConvergenceError, NumericalError
-from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.touch import LEAD, Held, Touch, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
@@ -63,11 +63,12 @@ class Passage(NamedTuple):
 
 def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
     """The step from a point of a walk over the graze beside it; None where there is none, or no way over it."""
-    if not isinstance(corrector.equation, ShootingEquation):
+    by_touches = cast("OrbitEquation", corrector.equation).by_touches
+    if by_touches is None:
         return None
     for at_once in (True, False):
         try:
-            return _Corner(corrector, corrector.equation, point, at_once).passage()
+            return _Corner(corrector, by_touches, point, at_once).passage()
         except NumericalError:
             continue
     return None
@@ -76,8 +77,10 @@ def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
 class _Corner:
     """The orbits about a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
 
-    def __init__(self, corrector: Corrector, equation: ShootingEquation, point: BranchPoint, at_once: bool) -> None:
-        self._corrector, self._equation, self._first = corrector, equation, point
+    def __init__(
+        self, corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint, at_once: bool
+    ) -> None:
+        self._corrector, self._by_touches, self._first = corrector, by_touches, point
         found = touches(point.orbit)
         if not found:
             raise ConvergenceError("no deflection turns beside a breakpoint")
@@ -86,7 +89,7 @@ class _Corner:
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
         self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
         self._touches = [first, *self._twins] if at_once else [first]
-        self._posed = TouchEquation(equation, point.orbit, self._touches, corrector.scales)
+        self._posed = by_touches(point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
         self._way = math.copysign(1.0, float(ahead @ point.tangent))
@@ -232,7 +235,7 @@ class _Corner:
             self._points, key=lambda label: label * self._way * self._posed.free
         )  # the easiest to begin from
         orbit = self._points[outermost].orbit
-        posed = TouchEquation(self._equation, self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
+        posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
         return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
 
     def _error(self, kind: Kind, label: float) -> float:

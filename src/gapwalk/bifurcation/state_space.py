@@ -1,4 +1,4 @@
-"""A branch as a curve in the space of states, as shooting walks it."""
+"""A branch as a curve in the space of states at some angles, as shooting walks it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.identity import phases
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 
 class StateSpace:
-    """Of the states at the start of each segment, by shooting; the first of them tells the motion."""
+    """Of the states at some angles, by shooting at the start of each segment; the first of them tells the motion."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
         self.size, self._period = 2 * branch.system.size, branch.period
@@ -27,7 +26,8 @@ class StateSpace:
         scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
         scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
         self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
-        equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(segments))
+        method = points[0].orbit.posed_in(len(points[0].x) - 1)
+        equation = method.pose(branch.system, branch.parameter, branch.period)
         self._corrector = Corrector(equation, self.scales)
 
     def knot(self, point: BranchPoint) -> Knot:

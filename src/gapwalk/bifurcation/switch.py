@@ -17,9 +17,9 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range, check_range
 from gapwalk.continuation.scales import scales_of
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.orbit.equation import Method, OrbitEquation
+from gapwalk.orbit.equation import OrbitEquation
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 
 _SINGULAR = 1e-8  # size of a singular value that is zero but for rounding
 _BESIDE = 1e-5  # scaled distance along the parent over which the doubled equation is first seen to change
@@ -54,7 +54,7 @@ def switch(
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
-    return special.kind.departures(special, parameter, within, method or Shooting())
+    return special.kind.departures(special, parameter, within, chosen(method))
 
 
 def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:

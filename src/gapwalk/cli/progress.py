@@ -27,7 +27,7 @@ from gapwalk.study.work.pace import Pace
 
 def progress_of(
     options: StudyOptions, title: str = "", *, show: bool = True
-) -> WalkProgress | DiagramProgress | MapProgress | JobProgress:
+) -> BranchProgress | DiagramProgress | MapProgress | JobProgress:
     """The progress of a study of these options; `title` is what to call it."""
     if options.kind in JOBS:
         return JobProgress(options, title, show=show)
@@ -36,7 +36,7 @@ def progress_of(
     if isinstance(options, MapStudyOptions):
         return MapProgress(options, title, show=show)
     assert isinstance(options, BranchOptions)
-    return WalkProgress(options, title, show=show)
+    return BranchProgress(options, title, show=show)
 
 
 _FIRST, _AGAIN = 10.0, 30.0  # seconds until a line is written where there is no terminal, and between two such lines
@@ -129,7 +129,7 @@ class StudyProgress:
         self._line.__exit__()
 
 
-class WalkProgress(StudyProgress):
+class BranchProgress(StudyProgress):
     """How far a walk has come.
 
     Parameters
@@ -163,7 +163,7 @@ class WalkProgress(StudyProgress):
 
 
 class DiagramProgress(StudyProgress):
-    """How many branches a diagram has; parameters as `WalkProgress`."""
+    """How many branches a diagram has; parameters as `BranchProgress`."""
 
     def __init__(self, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title)
@@ -179,7 +179,7 @@ class DiagramProgress(StudyProgress):
 
 
 class MapProgress(StudyProgress):
-    """How many sections and loci a map has; parameters as `WalkProgress`."""
+    """How many sections and loci a map has; parameters as `BranchProgress`."""
 
     def __init__(self, options: MapStudyOptions, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title)
@@ -195,7 +195,7 @@ class MapProgress(StudyProgress):
 
 
 class JobProgress(StudyProgress):
-    """How many parts of a job are done, and how long the others may take; parameters as `WalkProgress`."""
+    """How many parts of a job are done, and how long the others may take; parameters as `BranchProgress`."""
 
     def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title) or options.kind
@@ -208,7 +208,7 @@ class JobProgress(StudyProgress):
 
 
 class VerifyProgress(StudyProgress):
-    """How much has been verified; parameters as `WalkProgress`."""
+    """How much has been verified; parameters as `BranchProgress`."""
 
     def __init__(self, title: str, *, show: bool = True) -> None:
         self._line = _Line(printable(title), [BarColumn(bar_width=24)], None, show=show)
@@ -219,7 +219,7 @@ class VerifyProgress(StudyProgress):
 
 
 class CountProgress(StudyProgress):
-    """How many of some things are done; parameters as `WalkProgress`, and how many there are."""
+    """How many of some things are done; parameters as `BranchProgress`, and how many there are."""
 
     def __init__(self, title: str, total: int, *, show: bool = True) -> None:
         self._name = title

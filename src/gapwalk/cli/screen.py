@@ -13,7 +13,6 @@ from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.cli.chart import print_map
 from gapwalk.cli.outcome import printable
 from gapwalk.cli.tree import print_diagram
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.plot.words import full_measure, parameter_symbol, signal_words
 from gapwalk.study.result import Result
 
@@ -34,8 +33,8 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
 
         print_finding(screen, result.finding)
         return
-    if result.walked.balanced:
-        screen.print(_balance_words(result), soft_wrap=True)
+    if words := _method_words(result):
+        screen.print(words, soft_wrap=True)
     if result.map is not None:
         _print_unexplained(screen, result)
         print_map(screen, result.map, result.walked.measure, points=points)
@@ -53,16 +52,10 @@ def print_result(screen: Console, result: Result, *, points: bool = True) -> Non
         screen.print("no special points")
 
 
-def _balance_words(result: Result) -> str:
-    """How finely the orbits of branches and loci were balanced, and what that lacks."""
+def _method_words(result: Result) -> str:
+    """How finely the orbits of branches and loci are resolved; empty where that goes without saying."""
     curves = [*result.branches, *(result.map.loci if result.map is not None else ())]
-    orbits = [point.orbit for curve in curves for point in curve.points if isinstance(point.orbit, BalancedOrbit)]
-    fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
-    count = f"{most}" if fewest == most else f"{fewest} to {most}"
-    return (
-        f"by harmonic balance with {count} harmonics: those beyond amount to "
-        f"{max(orbit.truncation for orbit in orbits):.2g} of a motion at most"
-    )
+    return result.walked.method.words([point.orbit for curve in curves for point in curve.points])
 
 
 def special_point_table(result: Result) -> Table:

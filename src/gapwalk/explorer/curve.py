@@ -170,7 +170,7 @@ def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
         "contact": special.contact,
         "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
         "has_locus": special.kind in KINDS,
-        "switches": special.kind in (Kind.FLIP, Kind.BRANCH_POINT),
+        "switches": special.kind.ways > 0,
     }
 
 

@@ -7,19 +7,17 @@ anew, for they take seconds, and so they come to the same as without the interru
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from gapwalk.bifurcation import Trail, join, switch
+from gapwalk.bifurcation import switch
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb
-from gapwalk.bifurcation.locus import LocusEndReason
+from gapwalk.bifurcation.follow import BranchWalk
 from gapwalk.bifurcation.locus.departure import depart_locus
-from gapwalk.bifurcation.locus.follow import join_locus
-from gapwalk.bifurcation.locus.trail import LocusTrail
-from gapwalk.continuation.walk import EndReason
+from gapwalk.bifurcation.locus.follow import trace_locus, traced_locus
 from gapwalk.errors import NumericalError
 from gapwalk.explorer.news import News
 from gapwalk.results.file import lock
@@ -32,6 +30,8 @@ from gapwalk.study.map import Map
 from gapwalk.study.map.store import MapStore
 from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions
 from gapwalk.study.request import request_file
+
+S = TypeVar("S")
 
 
 @dataclass(frozen=True)
@@ -53,16 +53,16 @@ class SwitchErrand:
         assert isinstance(options, DiagramStudyOptions)
         within = (options.begin, options.end)
         departures = switch(self.special, options.parameter, within, options.method)
-        way = _Way(news)
-        complete = way.walk(Trail(each, options.walk) for each in departures)
-        branch = join(way.trails, way.walked)
-        limb = Limb(f"P{branch.period}-1", branch)
+        if not departures:
+            raise NumericalError("nothing leaves this point between these values; choose a wider range")
+        steps = BranchWalk(departures, options.walk)
+        complete = _to_end(steps, lambda point: news.point(point, list(steps.special_points)))
+        limb = Limb(f"P{steps.branch.period}-1", steps.branch)
         known = empty_diagram(options.parameter, within)
         tree = Diagram(options.parameter, known.within, (limb,), complete=complete)
         with lock(output), request_file(study, output) as file:
             store = DiagramStore(file, known)
-            store.add(tree, limb)
-            store.finish(tree, finished=complete)
+            store.write(tree, finished=complete)
         return complete
 
 
@@ -92,14 +92,14 @@ class SearchErrand:
                 store = DiagramStore(file, tree)
 
                 def keep(diagram: Diagram, limb: Limb) -> None:
-                    store.add(diagram, limb)
+                    store.write(diagram)
                     news.limb(diagram, limb)
 
                 limits, walk, method = options.limits, options.walk, options.method
                 start = (study.system, options.parameter, within, self.known)
                 grown, finished = grow_others(*start, limits, walk, method, keep, tree, news.part)
                 if grown.search is not None:
-                    store.finish(grown, finished=finished)
+                    store.write(grown, finished=finished)
         return finished
 
 
@@ -123,58 +123,31 @@ class LocusErrand:
         first, second = options.parameter, options.second.parameter
         news.locus(self.special.kind, second)
         departures = depart_locus(self.special, first, second, options.within, options.method)
-        way = _Way(news)
-        complete = way.walk(LocusTrail(each, options.walk) for each in departures)
-        last = way.trails[-1].end
-        # one direction shows the whole of a closed curve
-        kept = slice(-1, None) if last is not None and last.reason is LocusEndReason.CLOSED else slice(None)
-        locus = join_locus(way.trails[kept], way.walked[kept])
+        steps = trace_locus(departures, options.walk)
+        complete = _to_end(steps, lambda step: news.point(*step))
+        locus = traced_locus(steps)
         chart = Map(first, second, options.within, (locus,), complete=complete)
         with lock(output), request_file(study, output) as file:
             store = MapStore(file)
-            store.add(chart, locus)
-            store.finish(chart)
+            store.write(chart)
         return complete
 
 
-class _Way:
-    """The one or two directions of a branch or a locus as far as they were walked.
+def _to_end(steps: Iterator[S], tell: Callable[[S], None]) -> bool:
+    """Walk to the end, or until Ctrl-C, and tell each step; whether it was to the end.
 
-    Parameters
-    ----------
-    news
-        Who hears of each point.
+    Raises
+    ------
+    KeyboardInterrupt
+        After Ctrl-C before there was anything.
     """
-
-    def __init__(self, news: News) -> None:
-        self.report: Callable[..., None] = news.point
-        self.trails: list[Any] = []
-        self.walked: list[list[Any]] = []
-
-    def walk(self, trails: Iterator[Any]) -> bool:
-        """Walk each trail to its end, or until Ctrl-C; whether it was to the end.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            After Ctrl-C before there was anything.
-        """
-        try:
-            for trail in trails:
-                self.trails.append(trail)
-                self.walked.append([])
-                self._steps(trail, self.walked[-1])
-                if trail.end is not None and trail.end.reason in (EndReason.CLOSED, LocusEndReason.CLOSED):
-                    break
-        except KeyboardInterrupt:
-            if not any(self.walked):
-                raise
-            return False
-        if not self.trails:
-            raise NumericalError("nothing leaves this point between these values; choose a wider range")
-        return True
-
-    def _steps(self, trail: Iterator[Sequence[Any]], kept: list[Any]) -> None:
-        for step in trail:
-            kept.append(step)
-            self.report(*step)
+    walked = False
+    try:
+        for step in steps:
+            walked = True
+            tell(step)
+    except KeyboardInterrupt:
+        if not walked:
+            raise
+        return False
+    return True

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gapwalk.attractor.settled import Settled
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.continuation.range import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
@@ -16,10 +16,8 @@ from gapwalk.explorer.entry import Line
 from gapwalk.explorer.errands import LocusErrand, SearchErrand, SwitchErrand
 from gapwalk.explorer.task import Task
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 from gapwalk.plot.words import pace_words, parameter_symbol
 from gapwalk.study.file import Study
 from gapwalk.study.map import KINDS
@@ -154,7 +152,7 @@ def _walk(action: Walk, shown: Shown) -> tuple[str, Task]:
 def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
-    if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT):
+    if not special.kind.ways:
         raise ModelError(
             f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point "
             "(BP)"
@@ -167,7 +165,7 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
         action.low,
         action.high,
         _measure(origin, orbit.system),
-        orbit.period * (2 if special.kind is Kind.FLIP else 1),
+        orbit.period * special.kind.times,
         tuple(orbit.state.tolist()),
         method=method_of(orbit, origin),
     )
@@ -205,7 +203,7 @@ def _others_options(action: Search, system: System, origin: Study) -> DiagramStu
             search_values=action.count,
             search=limits.search,
         )
-    method = own.method if isinstance(own, BranchOptions) else Shooting()
+    method = own.method if isinstance(own, BranchOptions) else chosen(None)
     return DiagramStudyOptions(*where, measure, method=method, search_values=action.count)
 
 
@@ -240,10 +238,9 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
     return title, Task(_study_of(system, options, title, origin), Path(), LocusErrand(special))
 
 
-def locus_method(orbit: Orbit, origin: Study) -> Shooting | Balance:
+def locus_method(orbit: Orbit, origin: Study) -> Method:
     """How a locus is followed from an orbit: as the orbit was found, but for shooting in one segment."""
-    method = method_of(orbit, origin)
-    return replace(method, segments=1) if isinstance(method, Shooting) else method
+    return method_of(orbit, origin).for_loci()
 
 
 def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
@@ -259,12 +256,11 @@ def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
     return title, Task(_study_of(system, options, title, origin), Path())
 
 
-def method_of(orbit: Orbit, origin: Study) -> Shooting | Balance:
+def method_of(orbit: Orbit, origin: Study) -> Method:
     """How to go on from an orbit of a study: as it was found."""
     options = origin.options
-    if isinstance(orbit, BalancedOrbit):
-        return options.method if isinstance(options, BranchOptions) and options.balanced else Balance()
-    return options.method if isinstance(options, BranchOptions) and not options.balanced else Shooting()
+    found = options.method if isinstance(options, BranchOptions) else None
+    return found if found is not None and found.name == orbit.found_by else orbit.method()
 
 
 def _measure(origin: Study, system: System) -> str:

@@ -13,8 +13,7 @@ from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit
 from gapwalk.explorer.workspace import RESULT
 from gapwalk.model.large import MATRICES
 from gapwalk.model.source import parse_source
-from gapwalk.orbit.balance.options import Balance
-from gapwalk.orbit.shooting import Shooting
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.options import DiagramStudyOptions
 
@@ -239,9 +238,9 @@ class _Script:
             self.lines.append("# (it was stopped; the script goes on to the end)")
 
 
-def _option(method: Shooting | Balance) -> str:
+def _option(method: Method) -> str:
     """How orbits are posed, as one argument more; nothing for the default."""
-    return "" if method == Shooting() else f", method={_gw(method)}"
+    return "" if method == chosen(None) else f", method={_gw(method)}"
 
 
 def _gw(value: object) -> str:

@@ -1,16 +1,23 @@
 """One motion: periodic orbits by shooting, Newton's method, Floquet multipliers, measures."""
 
+from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import Equation, Evaluation
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import Instability, classify, multipliers
+from gapwalk.orbit.method import Method, register
 from gapwalk.orbit.newton import Newton
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
+for _method in (Shooting, Balance):  # the default comes first
+    register(_method)
+
 __all__ = [
+    "Balance",
     "Equation",
     "Evaluation",
     "Instability",
+    "Method",
     "Newton",
     "Orbit",
     "Shooting",
@@ -18,4 +25,5 @@ __all__ = [
     "classify",
     "find_orbit",
     "multipliers",
+    "register",
 ]

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, NamedTuple, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.touch import TouchEquation
 
 MAX_PERIOD = 10_000
 """Forcing periods of an orbit, at most; events and samples of each are kept."""
@@ -47,25 +52,6 @@ class Evaluation(NamedTuple):
     by_parameter: NDArray[np.float64] | None
     evidence: Any
     reach: float = math.inf
-
-
-class Method(Protocol):
-    """A way to pose orbits as equations, with its options: `Shooting`, or `Balance`."""
-
-    name: ClassVar[str]
-    """What model files, tables and JSON call it."""
-
-    def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
-        """The equation of the orbits of a system over `period` forcing periods, along a named parameter perhaps."""
-        ...
-
-
-def check_method(method: object) -> None:
-    """Refuse what is no method; None stands for the default."""
-    if method is not None and not hasattr(method, "pose"):
-        raise ModelError(
-            f"method is {method!r}; write method=gw.Balance() for harmonic balance, or method=gw.Shooting()"
-        )
 
 
 class Equation(Protocol):
@@ -117,6 +103,11 @@ class OrbitEquation(Equation, Protocol):
     @property
     def options(self) -> Method:
         """The way in which it is posed; it poses other systems, parameters and periods alike."""
+        ...
+
+    @property
+    def by_touches(self) -> Callable[..., TouchEquation] | None:
+        """Makes the `TouchEquation` of the same orbits, from what that asks for beside them; None if there is none."""
         ...
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:

@@ -14,10 +14,11 @@ from gapwalk.model.system import System, check_system
 from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.motion.motion import check_state
 from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.equation import Method, OrbitEquation, check_method
+from gapwalk.orbit.equation import OrbitEquation
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.orbit.shooting import ShootingEquation
 from gapwalk.orbit.starts import other_starts
 
 _TRANSIENT = 400  # forcing periods at most; Newton takes over from wherever the motion has come to by then
@@ -63,8 +64,7 @@ def find_orbit(
     """
     check_system(system, "find_orbit")
     system = system.at(at, **values)
-    check_method(method)
-    equation = (method or Shooting()).pose(system, None, period)
+    equation = chosen(method).pose(system, None, period)
     if not (isinstance(start, str) and start == "settle"):
         return _solved(equation, equation.start(initial_state(system, start, period)), newton)
     return _found(equation, newton)

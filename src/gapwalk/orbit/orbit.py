@@ -18,6 +18,7 @@ from gapwalk.motion.switching import ContactEvent
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.survey import Survey, Turns, survey
 
 _SIGNS = {1: "+", -1: "-"}
@@ -43,7 +44,17 @@ class Orbit(Shown):
         Largest component by which it fails to close.
     steps
         Integration steps over the orbit: how finely it must be sampled.
+    found_by
+        Name of the method that finds such orbits.
+    is_exact
+        Whether it is a motion to the accuracy of the flow, which carries it once around and back to its state.
+    truncation
+        What the method neglects, relative to the motion: nothing if it is exact.
     """
+
+    found_by: ClassVar[str] = "shooting"
+    is_exact: ClassVar[bool] = True
+    truncation = 0.0
 
     system: System
     period: int
@@ -78,6 +89,20 @@ class Orbit(Shown):
     def multiplier_error(self) -> float:
         """About by how much the multipliers may be off; by shooting nothing but rounding."""
         return 0.0
+
+    @property
+    def harmonics(self) -> int:
+        """H, the highest harmonic of the forcing frequency that it is told in; 0 if it is told by its state."""
+        return 0
+
+    @property
+    def method(self) -> type[Method]:
+        """The method that finds such orbits."""
+        return Method.named(self.found_by)
+
+    def posed_in(self, count: int) -> Method:
+        """The method, with the options with which it poses this orbit in so many unknowns."""
+        return self.method.resolving(self, count)
 
     @cached_property
     def closings(self) -> tuple[int, ...]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,15 @@ from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.motion.switching import ContactEvent
 from gapwalk.orbit.equation import Evaluation, OrbitEquation, check_period
 from gapwalk.orbit.floquet import multipliers
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.touch import TouchEquation
 
 
 @dataclass(frozen=True, slots=True)
-class Shooting:
+class Shooting(Method):
     """How to shoot.
 
     Parameters
@@ -48,6 +53,15 @@ class Shooting:
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> ShootingEquation:
         """The equation of the orbits of a system, by shooting."""
         return ShootingEquation(system, parameter, period, self)
+
+    @classmethod
+    def resolving(cls, orbit: Orbit, count: int) -> Shooting:
+        """In as many segments as it has states."""
+        return cls(max(1, count // (2 * orbit.system.size)))
+
+    def for_loci(self) -> Shooting:
+        """In one segment."""
+        return replace(self, segments=1)
 
 
 @dataclass(frozen=True)
@@ -81,6 +95,13 @@ class ShootingEquation:
         check_period(self.period)
         if self.parameter is not None:
             self.system.structure.place(self.parameter)
+
+    @property
+    def by_touches(self) -> Callable[..., TouchEquation]:
+        """With a segment that begins just before each touch."""
+        from gapwalk.orbit.touch import TouchEquation
+
+        return partial(TouchEquation, self)
 
     @property
     def tolerance(self) -> float:

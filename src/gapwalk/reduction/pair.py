@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import Balance, BalancedOrbit
+from gapwalk.orbit.balance import Balance
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
@@ -110,6 +110,5 @@ def method_for(orbit: Orbit, method: Balance | None) -> Balance:
     if method is not None and not isinstance(method, Balance):
         raise ModelError(f"method is {method!r}; it must be a Balance, as in Balance(harmonics=20)")
     if method is None:
-        found = orbit.deflections.lines.shape[1] - 1 if isinstance(orbit, BalancedOrbit) else 0
-        return Balance(max(_HARMONICS, found // orbit.period), error=1.0)
+        return Balance(max(_HARMONICS, orbit.harmonics), error=1.0)
     return Balance(method.harmonics or _HARMONICS, error=1.0, stability=method.stability, tolerance=method.tolerance)

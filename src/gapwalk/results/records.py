@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from gapwalk.model.structure import ContactForm, HarmonicForm, Structure
 from gapwalk.model.system import System
 from gapwalk.model.train.assembly import TrainAssembly, structure_of
 from gapwalk.orbit.balance.orbit import BalancedOrbit
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.arrays import Node, Reader, Writer
 from gapwalk.results.codec import Column, Converted, MisfitError, OneOf, Record, column_of, register
@@ -151,6 +153,17 @@ def _structure_of(plain: Any) -> Structure:
     return structure
 
 
+def _options_of(name: str) -> Column:
+    """How the options of a method are written, by its name."""
+    return column_of(Method.named(name))
+
+
+@cache
+def _orbits_of(name: str) -> Column:
+    """How orbits of a class are written, by its name: those of a method may know more than others."""
+    return Record({kind.__name__: kind for kind in (Orbit, BalancedOrbit, *Orbit.__subclasses__())}[name])
+
+
 class Kinds(Converted):
     """Kinds of special points, by their names; a text that is the name of one will do."""
 
@@ -164,4 +177,5 @@ class Kinds(Converted):
 register(Kind, Kinds())
 register(System, Systems())
 register(Structure, Converted(Structure, TrainAssembly | PlainStructure, _plain_structure, _structure_of))
-register(Orbit, OneOf.of((Record(Orbit), Record(BalancedOrbit))))
+register(Method, OneOf(lambda value: value.name if isinstance(value, Method) else None, _options_of))
+register(Orbit, OneOf(lambda value: type(value).__name__ if isinstance(value, Orbit) else None, _orbits_of))

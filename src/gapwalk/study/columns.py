@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from gapwalk.bifurcation.locus import LocusPoint
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.options import BranchOptions
@@ -25,17 +24,17 @@ def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
 
 def method_names(options: BranchOptions) -> list[str]:
     """The headings of what a method has to say of each orbit: of harmonic balance its harmonics and what they lack."""
-    return ["harmonics", "truncation"] if options.balanced else []
+    return list(options.method.columns)
 
 
 def method_values(orbit: Orbit) -> list[float]:
-    """The number of harmonics and the truncation error of an orbit; nothing of one that was found by shooting."""
-    return [orbit.harmonics, orbit.truncation] if isinstance(orbit, BalancedOrbit) else []
+    """The values under those headings: nothing of an orbit that was found by shooting."""
+    return [getattr(orbit, name) for name in orbit.method.columns]
 
 
 def method_document(orbit: Orbit) -> dict[str, float]:
     """The same as JSON values."""
-    return dict(zip(("harmonics", "truncation"), method_values(orbit), strict=False))
+    return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
 
 
 def with_units(headings: Iterable[str], system: System) -> list[str]:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, model_validator
 
 from gapwalk.model.fields import Count, Positive, one_of
 from gapwalk.model.schema import Part
 from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 
 
-class MethodName(StrEnum):
-    """The ways to find orbits, as a model file calls them."""
-
-    SHOOTING = Shooting.name
-    BALANCE = Balance.name
+def method_name(value: object) -> str:
+    """The name of a method; a ValueError for what is none."""
+    return one_of(method.name for method in Method.known())(value)
 
 
 class Stability(StrEnum):
@@ -27,35 +26,36 @@ class Stability(StrEnum):
     HILL = "hill"
 
 
-class ShootingPart(Part):
+class MethodPart(Part):
+    """Numerical options of orbits that are found by one method."""
+
+    method: ClassVar[type[Method]]
+
+    @model_validator(mode="after")
+    def _makes_options(self) -> MethodPart:
+        self.options()
+        return self
+
+    def options(self) -> Any:
+        """The options; what the table does not give has the default of the method."""
+        return self.method(**self.model_dump(exclude_unset=True, mode="json"))
+
+
+class ShootingPart(MethodPart):
     """Numerical options of orbits that are found by shooting: ``[study.shooting]``."""
+
+    method: ClassVar[type[Method]] = Shooting
 
     segments: Count | None = None
     tolerance: Positive | None = None
 
-    @model_validator(mode="after")
-    def _makes_options(self) -> ShootingPart:
-        self.options()
-        return self
 
-    def options(self) -> Shooting:
-        """The options; what the table does not give has the default of `Shooting`."""
-        return Shooting(**self.model_dump(exclude_unset=True))
-
-
-class BalancePart(Part):
+class BalancePart(MethodPart):
     """Numerical options of orbits that are found by harmonic balance: ``[study.balance]``."""
+
+    method: ClassVar[type[Method]] = Balance
 
     harmonics: Count | None = None
     error: Positive | None = None
     stability: Annotated[Stability, BeforeValidator(one_of(Stability))] | None = None
     tolerance: Positive | None = None
-
-    @model_validator(mode="after")
-    def _makes_options(self) -> BalancePart:
-        self.options()
-        return self
-
-    def options(self) -> Balance:
-        """The options; what the table does not give has the default of `Balance`."""
-        return Balance(**self.model_dump(exclude_unset=True, mode="json"))

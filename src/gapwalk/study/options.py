@@ -11,6 +11,7 @@ from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.search import SearchOptions
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.results.codec import Column, OneOf, column_of, register
 from gapwalk.study.diagram.diagram import DiagramOptions
@@ -74,7 +75,7 @@ class BranchOptions(StudyOptions):
     period: int = 1
     start: Start | tuple[float, ...] = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
-    method: Shooting | Balance = field(default_factory=Shooting)
+    method: Method = field(default_factory=Shooting)
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
 
     @property
@@ -84,7 +85,7 @@ class BranchOptions(StudyOptions):
 
     @property
     def balanced(self) -> bool:
-        """Whether its orbits are found by harmonic balance."""
+        """Whether its orbits are stored with their series."""
         return isinstance(self.method, Balance)
 
     @property

@@ -26,9 +26,12 @@ from gapwalk.model.problem import did_you_mean, given
 from gapwalk.model.schema import Part, by_shape, tagged
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
+from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.equation import MAX_PERIOD
 from gapwalk.orbit.measures import MEASURES
-from gapwalk.study.method_table import BalancePart, MethodName, ShootingPart
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.study.method_table import BalancePart, ShootingPart, method_name
 from gapwalk.study.options import Start, StudyOptions
 
 
@@ -259,7 +262,7 @@ class BranchPart(RangePart):
     start: StartOrState = Start.SETTLE
     measure: Text = ""
     walk: WalkPart = Field(default_factory=WalkPart)
-    method: Annotated[MethodName, BeforeValidator(one_of(MethodName))] | None = None
+    method: Annotated[str, BeforeValidator(method_name)] | None = None
     shooting: ShootingPart = Field(default_factory=ShootingPart)  # both may stand, so that one word changes the method
     balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)
     verify: bool = False
@@ -280,12 +283,11 @@ class BranchPart(RangePart):
 
     @field_validator("method")
     @classmethod
-    def _has_contacts(cls, method: MethodName | None, info: ValidationInfo[Surroundings]) -> MethodName | None:
-        system = info.context.system
-        if method is MethodName.BALANCE and system and not system.structure.contacts:
+    def _has_contacts(cls, method: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+        system, needs = info.context.system, Method.named(method).needs_contacts if method else ""
+        if needs and system and not system.structure.contacts:
             raise ValueError(
-                f"is {given(method.value)}, which solves for the deflections of contacts, and there is no contact; "
-                f"write {given(MethodName.SHOOTING.value)}"
+                f"is {given(method)}, which {needs}, and there is no contact; write {given(Shooting.name)}"
             )
         return method
 
@@ -294,23 +296,31 @@ class BranchPart(RangePart):
     def _is_meant(cls, balance: object, info: ValidationInfo[Surroundings]) -> object:
         if isinstance(balance, Mapping) and info.data.get("method", "") is None:
             raise ValueError(
-                f"is for harmonic balance, but no method is named, which means {given(MethodName.SHOOTING.value)}; "
-                f"write method = {given(MethodName.BALANCE.value)} in the study, or leave the table out"
+                f"is for harmonic balance, but no method is named, which means {given(Shooting.name)}; "
+                f"write method = {given(Balance.name)} in the study, or leave the table out"
             )
         return balance
 
     @field_validator("balance")
     @classmethod
     def _suits_the_excitation(cls, balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
-        if info.context.system and info.data.get("method") is MethodName.BALANCE:
+        if info.context.system and info.data.get("method") == Balance.name:
             balance.options().pose(info.context.system)
         return balance
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """The table of the other method, if there is one."""
-        other = "shooting" if self.method is MethodName.BALANCE else "balance"
-        return (f"study.{other}",) if other in self.model_fields_set else ()
+        """The tables of other methods, if there are any."""
+        return tuple(
+            f"study.{name}"
+            for name in ("shooting", "balance")
+            if name in self.model_fields_set and getattr(self, name).method.name != (self.method or Shooting.name)
+        )
+
+    def _options(self) -> Method:
+        """The method with its options: the defaults, where no table is for it."""
+        method = Method.named(self.method or Shooting.name)
+        return next((part.options() for part in (self.shooting, self.balance) if part.method is method), method())
 
     def given(self, system: System) -> dict[str, Any]:
         """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""
@@ -321,7 +331,7 @@ class BranchPart(RangePart):
             "measure": self.measure or f"half.{system.coordinates[0]}",
             "walk": self.walk.options(),
             "verify": self.verify,
-            "method": (self.balance if self.method is MethodName.BALANCE else self.shooting).options(),
+            "method": self._options(),
         }
         if "period" in self.model_fields_set:
             found["period"] = self.period

@@ -7,6 +7,8 @@ spectrum in closed form. What is neglected is no fault, so an exact motion may b
 from __future__ import annotations
 
 import math
+from functools import singledispatch
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -33,8 +35,8 @@ _NEAR = 0.05  # distance of a multiplier from where an orbit vanishes or loses s
 _BATCH = 2_000_000  # numbers of the waves of one batch of panels
 
 
-def verify_balanced(ledger: Ledger, name: str, track: Track) -> None:
-    """Check the balanced orbits of a branch."""
+def verify_truncated(ledger: Ledger, name: str, track: Track) -> None:
+    """Check the orbits of a branch that are not exact."""
     branch = track.branch
     points = [(Spot(name, f"point {number}", point.value), point) for number, point in enumerate(branch.points)]
     special = [
@@ -44,9 +46,9 @@ def verify_balanced(ledger: Ledger, name: str, track: Track) -> None:
     for spot, point in (*points, *special):
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
         ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point))
-        lines, astray = imbalance(_balanced(point.orbit))
-        ledger.enter(Check.LINES, spot, lines)
-        ledger.enter(Check.STAGES, spot, astray)
+        if (off := imbalance(point.orbit)) is not None:
+            ledger.enter(Check.LINES, spot, off.lines)
+            ledger.enter(Check.STAGES, spot, off.astray)
     if branch.system.size >= _LARGE:
         ledger.note(f"{name}: with {branch.system.size} degrees of freedom no exact motions were set beside it")
         return
@@ -55,11 +57,29 @@ def verify_balanced(ledger: Ledger, name: str, track: Track) -> None:
         _beside_exact(ledger, spot, point)
 
 
-def imbalance(orbit: BalancedOrbit) -> tuple[float, float]:
-    """How far the lines of an orbit are from satisfying the equations of motion, and how far it is astray.
+class Imbalance(NamedTuple):
+    """How far an orbit that is not exact is from what it says of itself.
 
-    The first relative to the largest term of the equations, the second as `gapwalk.verification.carry.Round.astray`.
+    Attributes
+    ----------
+    lines
+        How far its lines are from satisfying the equations of motion, relative to the largest term of these.
+    astray
+        As `gapwalk.verification.carry.Round.astray`.
     """
+
+    lines: float
+    astray: float
+
+
+@singledispatch
+def imbalance(orbit: Orbit) -> Imbalance | None:
+    """How far the lines of an orbit are from satisfying the equations of motion; None for a class that has no lines."""
+    return None
+
+
+@imbalance.register(BalancedOrbit)
+def _of_series(orbit: BalancedOrbit) -> Imbalance:
     system, count = orbit.system, orbit.series.lines.shape[1] - 1
     equations = Equations([system])
     total = np.zeros((system.size, count + 1), dtype=complex)
@@ -75,7 +95,8 @@ def imbalance(orbit: BalancedOrbit) -> tuple[float, float]:
         largest = max(largest, float(np.abs(accelerations).max()), float(np.abs(rates).max()))
         astray = max(astray, _astray(orbit, theta, depths))
     total *= np.where(np.arange(count + 1), 2.0, 1.0) / (_PERIOD * orbit.period)
-    return float(np.abs(total).max()) / max(largest, np.finfo(float).tiny), astray / max(length, np.finfo(float).tiny)
+    tiny = np.finfo(float).tiny
+    return Imbalance(float(np.abs(total).max()) / max(largest, tiny), astray / max(length, tiny))
 
 
 def _panels(orbit: BalancedOrbit, count: int):
@@ -116,8 +137,8 @@ def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64
 
 
 def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
-    """Look for an exact motion beside a balanced one, and compare their states and stability."""
-    orbit = _balanced(point.orbit)
+    """Look for an exact motion beside one that is not, and compare their states and stability."""
+    orbit = point.orbit
     near = float(np.abs(orbit.multipliers - 1.0).min())
     if near < _NEAR:
         return  # beside a fold or a branch point
@@ -143,8 +164,3 @@ def _is_undecided(orbit: Orbit, error: float) -> bool:
     """Whether what is neglected may change the number of unstable multipliers."""
     distances = np.abs(np.abs(orbit.multipliers) - 1.0)
     return is_on_border(orbit.multipliers) or bool(distances.min() < max(_NEAR, error))
-
-
-def _balanced(orbit: Orbit) -> BalancedOrbit:
-    assert isinstance(orbit, BalancedOrbit)
-    return orbit

@@ -16,7 +16,7 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.verification.balanced import verify_balanced
+from gapwalk.verification.balanced import verify_truncated
 from gapwalk.verification.carry import Round, carry
 from gapwalk.verification.gaps import gap
 from gapwalk.verification.multipliers import distance, reshoot, spread
@@ -57,12 +57,12 @@ def verify_branches(
         The range over which they were followed, if it is known.
     """
     tracks = [(name, Track(branch)) for name, branch in branches]
-    _verify_orbits(ledger, [(name, track) for name, track in tracks if not track.balanced], advance)
+    _verify_orbits(ledger, [(name, track) for name, track in tracks if track.is_exact], advance)
     for done, (name, track) in enumerate(tracks):
         if advance is not None:
             advance("branches", done, len(tracks))
-        if track.balanced:
-            verify_balanced(ledger, name, track)
+        if not track.is_exact:
+            verify_truncated(ledger, name, track)
         verify_order(ledger, name, track.branch)
         verify_ends(ledger, name, track, within)
         _verify_gaps(ledger, name, track)
@@ -80,7 +80,7 @@ def _spots(name: str, branch: Branch) -> Iterator[tuple[Spot, BranchPoint]]:
 
 
 def _verify_orbits(ledger: Ledger, tracks: Sequence[tuple[str, Track]], advance: Advance | None) -> None:
-    """Check orbits by shooting: all branches side by side, for that is how they are carried."""
+    """Check exact orbits by shooting: all branches side by side, for that is how they are carried."""
     every = [(spot, point, track) for name, track in tracks for spot, point in _spots(name, track.branch)]
     orbits = [point.orbit for _, point, _ in every]
 

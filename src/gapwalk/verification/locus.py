@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.locus import Locus, LocusPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.balanced import imbalance
 from gapwalk.verification.carry import Round, carry
@@ -31,8 +30,10 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
             (Spot(name, f"point {number}", locus.points[number].values[0]), locus.points[number]) for number in numbers
         ]
         ledger.points += len(points)
-        if isinstance(locus.points[0].orbit, BalancedOrbit):
-            _verify_balanced(ledger, points)
+        if not locus.points[0].orbit.is_exact:
+            for spot, point in points:
+                if (off := imbalance(point.orbit)) is not None:
+                    ledger.enter(Check.LINES, spot, off.lines)
             ledger.note(
                 "of balanced loci the lines are verified, but not their condition, which holds up to the truncation"
             )
@@ -40,12 +41,6 @@ def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Adva
         rounds = carry([point.orbit for _, point in points])
         for (spot, point), around in zip(points, rounds, strict=True):
             _verify_point(ledger, spot, locus, point, around)
-
-
-def _verify_balanced(ledger: Ledger, points: Sequence[tuple[Spot, LocusPoint]]) -> None:
-    for spot, point in points:
-        assert isinstance(point.orbit, BalancedOrbit)
-        ledger.enter(Check.LINES, spot, imbalance(point.orbit)[0])
 
 
 def _verify_point(ledger: Ledger, spot: Spot, locus: Locus, point: LocusPoint, around: Round) -> None:

@@ -17,7 +17,6 @@ from gapwalk.bifurcation.second import SecondOpinion
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 from gapwalk.verification.track import Track
 
@@ -49,7 +48,7 @@ def nature_faults(
     try:
         if special.kind is Kind.FOLD:
             found = _fold(second, special, before, after)
-        elif special.kind is Kind.FLIP and not isinstance(special.orbit, BalancedOrbit):
+        elif special.kind is Kind.FLIP and special.orbit.is_exact:
             found = _flip(track, special, before, after)
         else:
             return

@@ -14,21 +14,20 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.scales import powers_of_two
-from gapwalk.orbit.balance import Balance, BalancedOrbit
-from gapwalk.orbit.equation import OrbitEquation
+from gapwalk.orbit.equation import Equation, OrbitEquation
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 CROSSING = 1e-6
 """Regularity of a point below which branches cross there; by a fold it is 1e-4 and more."""
 
 _ASIDE = 1e-7  # the longest Newton step after which a walk takes the multipliers of the point before it
 _LOOSE = 10.0  # times the residual that a walk trusts which is allowed: states elsewhere may be larger
+_TOLD_APART = 2.0  # a frequency by which scales of velocities differ from those of lengths
 _WAYS, _SEED = 3, 1995  # random directions of such a step
 
 
 class Track:
-    """Corrects onto a branch; by harmonic balance with as many harmonics as a point has.
+    """Corrects onto a branch, as finely as each of its points is resolved.
 
     Parameters
     ----------
@@ -39,12 +38,12 @@ class Track:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         self.knots: Sequence[BranchPoint] = [*branch.points, *(special.point for special in branch.special_points)]
-        self.balanced = isinstance(branch.points[0].orbit, BalancedOrbit)
+        self.is_exact = branch.points[0].orbit.is_exact
         self.corrector = cache(self._corrector)
 
     @property
     def segments(self) -> int:
-        """Segments with which it was shot."""
+        """Segments with which it was shot, if it was."""
         return max(1, (len(self.branch.points[0].x) - 1) // (2 * self.branch.system.size))
 
     def corrector_at(self, point: BranchPoint) -> Corrector:
@@ -73,7 +72,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = corrector.equation.unknowns(orbit) if self.balanced else orbit.state
+        known = self._told(corrector.equation, orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]
@@ -94,30 +93,29 @@ class Track:
         residual = point.orbit.residual
         if not residual >= 0.0:
             return math.inf
-        if self.balanced:
+        if not self.is_exact:
             return 0.0 if math.isfinite(residual) else math.inf
         size = max(float(np.abs(point.orbit.state).max()), float(np.abs(point.orbit.extremes[:, :2]).max()))
         scales = self.corrector_at(point).scales[:-1]
         return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
+    def _told(self, equation: Equation, orbit: Orbit) -> NDArray[np.float64]:
+        """The first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
+        return orbit.state if self.is_exact else equation.unknowns(orbit)
+
     def _corrector(self, count: int) -> Corrector:
         """The corrector of points with so many scaled variables."""
         branch = self.branch
         fellows = [point for point in self.knots if len(point.x) == count]
-        if self.balanced:
-            harmonics = max(_harmonics(point.orbit) for point in fellows)
-            equation = Balance(harmonics).pose(branch.system, branch.parameter, branch.period)
-            known = np.array([equation.unknowns(point.orbit) for point in fellows])
-            scale = np.full(count - 1, _ratio(known, np.array([point.x[:-1] for point in fellows])))
-        else:
-            equation = ShootingEquation(branch.system, branch.parameter, branch.period, Shooting(self.segments))
-            size = 2 * branch.system.size
-            states, x = (np.array([part(p) for p in fellows]) for part in (_state, lambda p: p.x[:size]))
-            half = size // 2
-            positions, velocities = (
-                _ratio(states[:, part], x[:, part]) for part in (slice(0, half), slice(half, size))
-            )
-            scale = np.tile(np.repeat([positions, velocities], half), self.segments)
+        orbit = fellows[0].orbit
+        equation = orbit.posed_in(count - 1).pose(branch.system, branch.parameter, branch.period)
+        known = np.array([self._told(equation, point.orbit) for point in fellows])
+        x = np.array([point.x[: known.shape[1]] for point in fellows])
+        units, scale = equation.scales(1.0, _TOLD_APART), np.empty(count - 1)
+        for unit in np.unique(units):  # lengths have one scale, velocities another
+            alike = units == unit
+            part = alike[: known.shape[1]]
+            scale[alike] = _ratio(known[:, part], x[:, part])
         values, labels = (np.array([[part(p)] for p in fellows]) for part in (lambda p: p.value, lambda p: p.x[-1]))
         return Corrector(equation, powers_of_two(np.append(scale, _ratio(values, labels))))
 
@@ -128,12 +126,3 @@ def _ratio(physical: NDArray[np.float64], scaled: NDArray[np.float64]) -> float:
     ratios = np.abs(physical).max(axis=1)[sizes > 0.0] / sizes[sizes > 0.0]
     ratios = ratios[ratios > 0.0]
     return float(np.median(ratios)) if len(ratios) else 1.0
-
-
-def _state(point: BranchPoint) -> NDArray[np.float64]:
-    return point.orbit.state
-
-
-def _harmonics(orbit: Orbit) -> int:
-    assert isinstance(orbit, BalancedOrbit)
-    return orbit.harmonics

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin
 from gapwalk.bifurcation.doubling import halves_apart
 from gapwalk.continuation.point import BranchPoint
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _CLOSE = 1e-2  # distance of the halves of an orbit within which a doubled branch may end before its parent
-_TRUNCATED = 30.0  # times what is neglected by which balanced orbits may differ, for that is not the same on both
+_TRUNCATED = 30.0  # times what is neglected by which orbits may differ, for that is not the same on both
 
 
 def verify_tree(ledger: Ledger, diagram: Diagram) -> None:
@@ -35,13 +34,14 @@ def _verify_end(
         return
     special = parent.branch.special_points[origin.special]
     detail = f"from special point {origin.special} of {origin.parent}"
-    doubles = special.kind is Kind.FLIP
-    if special.kind not in (Kind.FLIP, Kind.BRANCH_POINT) or limb.period != parent.period * (2 if doubles else 1):
+    if not special.kind.ways or limb.period != parent.period * special.kind.times:
         ledger.enter(Check.TREE, spot, np.inf, f"{detail}, a {special.kind.value} of period {parent.period}")
         return
     apart = _apart(special, end.orbit)
     slack = 0.0
-    if doubles and origin == limb.joins:  # it may end just before its parent, whose orbit is the mean of its halves
+    if (
+        special.kind.times == 2 and origin == limb.joins
+    ):  # it may end just before its parent, whose orbit is the mean of its halves
         halves = float(np.abs(halves_apart(end.orbit)).max())
         slack = halves if halves < _CLOSE else 0.0
     ledger.enter(Check.TREE, spot, max(0.0, apart - slack - _neglected(special.orbit, end.orbit)), detail)
@@ -54,4 +54,4 @@ def _apart(special: SpecialPoint, orbit: Orbit) -> float:
 
 
 def _neglected(*orbits: Orbit) -> float:
-    return _TRUNCATED * max((orbit.truncation for orbit in orbits if isinstance(orbit, BalancedOrbit)), default=0.0)
+    return _TRUNCATED * max(orbit.truncation for orbit in orbits)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import combinations
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import Departure
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.membership import Curve, lies_on
@@ -15,10 +15,7 @@ from gapwalk.bifurcation.switch import switch
 from gapwalk.bifurcation.trail import Trail
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.orbit.balance import Balance, BalancedOrbit
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.shooting import Shooting
 from gapwalk.verification.verification import Check, Ledger, Spot
 
 _POINTS = 6  # of a branch that is looked for: far enough from its beginning to tell it from others
@@ -47,33 +44,28 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
     curves = {limb.name: Curve(limb.branch) for limb in diagram.limbs}
     for limb in diagram.limbs:
         for index, special in enumerate(limb.branch.special_points):
-            period = _period_beyond(limb, special)
-            if period is None or period > diagram.max_period or _is_told(diagram, limb, index):
+            period = limb.period * special.kind.times
+            if not special.kind.ways or period > diagram.max_period or _is_told(diagram, limb, index):
                 continue
             fellows = [curves[each.name] for each in diagram.limbs if each.period == period]
-            missing = _is_missing(diagram, limb, special, fellows)
+            missing = _is_missing(diagram, special, fellows)
             spot = Spot(limb.name, f"special point {index} ({special.kind.value})", special.value)
             detail = f"a branch of period {period} leaves it, and is not there"
             ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
 
 
-def _period_beyond(limb: Limb, special: SpecialPoint) -> int | None:
-    """The period of the branch that leaves a special point; None if none does."""
-    return {Kind.FLIP: 2 * limb.period, Kind.BRANCH_POINT: limb.period}.get(special.kind)
-
-
 def _is_told(diagram: Diagram, limb: Limb, index: int) -> bool:
     """Whether all that leaves a special point is there, or the diagram says that it could not be walked."""
     special = limb.branch.special_points[index]
-    leaving = 1 if special.kind is Kind.FLIP else 2
     failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
-    return failed or len(diagram.attached(limb.name, index)) >= leaving
+    return failed or len(diagram.attached(limb.name, index)) >= special.kind.ways
 
 
-def _is_missing(diagram: Diagram, limb: Limb, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
+def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
     """Whether a branch that leaves a special point lies on none of those that are there."""
     try:
-        departures = switch(special, diagram.parameter, diagram.within, _method(limb, special))
+        method = special.orbit.posed_in(len(special.point.x) - 1)
+        departures = switch(special, diagram.parameter, diagram.within, method)
         beginnings = [_beginning(departure) for departure in departures]
     except (NumericalError, ModelError):
         return False
@@ -85,12 +77,6 @@ def _beginning(departure: Departure) -> Orbit | None:
     """A motion of a branch a few points from its beginning; None if it has none."""
     points = [point for point, _ in Trail(departure, WalkOptions(max_points=_POINTS))]
     return points[len(points) // 2].orbit if points else None
-
-
-def _method(limb: Limb, special: SpecialPoint) -> Method:
-    if isinstance(special.orbit, BalancedOrbit):
-        return Balance(special.orbit.harmonics)
-    return Shooting(max(1, (len(special.point.x) - 1) // (2 * limb.branch.system.size)))
 
 
 def _overlap(one: Branch, other: Branch) -> bool:

@@ -13,7 +13,7 @@ from gapwalk.bifurcation.switch import from_crossing
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 _AROUND = 5e-3  # arclength within which a second opinion looks for a branch point
 _WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: where a contact grazes near, the branch is smooth in small ones only
@@ -26,6 +26,7 @@ class BranchPointKind(Kind):
     turn = 1
     symbol = Symbol("branch point (BP)", "BP", "P", 6.5, "purple")
     target = 1.0
+    ways = 2
     moves_through_one = True
     sign_change = "another branch crosses"
 

@@ -14,7 +14,7 @@ from gapwalk.bifurcation.nature import with_nature
 from gapwalk.bifurcation.switch import from_flip
 from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.range import Range
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 
 class Flip(Kind):
@@ -22,6 +22,7 @@ class Flip(Kind):
 
     symbol = Symbol("flip (PD)", "PD", "D", 4.3, "vermillion", (0.0, (4.5, 1.4)))
     target = -1.0
+    ways, times = 1, 2
     sign_change = "a flip is passed"
 
     def function(self, point: BranchPoint) -> float:

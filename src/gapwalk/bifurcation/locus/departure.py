@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from itertools import product
 
 import numpy as np
@@ -23,8 +24,8 @@ from gapwalk.continuation.scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.motion.flow import PERIOD
 from gapwalk.motion.motion import switch_names
-from gapwalk.orbit.balance import Balance, BalancedOrbit
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.balance import Balance
+from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.shooting import Shooting
 
@@ -86,7 +87,7 @@ def depart_locus(
         If the point is none, to the tolerance of the method.
     """
     within = _checked(special, first, second, to)
-    corrector, there = _started(_plane_of(special, (first, second), method), special, within)
+    corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
     back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
     return [LocusDeparture(special.kind, corrector, point, within, special.contact) for point in (back, there)]
 
@@ -158,25 +159,33 @@ def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
     return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
 
 
-def _plane_of(special: SpecialPoint, names: tuple[str, str], method: Method | None) -> OrbitPlane:
-    """The orbits like that of a special point in the plane of two parameters."""
-    system, period = special.orbit.system, special.orbit.period
-    match method:
-        case None:
-            return ShotPlane(system, names, period)
-        case Shooting(segments=1):
-            return ShotPlane(system, names, period, method)
-        case Shooting():
-            raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
-        case Balance():
-            from gapwalk.bifurcation.locus.balanced_plane import BalancedPlane  # loads numba, which takes time
+@singledispatch
+def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    """The orbits like that of a special point in the plane of two parameters, as a method poses them.
 
-            harmonics = method.pose(system, None, period).harmonics
-            if method.harmonics is None and isinstance(special.orbit, BalancedOrbit):
-                harmonics = max(harmonics, special.orbit.harmonics)
-            return BalancedPlane(system, names, period, method, harmonics)
-        case _:
-            raise ModelError(f"the method is {method.name}; write Shooting() or Balance()")
+    Raises
+    ------
+    ModelError
+        Where none is registered for the method, or its options do not suit loci.
+    """
+    raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
+
+
+@plane_of.register(Shooting)
+def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    if method.segments > 1:
+        raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
+    return ShotPlane(orbit.system, names, orbit.period, method)
+
+
+@plane_of.register(Balance)
+def _balanced(method: Balance, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    from gapwalk.bifurcation.locus.balanced_plane import BalancedPlane  # loads numba, which takes time
+
+    harmonics = method.pose(orbit.system, None, orbit.period).harmonics
+    if method.harmonics is None:
+        harmonics = max(harmonics, orbit.harmonics)
+    return BalancedPlane(orbit.system, names, orbit.period, method, harmonics)
 
 
 def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):

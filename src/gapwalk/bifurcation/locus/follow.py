@@ -12,7 +12,7 @@ from gapwalk.bifurcation.locus.trail import LocusStep, LocusTrail
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.continuation.tracing import Tracing
 from gapwalk.errors import Interrupted
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 LocusReport = Callable[[LocusPoint, list[Codim2Point]], None]
 """Called with each new point and the points of codimension two before it."""

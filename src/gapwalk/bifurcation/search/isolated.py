@@ -11,7 +11,7 @@ from gapwalk.bifurcation.membership import Curve
 from gapwalk.bifurcation.search.result import Found
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, NumericalError
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from gapwalk.bifurcation.search.result import Found, SearchResult, Tally
 from gapwalk.bifurcation.search.starts import spread_starts, state_box
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -123,8 +122,8 @@ def _chunks(
 
 
 def _exact(orbit: Orbit) -> Orbit | None:
-    """An orbit of a known branch as transients and Newton's method see it; None if there is none by a balanced one."""
-    return exact_orbit(orbit.system, orbit.period, orbit.state) if isinstance(orbit, BalancedOrbit) else orbit
+    """An orbit of a known branch as transients and Newton's method see it; None if there is none."""
+    return orbit if orbit.is_exact else exact_orbit(orbit.system, orbit.period, orbit.state)
 
 
 def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:

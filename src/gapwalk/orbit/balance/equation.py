@@ -104,6 +104,11 @@ class BalanceEquation:
             )
 
     @property
+    def by_touches(self) -> None:
+        """None: no time of a contact is among its unknowns."""
+        return None
+
+    @property
     def tolerance(self) -> float:
         """Largest residual of an orbit, relative to the size of its lines."""
         return self.options.tolerance
@@ -202,7 +207,7 @@ class BalanceEquation:
 
     def doubt(self, orbit: Orbit) -> str:
         """Why a solution is no motion that can be trusted, and what to change; empty if it is one."""
-        if not isinstance(orbit, BalancedOrbit) or orbit.truncation <= self.options.error:
+        if orbit.truncation <= self.options.error:
             return ""
         text = (
             f"the harmonics beyond H = {self.harmonics} amount to {orbit.truncation:.4g} of the motion, and error = "

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
     from gapwalk.orbit.balance.equation import BalanceEquation
@@ -16,7 +19,7 @@ STABILITIES = ("variational", "hill")
 
 
 @dataclass(frozen=True, slots=True)
-class Balance:
+class Balance(Method):
     """Harmonic balance: the motion as a Fourier series, its contact forces exact in the breakpoints.
 
     Parameters
@@ -35,6 +38,8 @@ class Balance:
     """
 
     name: ClassVar[str] = "harmonic-balance"
+    columns: ClassVar[tuple[str, ...]] = ("harmonics", "truncation")
+    needs_contacts: ClassVar[str] = "solves for the deflections of contacts"
 
     harmonics: int | None = None
     error: float = 1e-4
@@ -60,3 +65,18 @@ class Balance:
 
         first = max(_FIRST, 2 * max((harmonic.order for harmonic in system.structure.harmonics), default=1))
         return BalanceEquation(system, parameter, period, self, self.harmonics or first)
+
+    @classmethod
+    def resolving(cls, orbit: Orbit, count: int) -> Balance:
+        """With as many harmonics as the orbit has."""
+        return cls(orbit.harmonics)
+
+    @staticmethod
+    def words(orbits: Sequence[Orbit]) -> str:
+        """How many harmonics they have, and what those beyond amount to."""
+        fewest, most = (choose(orbit.harmonics for orbit in orbits) for choose in (min, max))
+        count = f"{most}" if fewest == most else f"{fewest} to {most}"
+        return (
+            f"by harmonic balance with {count} harmonics: those beyond amount to "
+            f"{max(orbit.truncation for orbit in orbits):.2g} of a motion at most"
+        )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +36,12 @@ class BalancedOrbit(Orbit):
         largest amplitude of the deflections.
     """
 
+    found_by: ClassVar[str] = "harmonic-balance"
+    is_exact: ClassVar[bool] = False
+
     series: Series
     deflections: Series
-    truncation: float
+    truncation: float = field()
 
     def _check_read(self) -> None:
         """A ValueError if its parts do not fit together."""

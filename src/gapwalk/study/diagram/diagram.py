@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.departure import depart, directions
 from gapwalk.bifurcation.diagram import Diagram, Limb, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
@@ -19,8 +19,8 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.interruption import found_by
 from gapwalk.study.work.workers import Workers, workers
@@ -294,8 +294,7 @@ class Grower:
 
         def is_new(index: int) -> bool:
             origin, special, _ = buds[index]
-            needed = 1 if special.kind is Kind.FLIP else 2
-            return not is_attached(self.diagram, origin, needed) and not self._full()
+            return not is_attached(self.diagram, origin, special.kind.ways) and not self._full()
 
         def accept(index: int, branch: Branch | str) -> None:
             if isinstance(branch, Branch) and any(_is_same_branch(known, branch) for known in self.branches):
@@ -334,10 +333,8 @@ def _buds(limb: Limb, max_period: int) -> list[tuple[Origin, SpecialPoint, int]]
     """The special points of a branch from which others leave, and which of their directions."""
     buds = []
     for index, special in enumerate(limb.branch.special_points):
-        if special.kind is Kind.FLIP and 2 * limb.period <= max_period:
-            buds.append((Origin(limb.name, index), special, 0))
-        if special.kind is Kind.BRANCH_POINT:
-            buds += [(Origin(limb.name, index), special, way) for way in (0, 1)]
+        if special.kind.times * limb.period <= max(limb.period, max_period):
+            buds += [(Origin(limb.name, index), special, way) for way in range(special.kind.ways)]
     return buds
 
 

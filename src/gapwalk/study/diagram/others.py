@@ -10,7 +10,7 @@ from gapwalk.bifurcation.search import Progress
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.study.diagram.diagram import DiagramOptions, Grower, Growth, Report, empty_diagram
 
 _VALUES = 60  # of the parameter, at which is searched by default

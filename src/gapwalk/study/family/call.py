@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.results.file import Part, Parts
 from gapwalk.study.family.job import FamilyJob, Walk
@@ -38,15 +38,15 @@ class FamilyCall(Call):
     start: str | tuple[float, ...]
     period: int
     walk: WalkOptions | None
-    method: Shooting | Balance
+    method: Method
     options: FamilyOptions
 
     @classmethod
     def of(cls, job: FamilyJob) -> FamilyCall:
         """The call that a job does; a ModelError for a method that cannot be kept."""
         made, how, method = job.family, job.how, job.how.method or Shooting()
-        if not isinstance(method, Shooting | Balance):
-            raise ModelError(f"{method!r:.60} cannot be kept in a file; leave output out, or use Shooting or Balance")
+        if not isinstance(method, Method):
+            raise ModelError(f"{method!r:.60} cannot be kept in a file; leave output out, or derive it from Method")
         start = how.start if isinstance(how.start, str) else tuple(float(each) for each in how.start)
         plane = (made.system, made.parameter, made.over, how.begin, how.end)
         return cls(*plane, start, how.period, how.walk, method, job.options)

@@ -11,7 +11,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.results.faults import undamaged
 from gapwalk.study.family.call import FamilyCall, keep_part, stored_parts
 from gapwalk.study.family.job import FamilyJob, Report, Walk

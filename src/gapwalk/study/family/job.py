@@ -10,8 +10,8 @@ from gapwalk.bifurcation.follow import follow
 from gapwalk.continuation.options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.method import Method
 from gapwalk.study.diagram.diagram import DiagramOptions, grow
 from gapwalk.study.family.gap import Gap
 from gapwalk.study.family.joining import join

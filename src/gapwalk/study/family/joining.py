@@ -7,7 +7,6 @@ from collections.abc import Callable
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.identity import is_same
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.family.gap import Gap
@@ -19,7 +18,7 @@ from gapwalk.study.family.trace import Trace, farthest, trace
 Specials = dict[Place, SpecialPoint]
 
 _SAME = 1e-5  # distance of two special points, in widths of the range, and of their orbits, within which they are one
-_TRUNCATED = 30.0  # the same of balanced ones, in the share of the motion that they neglect: contacts amplify it
+_TRUNCATED = 30.0  # the same in the share of the motion that is neglected: contacts amplify it
 
 
 def join(gap: Gap) -> tuple[Joint, ...]:
@@ -156,4 +155,4 @@ class _Joiner:
 
 def _tolerance(orbit: Orbit) -> float:
     """Distance within which an orbit at a special point is the one that was followed to there, exactly."""
-    return max(_SAME, _TRUNCATED * orbit.truncation) if isinstance(orbit, BalancedOrbit) else _SAME
+    return max(_SAME, _TRUNCATED * orbit.truncation)

@@ -15,9 +15,9 @@ from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
 from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.progress import shows_progress
-from gapwalk.orbit.equation import Method
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.identity import phases
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.study.diagram.diagram import DiagramOptions, grow
 from gapwalk.study.locus.which import Which
