@@ -1,6 +1,8 @@
 import io
 import os
+import signal
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +10,8 @@ import pytest
 from scipy import sparse
 
 from gapwalk.errors import ModelError
-from gapwalk.files import array_header, check_npz, open_file, why_no_file
+from gapwalk.files import array_header, check_npz, open_file, uninterrupted, why_no_file
 from gapwalk.model.file import read_system
-from gapwalk.study.store.arrays import pack_arrays, unpack_arrays
 
 MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'
 
@@ -44,12 +45,14 @@ def test_only_files_are_opened(tmp_path: Path) -> None:
 
 
 def test_an_array_has_the_entries_that_it_is_said_to_have() -> None:
-    check_npz(io.BytesIO(pack_arrays({"a": np.arange(7.0), "b": np.array("text")})), 10_000)
+    good = io.BytesIO()
+    np.savez(good, a=np.arange(7.0), b=np.array("text"))
+    check_npz(good, 10_000)
     for shape in ((1 << 44,), (1 << 22, 1 << 22, 1 << 22)):
         with pytest.raises(ValueError, match=r"a.npy is said to have [0-9,]* entries, but they are not there"):
-            unpack_arrays(archive(a=said(shape)))
+            check_npz(io.BytesIO(archive(a=said(shape))), 10_000)
     with pytest.raises(ValueError, match="holds objects"):
-        unpack_arrays(archive(a=said((1,), "|O")))
+        check_npz(io.BytesIO(archive(a=said((1,), "|O"))), 10_000)
 
 
 def test_a_packed_matrix_does_not_ask_for_more_than_it_has(tmp_path: Path) -> None:
@@ -88,3 +91,27 @@ def test_an_array_in_a_file_has_the_entries_that_it_is_said_to_have(tmp_path: Pa
     (tmp_path / "model.toml").write_text(MODEL.format("k.npy"))
     with pytest.raises(ModelError, match=r'stiffness is "k.npy", which'):
         read_system(tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_waits_for_the_end_of_a_write(number: int) -> None:
+    written: list[str] = []
+    caught: list[int] = []
+
+    def write() -> None:
+        with uninterrupted():
+            signal.raise_signal(number)
+            written.append("part")
+
+    def end(number: int, frame: object) -> None:
+        caught.append(len(written))
+
+    before = signal.signal(number, end)
+    try:
+        write()
+        assert (caught, signal.getsignal(number)) == ([1], end)
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(write).result()  # a thread has no signals of its own
+        assert signal.getsignal(number) is end
+    finally:
+        signal.signal(number, before)

@@ -31,6 +31,7 @@ ORDER = (
     "reduction",
     "attractor",
     "measurement",
+    "results",
     "study",
     "plot",
     "explorer",

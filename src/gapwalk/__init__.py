@@ -68,8 +68,8 @@ if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
     from gapwalk.reduction import Reduction, reduce
-    from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
-    from gapwalk.study.basins.store import load_basins
+    from gapwalk.study.basins.basins import basin_shares, basins
+    from gapwalk.study.basins.options import BasinOptions
     from gapwalk.study.compare import compare_results
     from gapwalk.study.comparison import ResultComparison
     from gapwalk.study.diagram.diagram import DiagramOptions, diagram
@@ -79,21 +79,19 @@ if TYPE_CHECKING:
     from gapwalk.study.family.options import FamilyOptions
     from gapwalk.study.family.over import Over
     from gapwalk.study.family.record import Family
-    from gapwalk.study.family.store import load_family
     from gapwalk.study.file import Study, read_studies, read_study
+    from gapwalk.study.load import load
     from gapwalk.study.locus.study_options import LocusStudyOptions
     from gapwalk.study.map import Map, MapOptions, bifurcation_map
     from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
-    from gapwalk.study.regimes.mapping import RegimeMapOptions, regimes
-    from gapwalk.study.regimes.store import load_regimes
+    from gapwalk.study.regimes.mapping import regimes
+    from gapwalk.study.regimes.options import RegimeMapOptions
     from gapwalk.study.result import Result
     from gapwalk.study.run import run
     from gapwalk.study.settle.finding import SettleFinding
     from gapwalk.study.settle.study_options import SettleStudyOptions
-    from gapwalk.study.store.stored import load
     from gapwalk.study.sweep.options import SweepOptions
     from gapwalk.study.sweep.record import Sweep
-    from gapwalk.study.sweep.store import load_sweep
     from gapwalk.study.sweep.sweeping import sweep
     from gapwalk.study.verify import verify
     from gapwalk.study.work.workers import on_cluster, workers
@@ -203,10 +201,6 @@ __all__ = [
     "impact_plane",
     "integrate",
     "load",
-    "load_basins",
-    "load_family",
-    "load_regimes",
-    "load_sweep",
     "lyapunov",
     "mass_flow_of",
     "match",

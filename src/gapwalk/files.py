@@ -1,11 +1,15 @@
-"""Files from outside: only ordinary ones are opened, and no more memory is asked for than they can fill."""
+"""Files: from outside, only ordinary ones that fill their memory are read; Ctrl-C waits until one is written."""
 
 from __future__ import annotations
 
 import errno
 import math
 import os
+import signal
+import threading
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from tokenize import TokenError
 from typing import IO, Any
 
@@ -23,6 +27,28 @@ def why_no_file(path: str | os.PathLike[str]) -> str:
     if os.path.exists(name) and not os.path.isfile(name):
         return "is a pipe or a device, and no file; choose another name"
     return ""
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM wait for the end of the block, so that what is written there is written, and known to be.
+
+    Signals that have no handler in Python end the process at once, as ever. Other threads are never interrupted.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
+    caught: list[int] = []
+    try:
+        for number, handler in handlers.items():
+            if callable(handler):
+                signal.signal(number, lambda number, frame: caught.append(number))
+        yield
+    finally:
+        for number, handler in reversed(handlers.items()):  # SIGTERM first: who catches it here goes no further
+            if callable(handler):
+                signal.signal(number, handler)
+        for number in caught[:1]:
+            signal.raise_signal(number)
 
 
 def open_file(path: str | os.PathLike[str]) -> IO[bytes]:

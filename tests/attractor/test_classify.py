@@ -15,16 +15,16 @@ from gapwalk.attractor import (
     ClassifyOptions,
     LyapunovOptions,
     SettleOptions,
-    attractor_of,
     classify,
     identify,
     match,
-    plain_attractor,
     rotation,
     settle,
 )
 from gapwalk.errors import ModelError
 from gapwalk.model import Harmonic, System
+from gapwalk.results.codec import decode, encode
+from gapwalk.results.plain import plain
 from tests.attractor.references import figure15, next_strobes, strobes
 from tests.attractor.test_lyapunov import ueda_system
 from tests.systems import linear
@@ -224,18 +224,19 @@ def test_matching_of_tori_and_chaos():
 def test_plain_values_and_pickles_lose_nothing(fig15, frequency):
     options = ClassifyOptions(lyapunov=LyapunovOptions(max_periods=1024))
     found = classify(fig15, "rest", options, frequency=frequency)
-    text = json.dumps(plain_attractor(found))
-    again = attractor_of(json.loads(text), found.system)
-    assert json.dumps(plain_attractor(again)) == text
-    assert np.array_equal(again.strobes, found.strobes)
+    kept = encode(found, Attractor, found.system)
+    same = decode(kept, Attractor, found.system)
+    assert encode(same, Attractor, found.system) == kept
+    assert json.dumps(plain(same)) == json.dumps(plain(found))
+    assert np.array_equal(same.strobes, found.strobes)
     if found.orbit is not None:
-        assert again.orbit is not None
-        assert again.orbit.pattern == found.orbit.pattern
+        assert same.orbit is not None
+        assert same.orbit.pattern == found.orbit.pattern
     copied = pickle.loads(pickle.dumps(found))
-    assert json.dumps(plain_attractor(copied)) == text
-    assert repr(copied) == repr(found) == repr(again)
-    with pytest.raises(ValueError, match="do not belong to this system"):
-        attractor_of(json.loads(text), ueda_system())
+    assert encode(copied, Attractor, found.system) == kept
+    assert repr(copied) == repr(found) == repr(same)
+    with pytest.raises(ValueError, match=r"none of this system|states of its system"):
+        decode(kept, Attractor, ueda_system())
 
 
 @pytest.mark.parametrize("options", [{"zero": 0.0}, {"errors": 0.5}])

@@ -126,4 +126,4 @@ def test_too_few_harmonics_keep_what_there_is_and_say_what_to_change(model, caps
     assert "needs to be resolved more finely" in capsys.readouterr().out
     assert main(["run", str(model), "--resume", *changes]) == 3  # nothing is left to do with these options
     assert main(["run", str(model), "--resume", *changes[:2], "--set", "study.balance.harmonics=8"]) == 2
-    assert "harmonics=8" in capsys.readouterr().err
+    assert "method.harmonics is 8, and was 4" in capsys.readouterr().err

@@ -76,7 +76,7 @@ def test_a_map_is_run_and_told(clutch, capsys) -> None:
     assert Path("clutch.gapwalk").read_bytes() == content
     capsys.readouterr()
     assert main(["run", str(clutch), "--resume", "--set", "study.second.to=0.25"]) == 2
-    assert "the study's second is" in capsys.readouterr().err
+    assert "second.end is 0.25, and was 0.3" in capsys.readouterr().err
     assert main(["run", str(clutch), "--force", "--set", "study.sections=[0.2]", "--set", 'study.kinds=["flip"]']) == 0
     assert gw.load("clutch.gapwalk").map.names == ("flip-1", "flip-2")
 

@@ -6,15 +6,16 @@ checked, in which `old` stands as `new`. Files that words may name are made by `
 
 from __future__ import annotations
 
-import lzma
 import sqlite3
 import tomllib
 from pathlib import Path
 from typing import Any
 
+import gapwalk as gw
 from gapwalk.cli import main
 from tests.cli.conftest import MODEL
 from tests.model.train.test_file import GOOD as TRAIN
+from tests.study.studies import stop_study
 
 DATA = Path(__file__).parents[1] / "data"
 UNITS = (Path(__file__).parents[2] / "examples" / "drivetrain.toml").read_text(encoding="utf-8")
@@ -30,7 +31,8 @@ def cases() -> list[dict[str, Any]]:
 
 def lay_out(folder: Path) -> None:
     """The files that words may name."""
-    old = lzma.decompress((DATA / "older" / "1a-response.xz").read_bytes())
+    gw.run(stop_study(largest_step=0.1), folder / "old.gapwalk")
+    old = (folder / "old.gapwalk").read_bytes()
     contents: dict[str, bytes] = {
         "stop.toml": MODEL.encode(),
         "measured.toml": (MODEL + MEASUREMENT).encode(),
@@ -38,7 +40,6 @@ def lay_out(folder: Path) -> None:
         "latin.toml": "title = 'Geräusch'".encode("latin-1"),
         "binary.toml": bytes(range(256)),
         "deep.toml": b"a = " + b"[" * 100_000,
-        "old.gapwalk": old,
         "cut.gapwalk": old[:20_000],
         "foreign.gapwalk": b"SQLite format 3\0" + bytes(100),
     }
@@ -46,8 +47,8 @@ def lay_out(folder: Path) -> None:
         (folder / name).write_bytes(content)
     for name, statement in (
         ("future.gapwalk", "PRAGMA user_version = 99"),
-        ("damaged.gapwalk", "UPDATE points SET checksum = 1"),
-        ("trap.gapwalk", "CREATE TRIGGER trap AFTER UPDATE ON branch BEGIN DELETE FROM points; END"),
+        ("damaged.gapwalk", "UPDATE part SET checksum = '' WHERE name = 'moment' AND number = 0"),
+        ("trap.gapwalk", "CREATE TRIGGER trap AFTER UPDATE ON part BEGIN DELETE FROM part; END"),
         ("database.gapwalk", "PRAGMA application_id = 7"),
     ):
         (folder / name).write_bytes(old)

@@ -15,8 +15,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
+from gapwalk.results.faults import explained
 from gapwalk.study.export import write_whole
-from gapwalk.study.store.database import explained
 from tests.cli.conftest import MODEL
 from tests.study.same import assert_same_branch, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study

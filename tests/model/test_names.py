@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.model.names import NameBlock, ParameterNames
+from tests.results.again import again
 
 NAMES = ParameterNames((NameBlock("w"), NameBlock("k", 2), NameBlock("c.e", 1), NameBlock("c.b")), ("x", "y", "z"))
 LARGE = ParameterNames((*NAMES.blocks, NameBlock("large", 4), NameBlock("larger", 10)), ("x", "y", "z"))
@@ -54,12 +55,14 @@ def test_a_system_of_a_thousand_coordinates_lists_no_names() -> None:
 
 
 def test_of_a_large_system_no_zeros_are_stored() -> None:
-    from gapwalk.study.store.plain import plain_system, system_of
+    from gapwalk.model.structure import Structure
+    from gapwalk.results.records import WholeSystem, parameters_of, system_of
 
     n = 100
     system = gw.System([f"x{i}" for i in range(n)], 2 * np.eye(n) - np.eye(n, k=1), mean={"x3": 1.0})
-    plain = plain_system(system)
-    assert len(plain["parameters"]) == 1 + n + 2 * n - 1 + 1
-    assert system_of(plain) == system
+    parameters = parameters_of(system)
+    assert len(parameters) == 1 + n + 2 * n - 1 + 1
+    assert system_of(WholeSystem(system.structure, parameters)) == system
+    assert again(system) == system
     with pytest.raises(ValueError, match="more parameters"):
-        system_of({**plain, "coordinates": [f"x{i}" for i in range(10**5)]})
+        system_of(WholeSystem(Structure(tuple(f"x{i}" for i in range(10**5)), (), ()), parameters))

@@ -3,8 +3,9 @@
 import numpy as np
 
 from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
+from gapwalk.bifurcation.search import SearchResult
 from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.study.diagram.search_result import plain_search
+from gapwalk.results.codec import encode
 
 
 def assert_same_result(one: Result, other: Result) -> None:
@@ -49,7 +50,7 @@ def assert_same_tree(one: Diagram, other: Diagram) -> None:
         assert getattr(one, name) == getattr(other, name)
     assert (one.search is None) == (other.search is None)
     if one.search is not None and other.search is not None:
-        assert plain_search(one.search) == plain_search(other.search)
+        assert encode(one.search, SearchResult) == encode(other.search, SearchResult)
     for a, b in zip(one.limbs, other.limbs, strict=True):
         assert (a.name, a.begins, a.joins) == (b.name, b.begins, b.joins)
         assert_same_branch(a.branch, b.branch)

@@ -4,11 +4,8 @@ import csv
 import os
 import random
 import signal
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import gapwalk as gw
@@ -17,12 +14,15 @@ from gapwalk.errors import NumericalError, StoreError
 from gapwalk.model.problem import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.results.plain import plain
+from gapwalk.study import walk_file
 from gapwalk.study.document import result_document
 from gapwalk.study.export import points_csv, special_points_csv
 from gapwalk.study.file import check_study
-from gapwalk.study.store import walk_store
-from gapwalk.study.store.plain_options import options_of, plain_options
+from gapwalk.study.options import StudyOptions
 from tests.interruption import until_ctrl_c
+from tests.results.again import again
+from tests.results.tampering import change_sealed
 from tests.study.balances import balanced, growing_study
 from tests.study.diagrams import clutch_diagram, islands
 from tests.study.killing import killed_after
@@ -99,13 +99,10 @@ def test_a_system_without_contacts_is_refused_before_it_runs() -> None:
         check_study(parse_source(text))
 
 
-def test_options_survive_the_store_and_those_of_older_files_are_read() -> None:
+def test_options_survive_the_file() -> None:
     options = growing_study().options
-    assert options_of(plain_options(options)) == options
-    shot = plain_options(stop_study().options)
-    older = {name: value for name, value in shot.items() if name != "method"}
-    older["shooting"] = {"segments": 3, "tolerance": 1e-10}
-    assert options_of(older).method == gw.Shooting(segments=3)
+    assert again(options, StudyOptions) == options
+    assert again(stop_study().options, StudyOptions) == stop_study().options
 
 
 def test_a_balanced_response_is_that_of_shooting_to_the_truncation(growing) -> None:
@@ -129,7 +126,7 @@ def test_what_is_loaded_is_what_was_walked(growing, tmp_path) -> None:
 
 def test_it_is_resumed_wherever_the_number_of_harmonics_has_grown(growing, tmp_path, monkeypatch) -> None:
     """The walk goes on from two points, one of which may be from before the refinement."""
-    monkeypatch.setattr(walk_store, "_SECONDS", 0.0)
+    monkeypatch.setattr(walk_file, "_SECONDS", 0.0)
     sizes = [len(point.x) for point in growing.branches[0].points]
     grown = [index for index in range(1, len(sizes)) if sizes[index] > sizes[index - 1]]
     assert len(grown) > 1
@@ -173,7 +170,7 @@ def test_tables_and_json_tell_harmonics_and_truncation(growing) -> None:
         assert [int(row["harmonics"]) for row in rows] == [orbit.harmonics for orbit in points]
         assert [float(row["truncation"]) for row in rows] == [orbit.truncation for orbit in points]
     document = result_document(growing)
-    assert document["method"] == {"name": "harmonic-balance", **plain_options(growing.options)["method"]}
+    assert document["method"] == {"name": "harmonic-balance", **plain(growing.options)["method"]}
     assert document["branches"][0]["points"][-1]["harmonics"] == growing.branches[0].points[-1].orbit.harmonics
     shot = result_document(gw.run(stop_study(end=0.72)))
     assert shot["method"]["name"] == "shooting"
@@ -297,17 +294,13 @@ def test_a_map_is_balanced_by_one_word() -> None:
 def test_a_damaged_balanced_result_is_named(growing, tmp_path) -> None:
     path = tmp_path / "result.gapwalk"
     gw.run(growing_study(), path)
-    with closing(sqlite3.connect(path)) as connection:
-        data, events = connection.execute("SELECT start, start_events FROM branch").fetchone()
-        numbers = np.frombuffer(data, dtype="<f8").copy()
-        place = 3 + 10 * growing.system.size  # of K, the number of lines
-        assert numbers[place] == growing.branches[0].points[0].orbit.harmonics
-        for wrong in (numbers[place] + 1.0, 0.5, 1e300):
-            numbers[place] = wrong
-            connection.execute("UPDATE branch SET start = ?", (numbers.tobytes(),))
-            connection.commit()
-            with pytest.raises(StoreError, match=r"result\.gapwalk is damaged: "):
-                gw.load(path)
-        connection.execute("UPDATE branch SET start = ?, start_events = ?", (data, events))
-        connection.commit()
+    content, lines = path.read_bytes(), growing.branches[0].points[0].orbit.series.lines.shape[1]
+    right = f"[1,1,{lines}]"  # the shape of the lines of the first orbit
+    for wrong in (f"[1,1,{lines - 1}]", f"[1,1,{lines + 1}]", "[1,1,0]", "[1,1,0.5]", "[1,1,1e300]", "[1,1]"):
+        path.write_bytes(content)
+        change_sealed(path, f"UPDATE part SET head = replace(head, '{right}', '{wrong}') WHERE name = 'start'")
+        assert path.read_bytes() != content
+        with pytest.raises(StoreError, match=r"result\.gapwalk is damaged: "):
+            gw.load(path)
+    path.write_bytes(content)
     assert_same_result(gw.load(path), growing)

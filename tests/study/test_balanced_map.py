@@ -12,8 +12,8 @@ from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.paper import case
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv
-from gapwalk.study.map.codec import LocusCodec
 from tests.bifurcation.test_balanced_locus import growing
+from tests.results.again import again
 from tests.study.killing import killed_after
 from tests.study.maps import balanced_map, clutch_map
 from tests.study.same import assert_same_locus, assert_same_result
@@ -74,6 +74,4 @@ def test_tables_and_documents_tell_harmonics_and_truncation(undisturbed, tmp_pat
 def test_a_locus_is_read_back_though_its_harmonics_grow() -> None:
     locus = growing(gw.Balance(error=7.5e-5))
     assert len({len(point.x) for point in locus.points}) > 1
-    codec = LocusCodec(case("13"), locus.first, locus.second, 1, len(locus.points[0].x), balanced=True)
-    points = codec.unpack(codec.pack(locus.points), len(locus.points))
-    assert_same_locus(replace(locus, points=tuple(points)), locus)
+    assert_same_locus(again(locus, base=case("13")), locus)

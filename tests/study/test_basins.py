@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
+import gapwalk as gw
 from gapwalk.attractor.basins import Check, attractor_names, in_order
 from gapwalk.attractor.neighbours import about, beside_cells, beside_states, differs
 from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
@@ -12,10 +13,10 @@ from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.motion.mass.flow import mass_flow_of
 from gapwalk.motion.mass.options import MassOptions
 from gapwalk.paper import case
-from gapwalk.study.basins.basins import BasinOptions, basin_shares, basins
+from gapwalk.study.basins.basins import basin_shares, basins
 from gapwalk.study.basins.job import BasinJob
-from gapwalk.study.basins.store import load_basins
-from gapwalk.study.regimes.store import load_regimes
+from gapwalk.study.basins.options import BasinOptions
+from gapwalk.study.load import load_result
 from gapwalk.study.work.workers import Workers, workers
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
@@ -81,22 +82,24 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     until_ctrl_c(basins, double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
-    with pytest.raises(StoreError, match=r"is not complete: 1 of 2 chunks are done; go on with it by gapwalk\.basins"):
-        load_basins(path)
+    with pytest.raises(StoreError, match=r"is not complete: 1 of 2 chunks are done; continue it by gapwalk\.basins"):
+        gw.load(path)
     paces = []
     found = basins(
         double_well(), WELLS, size, options=in_process(check=9), report=lambda _, pace: paces.append(pace), output=path
     )
     assert [(pace.done, pace.total, pace.before) for pace in paces] == [(2, 2, 1)]
     assert same(found, whole)
-    assert same(load_basins(path), whole)
-    assert load_basins(path).window == whole.window
+    assert same(gw.load(path), whole)
+    assert gw.load(path).window == whole.window
     monkeypatch.setattr("gapwalk.study.basins.job.explore", None)
     assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
-    with pytest.raises(StoreError, match=r"another job, so it cannot be gone on with: options\.check is 8, and was 9"):
+    with pytest.raises(StoreError, match=r"something else, so it cannot be continued: check is 8, and was 9"):
         basins(double_well(), WELLS, size, options=in_process(check=8), output=path)
-    with pytest.raises(StoreError, match="does not hold regimes, but a job of the kind 'basins'"):
-        load_regimes(path)
+    with pytest.raises(StoreError, match="its kind is sweep, and was basins"):
+        gw.sweep(double_well(), "frequency", (0.9, 1.1), output=path)
+    with pytest.raises(StoreError, match=r"holds Basins\(.*, and no result of a study; in Python, gapwalk\.load"):
+        load_result(path)
 
 
 def test_a_linear_system_has_one_basin():

@@ -12,8 +12,11 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
+from gapwalk.results import file
 from gapwalk.study.diagram import diagram as growing
+from gapwalk.study.diagram.store import DiagramStore
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
 from tests.study.diagrams import clutch_diagram, many_branches
 from tests.study.killing import killed_after
 from tests.study.same import assert_same_branch, assert_same_result
@@ -114,6 +117,20 @@ def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch,
     assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
 
 
+def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undisturbed) -> None:
+    write = DiagramStore.write
+
+    def interrupted(store, diagram, **options) -> None:
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+        write(store, diagram, **options)
+
+    monkeypatch.setattr(DiagramStore, "write", interrupted)
+    until_ctrl_c(gw.run, clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1",)
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
 def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
     def report(diagram, limb) -> None:
         signal.raise_signal(signal.SIGINT)
@@ -152,19 +169,17 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, work
 
 
 def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
-    from gapwalk.study.store import rows
+    insert, count = file._insert, 0
 
-    write, count = rows.write_points, 0
-
-    def write_some(*arguments) -> None:
+    def insert_some(*arguments) -> None:
         nonlocal count
         count += 1
-        if count == 3:
+        if count == 4:  # two make the file, with its first branch
             raise OSError(28, "No space left on device")
-        write(*arguments)
+        insert(*arguments)
 
     with monkeypatch.context() as patch:
-        patch.setattr(rows, "write_points", write_some)
+        patch.setattr(file, "_insert", insert_some)
         with pytest.raises(StoreError, match="No space left"):
             gw.run(clutch_diagram(), path)
     assert gw.load(path).names == ("P1-1", "P2-1")
@@ -217,10 +232,10 @@ def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
 
 def test_a_different_study_is_not_resumed(path) -> None:
     gw.run(clutch_diagram(max_period=2), path)
-    with pytest.raises(StoreError, match="the study's max_period is 4, and was 2"):
+    with pytest.raises(StoreError, match="max_period is 4, and was 2"):
         gw.run(clutch_diagram(), path, resume=True)
     response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
-    with pytest.raises(StoreError, match="the study is of another kind"):
+    with pytest.raises(StoreError, match="its kind is response, and was diagram"):
         gw.run(response, path, resume=True)
     with pytest.raises(StoreError, match="exists already"):
         gw.run(clutch_diagram(), path)
@@ -245,22 +260,22 @@ def test_a_branch_may_end_anywhere(path) -> None:
 @pytest.mark.parametrize(
     "statement",
     [
-        "DELETE FROM branch WHERE id = 1",
-        "UPDATE branch SET name = 'P1-1'",
-        "UPDATE branch SET ends = NULL WHERE id = 2",
-        "UPDATE branch SET ends = '[]'",
-        "UPDATE branch SET period = 0",
-        'UPDATE branch SET begins = \'{"parent": "P3-1", "special": 0}\' WHERE id = 2',
-        'UPDATE branch SET joins = \'{"parent": "P1-1", "special": 99}\' WHERE id = 2',
-        'UPDATE branch SET joins = \'{"parent": "P2-1", "special": 0}\' WHERE id = 2',
-        "DELETE FROM result WHERE key = 'diagram'",
+        "DELETE FROM part WHERE name = 'branch' AND number = 0",
+        'UPDATE part SET head = replace(head, \'"name":"P2-1"\', \'"name":"P1-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"ends\":', '\"end\":') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"ends":{"count":2\', \'"ends":{"count":3\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, ',\"period\":2', ',\"period\":0') WHERE name = 'branch'",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P3-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"special\":', '\"special\":9') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P2-1"\') WHERE name = \'branch\'',
+        "DELETE FROM part WHERE name = 'diagram'",
+        'UPDATE part SET head = replace(head, \'"max_period":{"is":"int","int":\', '
+        '\'"max_period":{"is":"int","int":-\') WHERE name = \'diagram\'',
     ],
 )
 def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
-    from tests.study.test_store import change
-
     path.write_bytes(whole_file)
-    change(path, statement)
+    change_sealed(path, statement)
     with pytest.raises(StoreError, match="damaged"):
         gw.load(path)
 

@@ -11,10 +11,11 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.source import parse_source
+from gapwalk.study.claim import check_claim
 from gapwalk.study.file import check_study
-from gapwalk.study.store.claim import check_claim
-from gapwalk.study.store.plain_options import options_of, plain_options
+from gapwalk.study.options import StudyOptions
 from tests.interruption import until_ctrl_c
+from tests.results.again import again
 from tests.study.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.study.killing import killed_after
 
@@ -141,22 +142,22 @@ def test_nothing_is_kept_of_a_job_that_was_stopped_at_once(tmp_path, monkeypatch
 @pytest.mark.parametrize("kind", MODELS)
 def test_options_survive_the_file(kind) -> None:
     options = study_of(kind).options
-    assert options_of(json.loads(json.dumps(plain_options(options)))) == options
+    assert again(options, StudyOptions) == options
 
 
 def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_path) -> None:
     path, other = tmp_path / "x", tmp_path / "y"
     study = study_of("settle")
     gw.run(study, path)
-    with pytest.raises(StoreError, match=r"the study's phase is 0\.0, and was 1\.57"):
+    with pytest.raises(StoreError, match=r"phase is 0\.0, and was 1\.57"):
         check_claim(path, replace(study, options=replace(study.options, phase=0.0)), resume=True, force=False)
-    with pytest.raises(StoreError, match="the study is of another kind"):
+    with pytest.raises(StoreError, match="its kind is sweep, and was settle"):
         check_claim(path, study_of("sweep"), resume=True, force=False)
     for change in (
-        "UPDATE chunk SET data = x'00'",
-        "UPDATE chunk SET checksum = 0",
-        "DELETE FROM chunk",
-        "UPDATE chunk SET number = 7",
+        "UPDATE part SET arrays = x'00' WHERE name = 'settled'",
+        "UPDATE part SET checksum = '' WHERE name = 'settled'",
+        "DELETE FROM part WHERE name = 'settled'",
+        "UPDATE part SET name = 'sunken' WHERE name = 'settled'",
     ):
         shutil.copy(path, other)
         with sqlite3.connect(other) as connection:

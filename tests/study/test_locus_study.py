@@ -18,9 +18,10 @@ from gapwalk.model.source import parse_source
 from gapwalk.study.file import check_study
 from gapwalk.study.locus.study_options import LocusStudyOptions
 from gapwalk.study.locus.which import Which
-from gapwalk.study.store.plain_options import options_of, plain_options
+from gapwalk.study.options import StudyOptions
 from gapwalk.study.units import without_units
 from tests.interruption import until_ctrl_c
+from tests.results.again import again
 from tests.study.same import assert_same_result
 
 SYSTEM = """\
@@ -186,7 +187,7 @@ def test_a_change_of_the_second_parameter_has_a_key_of_its_own() -> None:
 
 def test_options_survive_the_file() -> None:
     options = study_of(f'{STUDY}near = 1.1\ncontact = "stop +"\n').options
-    assert options_of(json.loads(json.dumps(plain_options(options)))) == options
+    assert again(options, StudyOptions) == options
     assert options.plan == (
         "locus of grazing of stop + nearest to 1.1 over frequency from 2 to 0.6 and harmonic1.amplitude from 0.09 to "
         "0.6, picked up at harmonic1.amplitude = 0.3, period 1"

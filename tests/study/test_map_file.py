@@ -1,14 +1,13 @@
 """Maps and searches in model files: what they ask for, and what is said of those that are wrong."""
 
-import json
-
 import pytest
 
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.source import parse_source
 from gapwalk.study.file import Study, check_study
-from gapwalk.study.store.plain_options import options_of, plain_options
+from gapwalk.study.options import StudyOptions
+from tests.results.again import again
 
 SYSTEM = """\
 title = "A clutch"
@@ -91,10 +90,10 @@ def test_a_search_has_all_that_its_file_says() -> None:
 @pytest.mark.parametrize("text", [MAP, MAP + SEARCH, DIAGRAM, DIAGRAM + SEARCH, DIAGRAM + "search = { values = 3 }\n"])
 def test_options_survive_json(text) -> None:
     options = study_of(text).options
-    again = options_of(json.loads(json.dumps(plain_options(options))))
-    assert again == options
-    assert again.workers == options.workers
-    assert hash(again) == hash(options)  # tuples, no lists
+    same = again(options, StudyOptions)
+    assert same == options
+    assert same.workers == options.workers
+    assert hash(same) == hash(options)  # tuples, no lists
 
 
 @pytest.mark.parametrize(

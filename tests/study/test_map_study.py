@@ -14,11 +14,12 @@ from gapwalk.bifurcation.locus import LocusEndReason
 from gapwalk.errors import ModelError, NumericalError, StoreError
 from gapwalk.motion import Flow
 from gapwalk.study.map import charting
+from gapwalk.study.map.store import MapStore
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
 from tests.study.killing import killed_after
 from tests.study.maps import clutch_map
 from tests.study.same import assert_same_branch, assert_same_map, assert_same_result
-from tests.study.tampering import change_sealed
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -104,6 +105,23 @@ def test_a_complete_result_is_not_computed_again(path, undisturbed) -> None:
 def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
     assert_same_result(gw.run(clutch_map(workers=2), path), undisturbed)
     assert_same_result(gw.run(clutch_map(workers=1), path, resume=True), undisturbed)
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_ctrl_c_just_before_a_part_is_written_keeps_it(path, count, monkeypatch, undisturbed) -> None:
+    write = MapStore.write
+
+    def interrupted(store, chart) -> None:
+        if len(chart.sections) + len(chart.loci) == count:
+            monkeypatch.undo()
+            signal.raise_signal(signal.SIGINT)
+        write(store, chart)
+
+    monkeypatch.setattr(MapStore, "write", interrupted)
+    stopped = until_ctrl_c(gw.run, clutch_map(), path)
+    assert len(stopped.map.sections) + len(stopped.map.loci) == count
+    assert_same_result(stopped, gw.load(path))
+    assert_same_result(gw.run(clutch_map(), path, resume=True), undisturbed)
 
 
 @pytest.mark.parametrize("after", [1, 3, 7])
@@ -246,19 +264,23 @@ def test_sections_may_stand_anywhere_and_be_searched(undisturbed) -> None:
 
 def test_a_result_of_another_plane_is_not_resumed(path) -> None:
     gw.run(clutch_map(kinds=(gw.Kind.FLIP,)), path)
-    with pytest.raises(StoreError, match="the study's kinds is"):
+    with pytest.raises(StoreError, match="kinds is"):
         gw.run(clutch_map(), path, resume=True)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("DELETE FROM locus WHERE id = 2", "a locus is missing"),
-        ("UPDATE locus SET checksum = checksum + 1", "the checksum of some points is wrong"),
-        ("UPDATE locus SET unknowns = 7", "numbers are stored where"),
-        ("DELETE FROM branch WHERE id = 2", "branches of a section are missing"),
-        ("UPDATE locus SET ends = '[]'", "values to unpack"),
-        ("DROP TABLE codim2_point", "its tables are not those of gapwalk"),
+        ("DELETE FROM part WHERE name = 'locus' AND number = 1", "a section or a locus is missing"),
+        ("DELETE FROM part WHERE name = 'section' AND number = 1", "a section or a locus is missing"),
+        ("UPDATE part SET arrays = zeroblob(8) WHERE name = 'locus'", "its bytes are not there"),
+        ("UPDATE part SET head = replace(head, '\"ends\":[', '\"ends\":[0,') WHERE name = 'locus'", "Locus.ends"),
+        (
+            "UPDATE part SET head = replace(head, '\"period\":1,', '\"period\":3,') WHERE name = 'locus'",
+            "another period",
+        ),
+        ("UPDATE part SET name = 'loci' WHERE name = 'locus'", "a section or a locus is missing"),
+        ("UPDATE part SET head = replace(head, '\"frequency\"', '\"mean.x\"') WHERE name = 'map'", "does not belong"),
     ],
 )
 def test_a_damaged_file_is_named(path, change, message) -> None:

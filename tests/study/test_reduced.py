@@ -168,7 +168,7 @@ def test_a_finished_study_is_resumed_to_the_same(finished) -> None:
         type(study.system).from_values(study.system.structure, values), study.options, reduced=study.reduced
     )
     assert run(other, path, resume=True).checks == result.checks
-    with pytest.raises(StoreError, match="different study"):
+    with pytest.raises(StoreError, match="holds the result of something else"):
         run(
             type(study)(study.system.at({"gap.clearance": 0.11}), study.options, reduced=study.reduced),
             path,

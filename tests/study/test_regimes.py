@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+import gapwalk as gw
 from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regime import Regime
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
-from gapwalk.study.regimes.mapping import Carry, RegimeMapOptions, regimes
-from gapwalk.study.regimes.store import load_regimes
+from gapwalk.study.regimes.mapping import regimes
+from gapwalk.study.regimes.options import Carry, RegimeMapOptions
 from gapwalk.study.work.workers import workers
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
@@ -80,16 +81,17 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     until_ctrl_c(regimes, SET_15, plane, size, options=options, report=stop, output=path)
-    with pytest.raises(StoreError, match="is not complete: 1 of 2 chunks are done"):
-        load_regimes(path)
+    stopped = gw.load(path)
+    assert not stopped.complete
+    assert stopped.notes == ("stopped when 128 of 140 cells were done",)
     paces = []
     found = regimes(SET_15, plane, size, options=options, report=lambda _, pace: paces.append(pace), output=path)
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
-    assert same(load_regimes(path), whole)
+    assert same(gw.load(path), whole)
     monkeypatch.setattr("gapwalk.study.regimes.job._judge_piece", None)
     assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
-    with pytest.raises(StoreError, match=r"options\.carry is 'no', and was 'up'"):
+    with pytest.raises(StoreError, match=r"carry is 'no', and was 'up'"):
         regimes(SET_15, plane, size, options=in_process(check=2), output=path)
 
 

@@ -15,13 +15,12 @@ import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.motion import Flow
-from gapwalk.study.store import walk_store
-from gapwalk.study.store.database import APPLICATION, SCHEMA, lock
-from gapwalk.study.store.stored import read
+from gapwalk.results.file import APPLICATION, SCHEMA, lock, reading
+from gapwalk.study import walk_file
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change, change_sealed
 from tests.study.same import assert_same_branch, assert_same_orbit, assert_same_point, assert_same_result
 from tests.study.studies import long_result, long_study, stop_study
-from tests.study.tampering import change_sealed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -45,7 +44,7 @@ def undisturbed() -> gw.Result:
 @pytest.fixture
 def at_once(monkeypatch) -> None:
     """Write every point by itself."""
-    monkeypatch.setattr(walk_store, "_SECONDS", 0.0)
+    monkeypatch.setattr(walk_file, "_SECONDS", 0.0)
 
 
 def test_what_is_loaded_is_what_was_found(path) -> None:
@@ -59,7 +58,9 @@ def test_what_is_loaded_is_what_was_found(path) -> None:
     assert set(loaded.versions) == {"gapwalk", "heyoka", "numpy", "python"}
     assert_same_result(returned, loaded)
     assert_same_branch(followed, loaded.branches[0])
-    assert_same_orbit(orbit, read(path).found.start)
+    with reading(path) as parts:
+        parts.base = study.system
+        assert_same_orbit(orbit, parts.one(walk_file.START))
     assert {special.kind for special in loaded.branches[0].special_points} == {gw.Kind.FOLD, gw.Kind.GRAZING}
 
 
@@ -250,7 +251,7 @@ def test_force_spares_what_is_no_result(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("study", "message"),
     [
-        (stop_study(end=1.8), "the study's end is 1.8, and was 1.9"),
+        (stop_study(end=1.8), "end is 1.8, and was 1.9"),
         (stop_study(**{"stop.clearance": 1.5}), "stop.clearance is 1.5, and was 1.0"),
         (gw.Study(gw.System(["y"], [[1.0]]), stop_study().options), "other parts"),
     ],
@@ -328,66 +329,71 @@ def test_a_file_cut_short(written, share) -> None:
         gw.load(written)
 
 
+def part(name: str, number: int = 0) -> str:
+    return f"WHERE name = '{name}' AND number = {number}"
+
+
+DAMAGES = [
+    "DELETE FROM part WHERE name = 'moment'",
+    f"DELETE FROM part {part('moment')}",
+    "DELETE FROM part WHERE name = 'request'",
+    "DELETE FROM part WHERE name = 'versions'",
+    f"UPDATE part SET head = '[1, 2' {part('request')}",
+    "UPDATE part SET head = 'null' WHERE name <> 'seal'",
+    f"UPDATE part SET head = replace(head, '\"begin\":0.7', '\"begin\":1e999') {part('request')}",
+    f'UPDATE part SET head = replace(head, \'"items":"x"\', \'"items":""\') {part("request")}',
+    f'UPDATE part SET head = replace(head, \'"items":"x"\', \'"items":5\') {part("request")}',
+    f'UPDATE part SET head = replace(head, \'"period":1\', \'"period":"1"\') {part("request")}',
+    f"UPDATE part SET head = replace(head, '\"period\":1', '\"period\":true') {part('request')}",
+    f"UPDATE part SET head = replace(head, '\"verify\":false', '\"verify\":0') {part('request')}",
+    f"UPDATE part SET head = replace(head, '\"title\"', '\"tilte\"') {part('request')}",
+    f'UPDATE part SET head = replace(head, \'"parameter":"frequency"\', \'"parameter":"mass.x.x"\') {part("request")}',
+    f"UPDATE part SET arrays = zeroblob(80) {part('moment')}",
+    f"UPDATE part SET arrays = CAST(arrays || x'00' AS BLOB) {part('moment')}",
+    "UPDATE part SET number = number + 1000 WHERE name = 'moment'",
+    "UPDATE part SET head = replace(head, 'fold', 'surprise') WHERE name = 'moment'",
+    f"UPDATE part SET head = replace(head, '[1,2]', '[1,2000000000000]') {part('start')}",
+    f"UPDATE part SET head = replace(head, '\"count\":', '\"count\":1000000000000') {part('moment')}",
+    f"UPDATE part SET head = replace(head, '\"count\":', '\"count\":-1') {part('moment')}",
+    "UPDATE part SET head = replace(head, 'RANGE', '?') WHERE name = 'moment'",
+    "UPDATE part SET head = replace(head, '\"ends\":', '\"end\":') WHERE name = 'moment'",
+]
+
+
 @pytest.mark.parametrize(
     "statement",
     [
-        "DELETE FROM points",
-        "DELETE FROM branch",
-        "DELETE FROM result WHERE key = 'system'",
-        "UPDATE result SET value = '[1, 2' WHERE key = 'study'",
-        "UPDATE result SET value = 'null'",
-        """UPDATE result SET value = '{"coordinates": ["x"], "parameters": {}}' WHERE key = 'system'""",
-        "UPDATE result SET value = replace(value, '1.0', '1e999') WHERE key = 'system'",
-        "UPDATE result SET value = replace(value, '\"x\"', '\"\"') WHERE key = 'system'",
-        "UPDATE points SET data = zeroblob(80)",
-        "UPDATE points SET count = 0",
-        "UPDATE points SET first = first + 1000 WHERE first > 0",
-        "UPDATE points SET checksum = checksum + 1",
-        "UPDATE points SET data = 'text'",
-        "UPDATE special_point SET kind = 'surprise'",
-        "UPDATE special_point SET before = '[1]'",
-        "UPDATE special_point SET events = x'00'",
-        "UPDATE branch SET start = x'0000'",
-        "UPDATE branch SET unknowns = 100000000000",
-        "UPDATE branch SET parameter = 'mass.x.x'",
-        "UPDATE branch SET id = 7",
-        "UPDATE branch SET state = '{}'",
-        """UPDATE branch SET ends = '[{"reason": "?", "value": 0, "detail": ""}]'""",
-        "DROP TABLE special_point",
-        "CREATE TRIGGER evil AFTER UPDATE ON branch BEGIN DELETE FROM points; END",
+        *DAMAGES,
+        "UPDATE part SET checksum = '' WHERE name = 'moment'",
+        "UPDATE part SET arrays = 'text' WHERE name = 'moment'",
+        "DROP TABLE part",
+        "CREATE TRIGGER evil AFTER UPDATE ON part BEGIN DELETE FROM part; END",
         "CREATE TABLE more (x)",
     ],
 )
 def test_a_damaged_result_is_called_so(written, statement) -> None:
-    change(written, statement)
+    assert change(written, statement)
     with pytest.raises(StoreError, match="damaged"):
         gw.load(written)
 
 
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "DELETE FROM points",
-        "DELETE FROM branch",
-        "DELETE FROM result WHERE key = 'system'",
-        "UPDATE result SET value = '[1, 2' WHERE key = 'study'",
-        "UPDATE result SET value = replace(value, '1.0', '1e999') WHERE key = 'system'",
-        "UPDATE points SET data = zeroblob(80)",
-        "UPDATE points SET first = first + 1000",
-        "UPDATE special_point SET kind = 'surprise'",
-        "UPDATE special_point SET before = '[1]'",
-        "UPDATE branch SET start = x'0000'",
-        "UPDATE branch SET unknowns = 100000000000",
-        "UPDATE branch SET id = 7",
-        "UPDATE branch SET state = '{}'",
-    ],
-)
+@pytest.mark.parametrize("statement", DAMAGES)
 def test_what_a_faulty_program_wrote_is_called_damaged_too(written, statement) -> None:
-    """Its seal holds: it is refused by what reads it."""
+    """Its checksums hold: it is refused by what reads it."""
     change_sealed(written, statement)
     with pytest.raises(StoreError, match="damaged") as error:
         gw.load(written)
-    assert "its checksum does not hold" not in str(error.value)
+    assert "checksum" not in str(error.value)
+
+
+def test_a_result_of_an_older_format_is_refused_in_a_sentence(written) -> None:
+    change(written, "PRAGMA user_version = 3")
+    content = written.read_bytes()
+    for call in (lambda: gw.load(written), lambda: gw.run(stop_study(), written, resume=True)):
+        with pytest.raises(StoreError, match=r"by an older gapwalk \(its schema is 3; .* compute the result again"):
+            call()
+    assert written.read_bytes() == content
+    assert gw.run(stop_study(), written, force=True).complete
 
 
 def test_whatever_bytes_are_wrong_there_is_a_clear_error_or_none(written) -> None:
@@ -413,16 +419,9 @@ def test_versions_that_differ_are_all_told(path, monkeypatch) -> None:
     def report(point, special_points) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr("gapwalk.study.store.versions.__version__", "0.0.1")
+    monkeypatch.setattr("gapwalk.results.versions.__version__", "0.0.1")
     with pytest.raises(RuntimeError):
         gw.run(stop_study(), path, report=report)
-    monkeypatch.setattr("gapwalk.study.store.versions.__version__", "0.0.2")
+    monkeypatch.setattr("gapwalk.results.versions.__version__", "0.0.2")
     gw.run(stop_study(), path, resume=True)
     assert gw.load(path).versions["gapwalk"] == "0.0.1, 0.0.2"
-
-
-def change(path: Path, statement: str) -> None:
-    connection = sqlite3.connect(path)
-    connection.execute(statement)
-    connection.commit()
-    connection.close()

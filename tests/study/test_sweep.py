@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import tracemalloc
 from dataclasses import replace
@@ -13,16 +14,19 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.motion import Flow
-from gapwalk.study.store.chunk_store import ChunkStore, read_chunks
+from gapwalk.results.file import lock, reading
+from gapwalk.study.load import load_result
+from gapwalk.study.request import REQUEST, request_file
 from gapwalk.study.sweep import stretch as stretches
+from gapwalk.study.sweep.call import STRETCH
 from gapwalk.study.sweep.driver import Driver
 from gapwalk.study.sweep.options import Way
 from gapwalk.study.sweep.record import BLOCK
-from gapwalk.study.sweep.store import pack, unpack
 from gapwalk.study.sweep.transient import Patience
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import workers
 from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
 from tests.study.killing import killed_after
 from tests.study.sweeps import FOLDS, options
 from tests.study.test_transient import steady_state
@@ -141,12 +145,12 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
     assert not stopped.complete
     assert np.count_nonzero(stopped.regimes != "") == sum(len(stretch.regimes) for stretch in done)
     assert [(pace.done, pace.total) for pace in paces] == [(k, 6) for k in range(1, after + 1)]
-    assert_same(gw.load_sweep(path), stopped)
+    assert_same(gw.load(path), stopped)
     assert os.listdir(tmp_path) == [path.name]
     paces.clear()
     again = gw.sweep(*FOLDS, options=options(workers=2), output=path, report=lambda _, pace: paces.append(pace))
     assert_same(again, hysteresis)
-    assert_same(gw.load_sweep(path), hysteresis)
+    assert_same(gw.load(path), hysteresis)
     assert [(pace.done, pace.before) for pace in paces] == [(k, after) for k in range(after + 1, 7)]
     calls = Flow.calls
     assert_same(gw.sweep(*FOLDS, options=options(), output=path), hysteresis)
@@ -157,7 +161,7 @@ def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, 
     path = tmp_path / "killed.sweep"
     for aim in (1, 2, 100):
         lines = killed_after(aim, f"from tests.study.sweeps import main; main({str(path)!r})")
-        stored = gw.load_sweep(path)
+        stored = gw.load(path)
         for name in lines if aim < 100 else ():
             lane, number = map(int, name.split())
             places = np.arange(number * BLOCK, min((number + 1) * BLOCK, 45))
@@ -170,45 +174,47 @@ def test_another_sweep_is_not_mixed_with_one_in_a_file(tmp_path) -> None:
     path = tmp_path / "a.sweep"
     small = options(steps=2, ways="up")
     gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=path)
-    with pytest.raises(StoreError, match=r"options\.kick is 0\.0, and was 1e-07"):
+    with pytest.raises(StoreError, match=r"kick is 0\.0, and was 1e-07"):
         gw.sweep(clutch(), "frequency", (0.6, 0.7), options=replace(small, kick=0.0), output=path)
-    with pytest.raises(StoreError, match=r"system\.parameters\.stiffness\.q1\.q1 is 0\.2, and was 0\.1"):
+    with pytest.raises(StoreError, match=r"stiffness\.q1\.q1 is 0\.2, and was 0\.1"):
         gw.sweep(clutch().at({"stiffness.q1.q1": 0.2}), "frequency", (0.6, 0.7), options=small, output=path)
-    with pytest.raises(StoreError, match="is no result file of gapwalk"):
-        gw.load(path)
-    with pytest.raises(StoreError, match="being written by another run"), ChunkStore(tmp_path / "b.sweep", {}):
+    with pytest.raises(StoreError, match="and no result of a study"):
+        load_result(path)
+    with pytest.raises(StoreError, match="being written by another run"), lock(tmp_path / "b.sweep"):
         gw.sweep(clutch(), "frequency", (0.6, 0.7), options=small, output=tmp_path / "b.sweep")
 
 
 def test_a_damaged_file_is_called_so(tmp_path) -> None:
     path = tmp_path / "a.sweep"
     gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(steps=2, ways="up"), output=path)
-    about, chunks = read_chunks(path)
-    del about["versions"]
-    for number, data, message in [
-        (1, chunks[0], "stands in the place of another"),
-        (0, chunks[0][:-40], "these bytes are no arrays"),
-        (0, b"", "these bytes are no arrays"),
-        (5, pack(replace(unpack(chunks[0]), lane=5)), "stretch 0 of lane 5 is none of this sweep"),
-        (0, pack(replace(unpack(chunks[0]), regimes=("",))), "another size"),
+    with reading(path) as parts:
+        call = parts.one(REQUEST)
+        parts.base = call.system
+        ((_, stretch),) = parts.all(STRETCH)
+    other = tmp_path / "b.sweep"
+    for request, number, wrong, message in [
+        (call, 1, stretch, "stands in the place of another"),
+        (call, 5, replace(stretch, lane=5), "stretch 0 of lane 5 is none of this sweep"),
+        (call, 0, replace(stretch, regimes=("",)), "another size"),
+        (call, 0, replace(stretch, sections=stretch.sections[..., 1:]), "another size"),
+        (replace(call, to=(0.6, 0.6)), 0, stretch, "is damaged"),
+        (replace(call, parameter="mass"), 0, stretch, "is damaged"),
+        (replace(call, block=7), 0, stretch, "its stretches have 7 values"),
     ]:
-        path.unlink()
-        with ChunkStore(path, about) as store:
-            store.add(number, data)
+        with request_file(request, other) as file:
+            file.write(STRETCH.entry(wrong, number))
         with pytest.raises(StoreError, match=message):
-            gw.load_sweep(path)
-    path.unlink()
-    for wrong, message in [
-        ({"kind": "other"}, "holds no sweep"),
-        ({"options": {}}, "is damaged"),
-        ({"to": [1.0]}, "is damaged"),
-        ({"block": 7}, "its stretches have 7 values"),
-    ]:
-        with ChunkStore(path, about | wrong):
-            pass
-        with pytest.raises(StoreError, match=message):
-            gw.load_sweep(path)
-        path.unlink()
+            gw.load(other)
+    for statement in (
+        "UPDATE part SET head = replace(head, '\"steps\":2', '\"steps\":1')",
+        "UPDATE part SET head = replace(head, '\"options\"', '\"option\"')",
+        "UPDATE part SET arrays = x'' WHERE name = 'stretch'",
+        "UPDATE part SET arrays = zeroblob(length(arrays) - 40) WHERE name = 'stretch'",
+    ):
+        shutil.copy(path, other)
+        change_sealed(other, statement)
+        with pytest.raises(StoreError, match="is damaged"):
+            gw.load(other)
 
 
 def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:

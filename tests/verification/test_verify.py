@@ -15,13 +15,13 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import VerificationError
 from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.study.store.codec import PointCodec
-from gapwalk.study.store.database import close_whole, open_to_write, transaction
-from gapwalk.study.store.rows import write_points, write_special_points
-from gapwalk.verification import verification_of
+from gapwalk.results.file import reading
+from gapwalk.study.request import request_file
+from gapwalk.study.walk_file import MOMENT, START, Moment
 from gapwalk.verification.carry import carry
 from gapwalk.verification.equations import Equations
 from tests.independent import acceleration, integrate
+from tests.results.again import again
 from tests.systems import clutch, linear, viscous_stop
 
 
@@ -72,7 +72,7 @@ def test_what_was_walked_verifies(branch):
     assert words["closure"] == words["multipliers"] == len(branch.points) + len(branch.special_points)
     assert words["gaps"] == words["counts"] == len(branch.points) - 1
     assert words["sides"] == words["location"] == len(branch.special_points)
-    assert verification_of(json.loads(json.dumps(found.document()))) == found
+    assert again(found) == found
 
 
 def test_follow_verifies_on_request(branch):
@@ -268,14 +268,13 @@ def test_the_stated_error_of_a_balanced_point_is_that_of_its_truncation(branch):
 
 def rewrite(path, branch):
     """Store another branch in place of the one in a result file, as a damaged program might have."""
-    codec = PointCodec(branch.system, branch.parameter, branch.period, len(branch.points[0].x))
-    connection = open_to_write(path)
-    with transaction(path, connection):
-        for table in ("points", "special_point"):
-            connection.execute(f"DELETE FROM {table}")
-        write_points(connection, 1, codec, branch.points, 0)
-        write_special_points(connection, 1, codec, branch.special_points, 0)
-    close_whole(path, connection)
+    study = gw.load(path).study
+    with reading(path) as parts:
+        parts.base = study.system
+        start = parts.one(START)
+    with request_file(study, path) as file:
+        moment = Moment(branch.points, branch.special_points, ends=branch.ends)
+        file.write(START.entry(start), MOMENT.entry(moment, 0))
 
 
 def test_the_command_passes_what_is_right(result, capsys):

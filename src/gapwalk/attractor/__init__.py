@@ -4,7 +4,6 @@ from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.classify import ClassifyOptions, classify, identify
 from gapwalk.attractor.lyapunov import Lyapunov, LyapunovOptions, lyapunov
 from gapwalk.attractor.match import distance, match
-from gapwalk.attractor.plain import attractor_of, plain_attractor
 from gapwalk.attractor.plane import Crossing, Plane, impact_plane
 from gapwalk.attractor.rattle import Rattle, rattle
 from gapwalk.attractor.rotation import Rotation, rotation
@@ -30,14 +29,12 @@ __all__ = [
     "Spectrum",
     "SpectrumOptions",
     "Waterfall",
-    "attractor_of",
     "classify",
     "distance",
     "identify",
     "impact_plane",
     "lyapunov",
     "match",
-    "plain_attractor",
     "rattle",
     "rotation",
     "section",

@@ -57,6 +57,11 @@ class Attractor(Shown):
     rotation: Rotation | None
     evidence: tuple[str, ...]
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
+            raise ValueError(f"strobes of shape {self.strobes.shape} are none of this system")
+
     @property
     def state(self) -> NDArray[np.float64]:
         """A state of the motion at theta = 0, shape (2n,)."""

@@ -116,6 +116,14 @@ class Basins(Shown):
     complete: bool = True
     notes: tuple[str, ...] = ()
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        labels, count = self.labels, len(self.attractors)
+        if labels.ndim != 2 or not labels.size or labels.min() < RUNAWAY or labels.max() >= count:
+            raise ValueError(f"its labels are none of {count} attractors")
+        if not np.isfinite(self.axes[0]).all():
+            raise ValueError("its axes are no numbers")
+
     @property
     def resolution(self) -> tuple[int, int]:
         """Columns and rows."""

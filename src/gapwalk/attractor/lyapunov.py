@@ -78,6 +78,11 @@ class Lyapunov:
     regular: bool
     converged: bool
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.exponents.ndim != 1 or self.exponents.shape != self.errors.shape or not self.frequency > 0.0:
+            raise ValueError("Lyapunov exponents are not as many as their errors")
+
     @property
     def per_period(self) -> NDArray[np.float64]:
         """The exponents per forcing period, shape (2n,)."""

@@ -83,6 +83,14 @@ class Regimes(Shown):
     complete: bool = True
     notes: tuple[str, ...] = ()
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        parts = (self.regimes, self.periods, self.exponents, self.peak_force, self.impacts, self.states)
+        if self.regimes.ndim != 2 or any(part.shape[:2] != self.regimes.shape for part in parts):
+            raise ValueError(f"its parts have the shapes {', '.join(str(part.shape) for part in parts)}")
+        if self.impacts.ndim != 3 or self.peak_force.shape != self.impacts.shape:
+            raise ValueError("its forces and impacts are not those of the same contacts")
+
     @property
     def resolution(self) -> tuple[int, int]:
         """Columns and rows."""

@@ -45,6 +45,11 @@ class Settled(Shown):
     residual: float
     evidence: tuple[str, ...]
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.strobes.ndim != 2 or self.strobes.shape[1] != 2 * self.system.size or not len(self.strobes):
+            raise ValueError(f"strobes of shape {self.strobes.shape} are none of this system")
+
     @property
     def period(self) -> int | None:
         """Period m in forcing periods; None if the motion is not periodic."""

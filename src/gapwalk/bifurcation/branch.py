@@ -146,6 +146,14 @@ class Branch(Shown):
     special_points: tuple[SpecialPoint, ...]
     ends: tuple[End, ...]
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if not self.points or len(self.ends) != 2 or self.period < 1:
+            raise ValueError("a branch has no points, or no ends")
+        for point in (*self.points, *(special.point for special in self.special_points)):
+            if point.orbit.period != self.period or point.orbit.system[self.parameter] != point.value:
+                raise ValueError("a point does not belong to its branch")
+
     @property
     def system(self) -> System:
         """System at the first point."""

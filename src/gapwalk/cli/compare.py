@@ -19,9 +19,9 @@ from gapwalk.study.compare import compare_results
 from gapwalk.study.comparison import Pair, ResultComparison, place_words
 from gapwalk.study.comparison_document import comparison_document
 from gapwalk.study.file import read_study
+from gapwalk.study.load import load_result
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
-from gapwalk.study.store.stored import load
 
 _PICTURES = (".png", ".svg")
 _WORDS = ("first", "second")
@@ -63,7 +63,7 @@ def _result_of(text: str, changes: list[str]) -> Result:
     file, _, name = (text, "", "") if os.path.exists(text) else text.rpartition(":")
     file = file or text
     if not file.endswith(".toml"):
-        return load(text)
+        return load_result(text)
     study = read_study(file, parse_changes(changes), name)
     with progress_of(study.options, study.name or file) as progress:
         result = run(study, report=progress)

@@ -30,11 +30,9 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     from gapwalk.cli.modes import train_lines
     from gapwalk.cli.run import unused_words
     from gapwalk.model.dissipation import dissipation_doubts
+    from gapwalk.results.plain import plain
     from gapwalk.study.changes import parse_changes
     from gapwalk.study.file import read_studies
-    from gapwalk.study.reduced.origin import plain_reduced
-    from gapwalk.study.store.plain import plain_system
-    from gapwalk.study.store.plain_options import plain_options
 
     studies = read_studies(file, parse_changes(changes))
     if json:
@@ -43,9 +41,9 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
                 "ok": True,
                 "title": study.title,
                 "name": study.name or None,
-                "system": plain_system(study.system),
-                "study": plain_options(study.options),
-                **({"reduction": plain_reduced(study.reduced)} if study.reduced else {}),
+                "system": plain(study.system),
+                "study": plain(study.options),
+                **({"reduction": plain(study.reduced)} if study.reduced else {}),
                 "unused": list(study.unused),
                 "warnings": dissipation_doubts(study.system),
             }
@@ -81,9 +79,9 @@ def show_result(path: Path, *, points: bool, json: bool) -> int:
     from gapwalk.cli.run import print_heading
     from gapwalk.cli.screen import print_result
     from gapwalk.study.document import result_document
-    from gapwalk.study.store.stored import load
+    from gapwalk.study.load import load_result
 
-    result = load(path)
+    result = load_result(path)
     if json:
         print_json(result_document(result, points=False))
         return DONE
@@ -110,7 +108,7 @@ def export_result(
     """Write the tables or the picture of a result, or a page with its motions."""
     from gapwalk.cli.run import table_paths
     from gapwalk.study.export import export_csv
-    from gapwalk.study.store.stored import load
+    from gapwalk.study.load import load_result
 
     form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
     if form not in ("csv", "html", *_PICTURES):
@@ -119,7 +117,7 @@ def export_result(
         raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
     if output is not None and output.resolve() == path.resolve():
         raise ModelError(f"{output} is the result itself; choose another name")
-    result = load(path)
+    result = load_result(path)
     if result.finding is not None and result.finding.record is None:
         raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
     if form == "csv":

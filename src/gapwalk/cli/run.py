@@ -19,13 +19,13 @@ from gapwalk.model.dissipation import dissipation_doubts
 from gapwalk.model.problem import did_you_mean
 from gapwalk.plot.words import parameter_symbol
 from gapwalk.study.changes import parse_changes
+from gapwalk.study.claim import check_claim
 from gapwalk.study.document import result_document
 from gapwalk.study.export import export_csv, table_names
 from gapwalk.study.file import Study, read_studies
 from gapwalk.study.interruption import found_by
 from gapwalk.study.result import Result
 from gapwalk.study.run import run
-from gapwalk.study.store.claim import check_claim
 from gapwalk.study.work.workers import on_cluster
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")

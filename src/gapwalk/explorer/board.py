@@ -22,10 +22,10 @@ from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_re
 from gapwalk.model.large import matrix_paths
 from gapwalk.model.source import read_source
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.results.file import tidy
 from gapwalk.study.file import Study, check_studies
+from gapwalk.study.load import load_result
 from gapwalk.study.result import Result
-from gapwalk.study.store.database import tidy
-from gapwalk.study.store.stored import load
 
 
 class Board:
@@ -150,7 +150,7 @@ class Board:
         if not entry.path.exists():
             return
         try:
-            result = load(entry.path)
+            result = load_result(entry.path)
         except GapwalkError as error:
             with self.guard:
                 entry.message = entry.message or str(error)
@@ -178,7 +178,7 @@ class Board:
 
     def _open(self) -> tuple[Study, ...]:
         if self.file.suffix == RESULT:
-            result = load(self.file)
+            result = load_result(self.file)
             entry = Entry("", self.file.name, self.file, result=result, model=mark_of(result.study))
             entry.message = _ends(entry)
             with self.guard:

@@ -20,6 +20,8 @@ from gapwalk.bifurcation.locus.departure import depart_locus
 from gapwalk.bifurcation.locus.follow import trace_locus, traced_locus
 from gapwalk.errors import NumericalError
 from gapwalk.explorer.news import News
+from gapwalk.results.file import lock
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.diagram.diagram import empty_diagram
 from gapwalk.study.diagram.others import grow_others
 from gapwalk.study.diagram.store import DiagramStore
@@ -27,11 +29,7 @@ from gapwalk.study.file import Study
 from gapwalk.study.map import Map
 from gapwalk.study.map.store import MapStore
 from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions
-from gapwalk.study.store.claim import earlier_result
-from gapwalk.study.store.database import lock
-from gapwalk.study.store.result_file import ResultFile
-from gapwalk.study.store.stored import StoredDiagram
-from gapwalk.study.store.versions import versions
+from gapwalk.study.request import request_file
 
 S = TypeVar("S")
 
@@ -62,10 +60,9 @@ class SwitchErrand:
         limb = Limb(f"P{steps.branch.period}-1", steps.branch)
         known = empty_diagram(options.parameter, within)
         tree = Diagram(options.parameter, known.within, (limb,), complete=complete)
-        with lock(output), ResultFile(output, study, versions(), exists=False) as file:
-            store = DiagramStore(file)
-            store.add(tree, limb)
-            store.finish(tree, finished=complete)
+        with lock(output), request_file(study, output) as file:
+            store = DiagramStore(file, known)
+            store.write(tree, finished=complete)
         return complete
 
 
@@ -88,22 +85,21 @@ class SearchErrand:
         within = (options.begin, options.end)
         with lock(output):
             earlier = earlier_result(output, study, resume=True, force=False) if resume else None
-            found = None if earlier is None else earlier.found
-            tree = found.diagram if isinstance(found, StoredDiagram) else empty_diagram(options.parameter, within)
+            tree = (earlier and earlier.diagram) or empty_diagram(options.parameter, within)
             for limb in tree.limbs:
                 news.limb(tree, limb)
-            with ResultFile(output, study, versions(), exists=earlier is not None) as file:
-                store = DiagramStore(file, len(tree.limbs))
+            with request_file(study, output, earlier and earlier.versions) as file:
+                store = DiagramStore(file, tree)
 
                 def keep(diagram: Diagram, limb: Limb) -> None:
-                    store.add(diagram, limb)
+                    store.write(diagram)
                     news.limb(diagram, limb)
 
                 limits, walk, method = options.limits, options.walk, options.method
                 start = (study.system, options.parameter, within, self.known)
                 grown, finished = grow_others(*start, limits, walk, method, keep, tree, news.part)
                 if grown.search is not None:
-                    store.finish(grown, finished=finished)
+                    store.write(grown, finished=finished)
         return finished
 
 
@@ -130,12 +126,10 @@ class LocusErrand:
         steps = trace_locus(departures, options.walk)
         complete = _to_end(steps, lambda step: news.point(*step))
         locus = traced_locus(steps)
-        empty = Map(first, second, options.within)
         chart = Map(first, second, options.within, (locus,), complete=complete)
-        with lock(output), ResultFile(output, study, versions(), exists=False) as file:
-            store = MapStore(file, empty)
-            store.add(chart, locus)
-            store.finish(chart, finished=complete)
+        with lock(output), request_file(study, output) as file:
+            store = MapStore(file)
+            store.write(chart)
         return complete
 
 

@@ -189,6 +189,15 @@ class System(Shown):
         self._set(self.structure, values)
         return values
 
+    @property
+    def shared(self) -> tuple[NDArray[np.float64], dict[int, float]]:
+        """Values that it may share with other systems, and its own values by place, which replace them (`beside`)."""
+        try:
+            shared, place, value = self._beside
+        except AttributeError:
+            return self.values, {}
+        return shared, {place: value}
+
     def _at(self, place: int) -> float:
         """The value at one place."""
         try:

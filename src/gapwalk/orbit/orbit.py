@@ -64,6 +64,17 @@ class Orbit(Shown):
     residual: float
     steps: int
 
+    _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        n, switches = self.system.size, len(self.system.structure.breakpoints)
+        shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
+        if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
+            raise ValueError("an orbit has another size than the states of its system")
+        if not all(0 <= event.switch < switches for event in self.events):
+            raise ValueError("a contact event belongs to no contact")
+
     @cached_property
     def instability(self) -> Instability:
         """Numbers of multipliers outside the unit circle, by where they left it."""

@@ -13,14 +13,12 @@ from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End
 from gapwalk.motion.motion import signal_names
 from gapwalk.orbit.floquet import Instability
+from gapwalk.results.plain import plain
+from gapwalk.results.records import parameters_of
 from gapwalk.study.columns import method_document
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.document import map_document
-from gapwalk.study.reduced.full_check import plain_checks
-from gapwalk.study.reduced.origin import plain_reduced
 from gapwalk.study.result import Result
-from gapwalk.study.store.plain import plain_parameters
-from gapwalk.study.store.plain_options import plain_method
 
 KINDS = ("half", "max", "min")
 """The measures of each coordinate that are given."""
@@ -37,21 +35,21 @@ def result_document(result: Result, points: bool = True) -> dict[str, Any]:
         "kind": result.options.kind,
         "complete": result.complete,
         "versions": dict(result.versions),
-        "parameters": plain_parameters(result.system),
+        "parameters": parameters_of(result.system),
     }
     if (units := result.system.units) is not None:
         head["units"] = {name: unit for name in result.system.structure.names if (unit := units.parameter(name))}
         head["units"] |= {name: units.signal(name)[1] for name in signal_names(result.system)}
     if result.study.reduced is not None:
-        head["reduction"] = plain_reduced(result.study.reduced)
-        head["checks"] = plain_checks(result.checks)
+        head["reduction"] = plain(result.study.reduced)
+        head["checks"] = plain(result.checks)
     if result.finding is not None:
         finding = result.finding
         told = {"notes": list(finding.notes), "failures": list(finding.failures)}
         return head | finding.document(points) | told
     document = {
         **head,
-        "method": plain_method(result.walked.method),
+        "method": plain(result.walked.method),
         "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
         "special_points": special_documents(result),
     }

@@ -13,6 +13,7 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import StoreError
+from gapwalk.results.file import check_place
 from gapwalk.study.columns import (
     measure_names,
     measure_values,
@@ -24,7 +25,6 @@ from gapwalk.study.columns import (
 from gapwalk.study.diagram.search_result import COVERAGE, coverage_rows
 from gapwalk.study.map.tables import codim2_rows, locus_rows
 from gapwalk.study.result import Result
-from gapwalk.study.store.database import check_place
 
 
 def export_csv(result: Result, paths: Mapping[str, str | os.PathLike[str]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -37,3 +38,8 @@ def check_inside(values: list[float], key: str, ends: tuple[Any, ...]) -> None:
     for value in values:
         if not low <= value <= high:
             raise ModelError(f"{key} has {value:g}, outside the range from {low:g} to {high:g}")
+
+
+def with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same values with tuples in place of lists, as frozen options have them."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 from gapwalk.errors import ModelError
 from gapwalk.model.file import ModelPart, check_system, gives_pace, in_order, matrices_digest
@@ -28,12 +29,13 @@ from gapwalk.study.measure.table import check_measurement
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.reduced.origin import ReducedFrom, reduce_for
 from gapwalk.study.reduced.table import ReductionPart, reduction_part
+from gapwalk.study.request import Request
 from gapwalk.study.sketch import Sketch, sketch_of
 from gapwalk.study.tables import StudyPart, Surroundings
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Request):
     """A system, and what is to be studied of it.
 
     Parameters
@@ -58,6 +60,8 @@ class Study:
         Digest of the matrices that stand in files beside the model file; empty if none do.
     """
 
+    asks: ClassVar[str] = "study"
+
     system: System
     options: StudyOptions
     title: str = ""
@@ -65,7 +69,7 @@ class Study:
     changes: tuple[tuple[str, object], ...] = ()
     name: str = ""
     reduced: ReducedFrom | None = None
-    unused: tuple[str, ...] = field(default=(), compare=False)
+    unused: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
     matrices: str = field(default="", compare=False)
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from gapwalk.results.file import Parts
 from gapwalk.study.file import Study
 from gapwalk.study.finding import Finding
+from gapwalk.study.request import Keeper
 
 Report = Callable[..., object]
 """Called with each part when it is done and is in the file, and with the `gapwalk.study.work.pace.Pace` of the job."""
@@ -20,15 +21,15 @@ class Job:
     Attributes
     ----------
     work
-        Does it: called with the study, where to keep its parts (a `gapwalk.study.store.shelf.Shelf`, or None), and
-        whom to report to. After Ctrl-C it returns what there is, or raises KeyboardInterrupt if that is nothing.
+        Does it: called with the study, the file in which it keeps its parts (or None), and whom to report to. After
+        Ctrl-C it returns what there is, or raises KeyboardInterrupt if that is nothing.
     read
-        What has been found, from the study and the parts by number; any of LookupError, TypeError and ValueError if
-        they are damaged.
+        What has been found, from the study and the parts of its file; any of LookupError, TypeError and ValueError if
+        they make no sense.
     """
 
-    work: Callable[[Study, os.PathLike[str] | None, Report | None], Finding]
-    read: Callable[[Study, Mapping[int, bytes]], Finding]
+    work: Callable[[Study, Keeper | None, Report | None], Finding]
+    read: Callable[[Study, Parts], Finding]
 
 
 def _family() -> Job:

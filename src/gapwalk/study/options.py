@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from importlib import import_module
 from typing import ClassVar
 
 from gapwalk.bifurcation.branch import Kind
@@ -12,6 +13,7 @@ from gapwalk.continuation.options import WalkOptions
 from gapwalk.orbit.balance.options import Balance
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.results.codec import Column, OneOf, column_of, register
 from gapwalk.study.diagram.diagram import DiagramOptions
 from gapwalk.study.map.options import MapOptions
 
@@ -205,3 +207,25 @@ def _search_words(values: int | tuple[float, ...]) -> str:
     """Where a search is to be, for a line that says what is to be done."""
     count = values if isinstance(values, int) else len(values)
     return f", with a search at {count} values" if count else ""
+
+
+# Each is loaded only when a result holds it, as with `gapwalk.study.kinds`.
+_HOMES = {
+    "response": "options.ResponseOptions",
+    "diagram": "options.DiagramStudyOptions",
+    "map": "options.MapStudyOptions",
+    "locus": "locus.study_options.LocusStudyOptions",
+    "family": "family.study_options.FamilyStudyOptions",
+    "settle": "settle.study_options.SettleStudyOptions",
+    "sweep": "sweep.study_options.SweepStudyOptions",
+    "basins": "basins.study_options.BasinStudyOptions",
+    "regimes": "regimes.study_options.RegimeStudyOptions",
+}
+
+
+def _column_of(kind: str) -> Column:
+    module, _, name = _HOMES[kind].rpartition(".")
+    return column_of(getattr(import_module(f"gapwalk.study.{module}"), name))
+
+
+register(StudyOptions, OneOf(lambda value: value.kind if isinstance(value, StudyOptions) else None, _column_of))

@@ -5,24 +5,27 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping
+from contextlib import nullcontext
+from itertools import chain
 from types import FrameType
 
 import numpy as np
 
 from gapwalk.bifurcation import Trail, TrailState, depart, directions, resumed_trail
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.walk import End, EndReason, WalkState
 from gapwalk.errors import NumericalError, StoreError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.results.codec import checked
+from gapwalk.results.file import Parts, lock, reading
+from gapwalk.results.versions import versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.file import Study
+from gapwalk.study.request import request_file
 from gapwalk.study.result import Result
-from gapwalk.study.store.claim import earlier_result
-from gapwalk.study.store.codec import PointCodec
-from gapwalk.study.store.database import lock
-from gapwalk.study.store.stored import Stored, StoredWalk
-from gapwalk.study.store.versions import versions
-from gapwalk.study.store.walk_store import Report, Store, WalkFile, create_result
+from gapwalk.study.walk_file import MOMENT, START, Moment, Report, WalkFile, in_order
 
 
 def run_response(
@@ -34,51 +37,53 @@ def run_response(
     report: Report | None = None,
 ) -> Result:
     """Run the study of a response; parameters and errors as in `gapwalk.run`."""
+    options = study.walked
     with nullcontext() if output is None else lock(output):
-        walk, trail, written_by = _set_out(study, output, resume=resume, force=force)
-        if report is not None:
-            _report_again(walk, report)
-        if trail is not None:
-            with _store(study, output, walk, written_by, report) as store:
-                walk = _walk(trail, walk, store, report)
-        return Stored(study, walk, written_by).result()
+        earlier = earlier_result(output, study, resume=resume, force=force)
+        if earlier is not None and report is not None:
+            _report_again(earlier.branches[0], report)
+        if earlier is not None and earlier.complete:
+            return earlier
+        if earlier is None or output is None:
+            before, known = None, []
+            start = find_orbit(study.system, options.period, options.start, method=options.method)
+            trail = _trail(study, start)
+        else:
+            before = earlier.versions
+            start, known = _read_walk(study, output)
+            trail = _trail(study, start, _state(known))
+            _check_scales(known[0], trail)
+        with request_file(study, output, before) as file:
+            if not known:
+                known = [Moment((trail.first,))]
+                file.write(START.entry(start), MOMENT.entry(known[0]))
+            walk = WalkFile(file, known, report)
+            _walk(trail, walk)
+        return _result(study, walk.moments, versions(None if before is None else dict(before)))
 
 
-def _set_out(
-    study: Study, output: str | os.PathLike[str] | None, *, resume: bool, force: bool
-) -> tuple[StoredWalk, Trail | None, dict[str, str]]:
-    """What there is before the walk, the trail to walk (None if it was walked to its end already), and the versions."""
-    earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
-    if earlier is not None:
-        walk = earlier.found
-        assert isinstance(walk, StoredWalk)  # the study is the same
-        if walk.is_complete:
-            return walk, None, earlier.versions
-        trail = _trail(study, walk.start, _state(walk))
-        _check_scales(walk, trail)
-        return walk, trail, versions(earlier.versions)
-    options = study.walked
-    start = find_orbit(study.system, options.period, options.start, method=options.method)
-    trail = _trail(study, start)
-    walk = StoredWalk(start, [trail.first], [], None, None)
-    if output is not None:
-        create_result(output, study, start, trail.first, versions())
-    return walk, trail, versions()
+def read_response(study: Study, parts: Parts) -> Result:
+    """The result of a response from the parts of its file; see `gapwalk.study.load`."""
+    parts.one(START)  # with which a walk would continue
+    return _result(study, in_order(parts.all(MOMENT)), {})
 
 
-def _store(
-    study: Study,
-    output: str | os.PathLike[str] | None,
-    walk: StoredWalk,
-    written_by: dict[str, str],
-    report: Report | None,
-) -> AbstractContextManager[Store | None]:
-    if output is None:
-        return nullcontext()
-    options = study.walked
-    unknowns = len(walk.points[0].x)
-    codec = PointCodec(study.system, options.parameter, options.period, unknowns, balanced=options.balanced)
-    return Store(output, WalkFile(codec, len(walk.points), len(walk.special_points)), written_by, report)
+def _result(study: Study, moments: list[Moment], written_by: Mapping[str, str]) -> Result:
+    points = tuple(chain.from_iterable(moment.points for moment in moments))
+    special_points = tuple(chain.from_iterable(moment.special_points for moment in moments))
+    ends, options = moments[-1].ends, study.walked
+    is_complete = ends is not None and ends[-1].reason.is_final
+    if ends is None:
+        ends = (_first_end(moments), End(EndReason.STOPPED, points[-1].value))
+    branch = checked(Branch(options.parameter, options.period, points, special_points, ends))
+    return Result(study, (branch,), is_complete, written_by)
+
+
+def _read_walk(study: Study, path: str | os.PathLike[str]) -> tuple[Orbit, list[Moment]]:
+    """The orbit that was found first, and the walk from there so far."""
+    with reading(path) as parts:
+        parts.base = study.system
+        return parts.one(START), in_order(parts.all(MOMENT))
 
 
 def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail:
@@ -88,64 +93,55 @@ def _trail(study: Study, start: Orbit, state: TrailState | None = None) -> Trail
     return Trail(departure, options.walk) if state is None else resumed_trail(departure, options.walk, state)
 
 
-def _state(walk: StoredWalk) -> TrailState | None:
-    if walk.progress is None and len(walk.points) == 1:
+def _state(moments: list[Moment]) -> TrailState | None:
+    """Where a walk has come to; None if it has not left its first point."""
+    points = [point for moment in moments for point in moment.points]
+    progress = moments[-1].progress
+    count = 0 if progress is None else progress.count
+    if count != len(points) - 1:
+        raise StoreError(f"the result has {len(points)} points, but the walk had {count + 1}")
+    if progress is None:
         return None
-    if walk.progress is None:
-        raise _scaled_otherwise(walk)
-    if walk.progress.count != len(walk.points) - 1:
-        raise StoreError(f"the result has {len(walk.points)} points, but the walk had {walk.progress.count + 1}")
-    previous, point = walk.points[-2:]
-    return TrailState(WalkState(previous, point, walk.progress.step, walk.progress.count), walk.progress.detector)
+    return TrailState(WalkState(points[-2] if count else None, points[-1], progress.step, count), progress.detector)
 
 
-def _check_scales(walk: StoredWalk, trail: Trail) -> None:
-    """Refuse to go on with points in other variables than those in which the walk would begin today."""
-    stored, first = walk.points[0].x, trail.first.x
-    if len(stored) == len(first) and not np.allclose(stored, first, rtol=1e-6, atol=1e-9):
-        raise _scaled_otherwise(walk)
+def _check_scales(first: Moment, trail: Trail) -> None:
+    """Refuse to continue points in other variables than those in which the walk would begin today."""
+    stored, today = first.points[0].x, trail.first.x
+    if len(stored) == len(today) and not np.allclose(stored, today, rtol=1e-6, atol=1e-9):
+        raise StoreError(
+            "the result holds the first points of a walk by another gapwalk, whose variables were scaled otherwise, so "
+            "it cannot be continued; walk it again into another file (--output), or over this one (--force)"
+        )
 
 
-def _scaled_otherwise(walk: StoredWalk) -> StoreError:
-    return StoreError(
-        f"the result holds the first {len(walk.points)} points of a walk by an older gapwalk, whose variables were "
-        "scaled otherwise, so it cannot be gone on with; walk it anew into another file (--output), or over this "
-        "one (--force)"
-    )
-
-
-def _walk(trail: Trail, walk: StoredWalk, store: Store | None, report: Report | None) -> StoredWalk:
-    """Walk to the end, and keep all points in `walk` and in the store; the walk with its ends."""
-    end = None
+def _walk(trail: Trail, walk: WalkFile) -> None:
+    """Walk to the end, and keep all points."""
+    end, first = None, _first_end(walk.moments)
+    value = next(moment.points[-1].value for moment in reversed(walk.moments) if moment.points)
     with _Interrupt() as interrupt:
         try:
             for point, special_points in trail:
-                walk.points.append(point)
-                walk.special_points.extend(special_points)
-                if store is not None:
-                    store.add(point, special_points, trail.state, _ends(walk, trail.end))
-                elif report is not None:
-                    report(point, special_points)
+                value = point.value
+                walk.add(point, special_points, trail.state, None if trail.end is None else (first, trail.end))
                 if interrupt.asked and trail.end is None:
-                    end = End(EndReason.INTERRUPTED, point.value)
+                    end = End(EndReason.INTERRUPTED, value)
                     break
             end = end or trail.end
         except NumericalError as error:
-            end = End(EndReason.FAILED, walk.points[-1].value, str(error))
-        ends = (walk.first_end, end or End(EndReason.STOPPED, walk.points[-1].value))
-        if store is not None:
-            store.finish(ends)
-    return walk._replace(ends=ends)
+            end = End(EndReason.FAILED, value, str(error))
+        walk.finish((first, end or End(EndReason.STOPPED, value)))
 
 
-def _ends(walk: StoredWalk, end: End | None) -> tuple[End, ...] | None:
-    return None if end is None else (walk.first_end, end)
+def _first_end(moments: list[Moment]) -> End:
+    """Where the walk begins."""
+    return End(EndReason.START, moments[0].points[0].value)
 
 
-def _report_again(walk: StoredWalk, report: Report) -> None:
+def _report_again(branch: Branch, report: Report) -> None:
     """Report the points of a result that is resumed, each with the special points before it."""
-    rest = list(walk.special_points)
-    for point in walk.points[1:]:
+    rest = list(branch.special_points)
+    for point in branch.points[1:]:
         before = [special for special in rest if special.point.arclength <= point.arclength]
         del rest[: len(before)]
         report(point, before)

@@ -11,13 +11,13 @@ from gapwalk.notebook.progress import shows_progress
 from gapwalk.study.diagram.study import run_diagram
 from gapwalk.study.file import Study
 from gapwalk.study.jobs import JOBS
+from gapwalk.study.load import load_result
 from gapwalk.study.map.study import run_map
 from gapwalk.study.reduced.before import as_before
 from gapwalk.study.reduced.check import with_checks
 from gapwalk.study.response import run_response
 from gapwalk.study.result import Result
 from gapwalk.study.run_job import run_job
-from gapwalk.study.store.stored import read
 from gapwalk.study.verify import with_verification
 from gapwalk.study.work.pace import Pace
 
@@ -57,7 +57,7 @@ def run(
         Write over an existing result file.
     report
         Called with what is new, once it is in the file: of a response, each point and the special points before it
-        (`gapwalk.study.store.walk_store.Report`); of a diagram, the diagram and the branch that was added to it
+        (`gapwalk.study.walk_file.Report`); of a diagram, the diagram and the branch that was added to it
         (`gapwalk.study.diagram.study.Report`); of a map or a locus, the map and the section or the locus that was added
         to it (`gapwalk.study.map.Report`); of a family, a sweep, basins and regimes, each part of the work and the
         `gapwalk.study.work.pace.Pace` of all. What a resumed result has already comes first.
@@ -82,7 +82,7 @@ def run(
         hint = f"gw.run(gw.read_study({file!r}))"
         raise ModelError(f"run takes a study, not {reprlib.repr(study)}; read one from a file: {hint}")
     if resume and output is not None and study.reduced is not None and os.path.lexists(output):
-        study = as_before(study, read(output).study)
+        study = as_before(study, load_result(output).study)
     result = _RUNNERS[study.options.kind](study, output, resume=resume, force=force, report=report)
     if result.interrupted:
         raise Interrupted(result)

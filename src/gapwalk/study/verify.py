@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
+from gapwalk.results.file import lock, seal_fault, write_more
 from gapwalk.study.family.record import Family
+from gapwalk.study.load import VERIFICATION, load_result
 from gapwalk.study.map.chart import Map
 from gapwalk.study.options import BranchOptions, StudyOptions
 from gapwalk.study.result import Result
-from gapwalk.study.store.database import close_whole, lock, open_to_write, seal_of, transaction
-from gapwalk.study.store.rows import write_about
-from gapwalk.study.store.stored import read
 from gapwalk.verification import (
     Check,
     Ledger,
@@ -78,15 +76,9 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
 def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
     """The result in a file, and what its verification finds; parameters and errors as in `verify`."""
     ledger = Ledger()
-    is_sealed, fault = seal_of(path)
-    if is_sealed:
-        ledger.enter(Check.SEAL, Spot("the file", "its tables", math.nan), 1.0 if fault else 0.0, fault)
-    else:
-        ledger.note(
-            "the file was written by a gapwalk that made no checksum of all that it holds: its title, the text of its "
-            "model, its options and notes are not verified"
-        )
-    result = read(path, sealed=False).result()
+    fault = seal_fault(path)
+    ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
+    result = load_result(path, sealed=False)
     _verify(ledger, result, report)
     return result, ledger.verification
 
@@ -160,12 +152,7 @@ def with_verification(result: Result, options: StudyOptions, output: str | os.Pa
         found = verify(result)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("the result is complete, but it is not verified yet") from None
-    with nullcontext() if output is None else lock(output):
-        if output is not None:
-            connection = open_to_write(output)
-            try:
-                with transaction(output, connection):
-                    write_about(connection, "verification", found.document())
-            finally:
-                close_whole(output, connection)
+    if output is not None:
+        with lock(output):
+            write_more(output, result.system, VERIFICATION.entry(found))
     return replace(result, verification=found)

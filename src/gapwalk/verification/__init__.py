@@ -4,7 +4,7 @@ from gapwalk.verification.branch import verify_branches
 from gapwalk.verification.confirm import confirm
 from gapwalk.verification.locus import verify_loci
 from gapwalk.verification.tree import verify_tree
-from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification, verification_of
+from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification
 from gapwalk.verification.whole import verify_distinct, verify_whole
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "Summary",
     "Verification",
     "confirm",
-    "verification_of",
     "verify_branches",
     "verify_distinct",
     "verify_loci",

@@ -195,24 +195,6 @@ class Verification:
         return f"Verification({self.words})"
 
 
-def verification_of(plain: Any) -> Verification:
-    """Restore a record from plain JSON values; raise KeyError, TypeError or ValueError if they are damaged."""
-
-    def figure(check: Check, each: Any) -> Figure:
-        value = math.nan if each["parameter"] is None else float(each["parameter"])
-        spot = Spot(str(each["branch"]), str(each["item"]), value)
-        size = math.inf if each["size"] is None else float(each["size"])
-        return Figure(check, spot, size, str(each["detail"] or ""))
-
-    summaries = [
-        Summary(Check(each["check"]), int(each["count"]), figure(Check(each["check"]), each["worst"]))
-        for each in plain["checks"]
-    ]
-    breaches = [figure(Check(each["check"]), each) for each in plain["breaches"]]
-    notes = tuple(str(note) for note in plain["notes"])
-    return Verification(tuple(summaries), tuple(breaches), notes, int(plain["points"]), int(plain["special_points"]))
-
-
 class Ledger:
     """Collector of figures, which it adds up to a verification."""
 

@@ -1,6 +1,5 @@
 """Drags that alone join two groups of inertias, as fluid couplings do: the angle is removed, its rate is not."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.study.store.plain import plain_system, system_of
+from tests.results.again import again
 
 ENGINE, DRIVEN, DRAG, TORQUE, SIZE, PHASE, W = 0.3, 0.07, 0.05, 2.0, 5.0, 0.3, 3.0
 ALONE = ENGINE * DRIVEN / (ENGINE + DRIVEN)
@@ -175,7 +174,7 @@ def test_a_rotor_that_a_drag_alone_joins_to_the_ground_takes_its_mean_torque() -
 def test_a_coupled_train_is_stored_and_given_other_numbers() -> None:
     system = converter().system()
     assert system.coordinates == ("clutch", "oil_slip", "mesh")
-    assert system_of(json.loads(json.dumps(plain_system(system)))).coordinates == system.coordinates
+    assert again(system).coordinates == system.coordinates
     with pytest.raises(ModelError, match=r"oil\.damping is 0; it must be > 0, for nothing else joins its two"):
         system.at({"oil.damping": 0.0})
 

@@ -1,7 +1,6 @@
 """Drive trains become the equations of motion that one would write down by hand, whatever their parts."""
 
 import copy
-import json
 import pickle
 
 import numpy as np
@@ -14,7 +13,8 @@ from gapwalk.model import System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.motion.forces import accelerations
-from gapwalk.study.store.plain import plain_system, system_of
+from gapwalk.results.records import WholeSystem, parameters_of, system_of
+from tests.results.again import again
 
 
 def branched(**changes) -> gw.Train:
@@ -138,7 +138,7 @@ def test_a_drag_closes_a_loop_wherever_it_stands_in_the_list(first: bool, held: 
     expected = rates_by_hand(train, angle, speed, 0.9)
     found = accelerations(layout_of(system.structure), coefficients_of(system), 0.9 * 1.3, q, rate)
     assert found == pytest.approx([expected[name] for name in system.coordinates], rel=1e-11)
-    assert system_of(json.loads(json.dumps(plain_system(system)))).coordinates == system.coordinates
+    assert again(system).coordinates == system.coordinates
 
 
 def random_tree(seed: int) -> gw.Train:
@@ -448,8 +448,8 @@ def test_copies_are_equal(duplicate) -> None:
 def test_a_train_survives_a_file_of_results() -> None:
     for train in (branched(), two(gears=[gw.Gear("ac", ("a", "c"), 1.0, stiffness=2.0)], reaction="b")):
         system = train.system()
-        plain = json.loads(json.dumps(plain_system(system)))
-        assert system_of(plain) == system
-        plain["parameters"].pop("frequency")
+        assert again(system) == system
+        parameters = parameters_of(system)
+        parameters.pop("frequency")
         with pytest.raises(ValueError, match="not those"):
-            system_of(plain)
+            system_of(WholeSystem(system.structure, parameters))

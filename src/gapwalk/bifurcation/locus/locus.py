@@ -83,6 +83,11 @@ class LocusPoint:
     tangent: NDArray[np.float64]
     arclength: float
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
+            raise ValueError("the unknowns of a point are not as many as the components of its tangent")
+
     def measure(self, name: str) -> float:
         """Return one measure of the motion; see `Orbit.measure`."""
         return self.orbit.measure(name)
@@ -189,6 +194,12 @@ class Locus:
     codim2_points: tuple[Codim2Point, ...]
     ends: tuple[LocusEnd, LocusEnd]
     contact: str = ""
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        points = (*self.points, *(codim2.point for codim2 in self.codim2_points))
+        if not self.points or self.period < 1 or any(point.orbit.period != self.period for point in points):
+            raise ValueError("a locus has no points, or points of another period")
 
     @property
     def values(self) -> NDArray[np.float64]:

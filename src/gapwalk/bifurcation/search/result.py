@@ -66,6 +66,11 @@ class Tally:
     unsettled: NDArray[np.float64]
     newton_starts: int
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.box.ndim != 1 or self.unsettled.ndim != 2 or self.unsettled.shape[1] != len(self.box):
+            raise ValueError("the box of a search has another size than its states")
+
 
 @dataclass(frozen=True)
 class SearchResult:

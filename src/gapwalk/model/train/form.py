@@ -85,6 +85,15 @@ class TrainForm:
     torques: tuple[TorqueForm, ...] = ()
     reaction: int | None = None
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        ends = [end for link in self.links for end in link.ends]
+        inertias = [number for torque in self.torques for number in torque.acts_on]
+        if not all(0 <= end <= self.ground for end in ends):
+            raise ValueError("a link of the train ends nowhere")
+        if not all(0 <= number < self.ground for number in (*inertias, self.reaction or 0)):
+            raise ValueError("a torque acts on no inertia")
+
     def __hash__(self) -> int:
         return self._hash
 

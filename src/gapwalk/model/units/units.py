@@ -37,6 +37,11 @@ class Unit:
     text: str
     factor: float
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if not 0.0 < self.factor < math.inf or not self.text.isprintable():
+            raise ValueError(f"{self.text!r} is no unit")
+
 
 _DEFAULTS = {
     QuantityKind.ANGLE: Unit("deg", _DEGREE),
@@ -66,6 +71,11 @@ class Units:
 
     chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
     turns: int | None = None
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.turns is not None and self.turns < 1:
+            raise ValueError(f"{self.turns} is no number of periods in a turn")
 
     def of(self, kind: QuantityKind) -> Unit:
         """The unit of a kind."""

@@ -43,6 +43,16 @@ class BalancedOrbit(Orbit):
     deflections: Series
     truncation: float = field()
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        super()._check_read()
+        series = (self.series, self.deflections)
+        rows, widths = zip(*(each.lines.shape for each in series), strict=True)
+        if rows != (self.system.size, len(self.system.structure.contacts)) or not 0 < min(widths) == max(widths):
+            raise ValueError("the lines of an orbit are not those of its coordinates and contacts")
+        if any(each.period != self.period for each in series):
+            raise ValueError("the lines of an orbit are those of another period")
+
     @property
     def harmonics(self) -> int:
         """H, the highest harmonic of the forcing frequency."""

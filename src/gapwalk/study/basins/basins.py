@@ -2,74 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
-from dataclasses import asdict, dataclass
+from contextlib import nullcontext
 
 from gapwalk.attractor.basins import Basins, BasinShares, in_order
 from gapwalk.attractor.box import Box, Range, Window
-from gapwalk.attractor.catalogue import Effort
 from gapwalk.attractor.neighbours import beside_cells, beside_states
 from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
+from gapwalk.results.faults import undamaged
+from gapwalk.study.basins.call import BASINS, CELLS, BasinsCall
 from gapwalk.study.basins.job import BasinChunk, BasinJob, Report
-from gapwalk.study.basins.store import basin_arrays, basins_of, plain_basins
+from gapwalk.study.basins.options import BasinOptions
 from gapwalk.study.grid import check_resolution
-from gapwalk.study.store.cell_store import CellStore
-from gapwalk.study.store.trust import undamaged
+from gapwalk.study.request import Output, call_file
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
-
-
-@dataclass(frozen=True, slots=True)
-class BasinOptions:
-    """How basins are found.
-
-    Parameters
-    ----------
-    longest
-        The most forcing periods that a motion is followed before it is settled and classified by itself.
-    max_period
-        The longest period m of an orbit that is looked for.
-    tries
-        The most motions that are settled and classified one by one, with the exact flow.
-    exact_borders
-        Whether the label of every cell at a border between basins is found with the exact flow, and of those within two
-        cells of a label that was wrong; otherwise those of `check` cells at borders are.
-    check
-        Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
-        many again, until none of the last ones is wrong.
-    seed
-        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
-    workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
-    """
-
-    longest: int = 3000
-    max_period: int = 64
-    tries: int = 48
-    exact_borders: bool = True
-    check: int = 1024
-    seed: int = 0
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
-
-    @property
-    def borders(self) -> int | None:
-        """How many labels at borders are found with the exact flow; None for all."""
-        return None if self.exact_borders else self.check
-
-    @property
-    def effort(self) -> Effort:
-        """What `explore` needs of it."""
-        return Effort(self.longest, self.max_period, self.tries)
 
 
 @shows_progress(lambda count, part, pace: str(pace))
@@ -82,7 +31,7 @@ def basins(
     options: BasinOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
 ) -> Basins:
     """Basins of attraction in a plane of initial states.
 
@@ -109,8 +58,8 @@ def basins(
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
-        A file to write while the work is done; `gapwalk.load_basins` reads it. If it holds a part of the same job, that
-        is gone on with, and comes to the same result.
+        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
+        continued, and comes to the same result.
 
     Raises
     ------
@@ -129,19 +78,14 @@ def basins(
     columns, rows = check_resolution(resolution)
     states = window.states((columns, rows))
     job = BasinJob(system, states, options.effort, options.seed)
-    with ExitStack() as stack:
-        store = None
-        if output is not None:
-            about = plain_basins(system, window, (columns, rows), asdict(options), job.count)
-            store = stack.enter_context(CellStore(output, about, job.count))
-            with undamaged(output):
-                if store.result is not None:
-                    return basins_of(system, window, store.result)
-                job.take([BasinChunk.of(number, arrays) for number, arrays in store.chunks.items()])
+    with call_file(BasinsCall(system, window, (columns, rows), options), output) as file:
+        for _, found in file.known(BASINS):
+            return found
+        with undamaged(file.path):
+            job.take(chunk for _, chunk in file.known(CELLS))
 
         def keep(chunk: BasinChunk, pace: Pace) -> None:
-            if store is not None:
-                store.add(chunk.number, chunk.arrays)
+            file.write(CELLS.entry(chunk, chunk.number))
             if report is not None:
                 report(chunk, pace)
 
@@ -153,8 +97,7 @@ def basins(
             raise Interrupted(_basins(system, job, window, (rows, columns))) from None
         job.complete = True
         found = _basins(system, job, window, (rows, columns))
-        if store is not None:
-            store.finish(basin_arrays(found))
+        file.write(BASINS.entry(found))
     return found
 
 

@@ -17,7 +17,6 @@ from gapwalk.attractor.neighbours import about, differs
 from gapwalk.attractor.sorting import UNRESOLVED, Sorted, sort_states
 from gapwalk.attractor.swarm import ExactSwarm
 from gapwalk.model.system import System
-from gapwalk.study.store.cell_store import Arrays
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers
 
@@ -48,16 +47,11 @@ class BasinChunk:
     sorted: Sorted
     error: float
 
-    @property
-    def arrays(self) -> Arrays:
-        """All of it, for a store."""
-        return {**self.sorted._asdict(), "error": np.array(self.error)}
 
-    @classmethod
-    def of(cls, number: int, arrays: Arrays) -> BasinChunk:
-        """The chunk from its arrays; a LookupError if there is none in them."""
-        found = Sorted(arrays["labels"], arrays["states"], arrays["periods"])
-        return cls(number, found, float(arrays["error"]))
+def chunks_of(resolution: tuple[int, int]) -> int:
+    """Number of chunks of a plane of cells."""
+    columns, rows = resolution
+    return -(-columns * rows // CHUNK)
 
 
 Report = Callable[[BasinChunk, Pace], object]

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
-from gapwalk.study.basins import job as basin_job
+from gapwalk.results.file import Parts
 from gapwalk.study.basins.basins import basins
+from gapwalk.study.basins.call import CELLS, stored_basins
 from gapwalk.study.basins.finding import BasinFinding
-from gapwalk.study.basins.store import basins_of
+from gapwalk.study.basins.job import chunks_of
 from gapwalk.study.basins.study_options import BasinStudyOptions
 from gapwalk.study.file import Study
 from gapwalk.study.interruption import found_by
-from gapwalk.study.store.cell_store import parted
+from gapwalk.study.request import Keeper
 
 
-def work_basins(
-    study: Study, shelf: os.PathLike[str] | None, report: Callable[..., object] | None = None
-) -> BasinFinding:
+def work_basins(study: Study, file: Keeper | None, report: Callable[..., object] | None = None) -> BasinFinding:
     """Find the basins; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, BasinStudyOptions)
@@ -29,24 +27,15 @@ def work_basins(
         fixed=options.fixed,
         options=options.limits,
         report=report,
-        output=shelf,
+        output=file,
     )
-    total = _chunks(options)
+    total = chunks_of(options.resolution)
     return BasinFinding(found, total if found.complete else 0, total)
 
 
-def read_basins(study: Study, parts: Mapping[int, bytes]) -> BasinFinding:
+def read_basins(study: Study, parts: Parts) -> BasinFinding:
     """What has been found; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, BasinStudyOptions)
-    total = _chunks(options)
-    done, result = parted("the result", parts, total)
-    found = None if result is None else basins_of(study.system, options.window, result)
-    if found is not None and found.resolution != options.resolution:
-        raise ValueError(f"its resolution is {found.resolution}")
-    return BasinFinding(found, len(done), total)
-
-
-def _chunks(options: BasinStudyOptions) -> int:
-    columns, rows = options.resolution
-    return -(-columns * rows // basin_job.CHUNK)
+    done = len(list(parts.all(CELLS)))
+    return BasinFinding(stored_basins(parts, options.window, options.resolution), done, chunks_of(options.resolution))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from gapwalk.attractor.box import Window
-from gapwalk.study.basins.basins import BasinOptions
+from gapwalk.study.basins.options import BasinOptions
 from gapwalk.study.options import StudyOptions
 
 _LIMITS = BasinOptions()

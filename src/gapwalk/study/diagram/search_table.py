@@ -12,8 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.fields import Count, Positive
 from gapwalk.model.schema import Part
 from gapwalk.model.system import System
-from gapwalk.study.fields import CountOrValues, Whole, check_inside
-from gapwalk.study.store.plain import with_tuples
+from gapwalk.study.fields import CountOrValues, Whole, check_inside, with_tuples
 
 
 class SearchPart(Part):

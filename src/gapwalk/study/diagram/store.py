@@ -1,67 +1,76 @@
-"""The store of a diagram: writes each branch when it is accepted, whole, in one transaction."""
+"""The file of a diagram: each branch is written when it is accepted, whole, with what is known of the diagram."""
 
 from __future__ import annotations
 
-import sqlite3
+from dataclasses import replace
+from typing import NamedTuple
 
 from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.bifurcation.search import SearchResult
-from gapwalk.study.diagram.search_result import plain_search
-from gapwalk.study.store.codec import PointCodec
-from gapwalk.study.store.result_file import ResultFile
-from gapwalk.study.store.rows import BranchRow, write_about, write_whole_branch
+from gapwalk.results.file import Part, Parts
+from gapwalk.study.request import Keeper
+
+
+class DiagramState(NamedTuple):
+    """What is known of a diagram as a whole, without its branches and its search; and whether nothing is left to do."""
+
+    diagram: Diagram
+    finished: bool
+
+
+BRANCH = Part("branch", Limb, numbered=True)
+STATE = Part("diagram", DiagramState)
+SEARCH = Part("search", SearchResult)
 
 
 class DiagramStore:
-    """Writes the result file of a diagram that is being computed.
+    """Writes the file of a diagram that is being computed.
 
     Parameters
     ----------
     file
         The file.
-    count
-        Branches that it has already.
+    known
+        The diagram as far as the file has it.
     """
 
-    def __init__(self, file: ResultFile, count: int = 0) -> None:
-        self.file, self.count = file, count
-        self._search: SearchResult | None = None
+    def __init__(self, file: Keeper, known: Diagram) -> None:
+        self._file, self._search = file, known.search
 
-    def add(self, diagram: Diagram, limb: Limb) -> None:
-        """Write the branch that was added to a diagram last.
+    def write(self, diagram: Diagram, *, finished: bool = False) -> None:
+        """Write the branches that the file has not, what is known of the whole, and whether nothing is left to do.
+
+        After Ctrl-C the file may lack a branch that was accepted just before.
 
         Raises
         ------
         StoreError
             If the file cannot be written.
         """
-
-        def fill(connection: sqlite3.Connection) -> None:
-            branch, number = limb.branch, self.count + 1
-            study, unknowns = self.file.study, len(branch.points[0].x)
-            balanced = study.walked.balanced
-            codec = PointCodec(study.system, branch.parameter, branch.period, unknowns, balanced=balanced)
-            row = BranchRow(number, limb.name, codec, begins=limb.begins, joins=limb.joins, ends=branch.ends)
-            write_whole_branch(connection, row, branch)
-            self._write_state(connection, diagram, finished=False)
-
-        self.file.write(fill)
-        self.count += 1
+        count = self._file.count(BRANCH)
+        branches = (BRANCH.entry(limb, number) for number, limb in enumerate(diagram.limbs[count:], start=count))
+        state = STATE.entry(DiagramState(replace(diagram, limbs=(), search=None), finished))
+        # the search only when it is new, for it may be long
+        is_new = diagram.search is not None and diagram.search is not self._search
+        search = (SEARCH.entry(diagram.search),) if is_new else ()
+        self._file.write(*branches, state, *search)
         self._search = diagram.search
 
-    def finish(self, diagram: Diagram, *, finished: bool) -> None:
-        """Write what is known of the diagram as a whole, and whether nothing is left to do. Errors as `add`."""
-        self.file.write(lambda connection: self._write_state(connection, diagram, finished))
 
-    def _write_state(self, connection: sqlite3.Connection, diagram: Diagram, finished: bool) -> None:
-        """Write what is known of the diagram as a whole; its search only when it is new, for it may be long."""
-        state = {
-            "finished": finished,
-            "complete": diagram.complete,
-            "notes": list(diagram.notes),
-            "failures": list(diagram.failures),
-            "max_period": diagram.max_period,
-        }
-        write_about(connection, "diagram", state)
-        if diagram.search is not None and diagram.search is not self._search:
-            write_about(connection, "search", plain_search(diagram.search))
+def stored_diagram(parts: Parts) -> DiagramState:
+    """The diagram of a file; a ValueError if it makes no sense."""
+    limbs: list[Limb] = []
+    for number, limb in parts.all(BRANCH):
+        known = {each.name: len(each.branch.special_points) for each in limbs}
+        if number != len(limbs) or limb.name in known:
+            raise ValueError(f"branch {limb.name:.60} has no place in the tree")
+        if any(not 0 <= origin.special < known.get(origin.parent, 0) for origin in limb.origins):
+            raise ValueError(f"branch {limb.name} begins or ends nowhere")
+        limbs.append(limb)
+    state = parts.one(STATE)
+    diagram = replace(state.diagram, limbs=tuple(limbs), search=parts.get(SEARCH))
+    if not limbs and diagram.search is None:  # which may have led to nothing new
+        raise ValueError("it holds no branch")
+    if diagram.max_period is not None and diagram.max_period < 1:
+        raise ValueError(f"its longest period is {diagram.max_period}")
+    return state._replace(diagram=diagram)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -11,16 +11,16 @@ from gapwalk.bifurcation.diagram import Diagram, Limb
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.results.file import Parts, lock
+from gapwalk.results.versions import versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.diagram.diagram import empty_diagram, grow
-from gapwalk.study.diagram.store import DiagramStore
+from gapwalk.study.diagram.store import DiagramState, DiagramStore, stored_diagram
 from gapwalk.study.file import Study
+from gapwalk.study.load import load_result
 from gapwalk.study.options import DiagramStudyOptions
+from gapwalk.study.request import request_file
 from gapwalk.study.result import Result
-from gapwalk.study.store.claim import earlier_result
-from gapwalk.study.store.database import lock
-from gapwalk.study.store.result_file import ResultFile
-from gapwalk.study.store.stored import Stored, StoredDiagram, read
-from gapwalk.study.store.versions import versions
 
 Report = Callable[[Diagram, Limb], object]
 """Called with the diagram so far and the branch that was added to it last."""
@@ -36,31 +36,42 @@ def run_diagram(
 ) -> Result:
     """Run the study of a diagram; parameters and errors as in `gapwalk.run`."""
     with nullcontext() if output is None else lock(output):
-        earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
+        earlier = earlier_result(output, study, resume=resume, force=force)
         walked = study.walked
-        empty = StoredDiagram(empty_diagram(walked.parameter, (walked.begin, walked.end)), finished=False)
-        found = empty if earlier is None else earlier.found
-        assert isinstance(found, StoredDiagram)  # the study is the same
+        known = None if earlier is None else earlier.diagram
+        known = known or empty_diagram(walked.parameter, (walked.begin, walked.end))
         if report is not None:
-            _report_again(found.diagram, report)
-        if earlier is not None and found.finished:
-            return earlier.result()
-        written_by = versions(None if earlier is None else earlier.versions)
+            _report_again(known, report)
+        if earlier is not None and earlier.complete:
+            return earlier
+        before = None if earlier is None else earlier.versions
+        with request_file(study, output, before) as file:
+            found = _grow(study, known, DiagramStore(file, known), report)
         if output is None:
-            return Stored(study, _grow(study, found.diagram, None, report), written_by).result()
-        with ResultFile(output, study, written_by, exists=earlier is not None) as file:
-            _grow(study, found.diagram, DiagramStore(file, len(found.diagram.limbs)), report)
-        return read(output).result()  # after Ctrl-C at any moment, what is stored is what counts
+            return _result(study, found, versions())
+    return load_result(output)  # after Ctrl-C at any moment, what is stored is what counts
 
 
-def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Report | None) -> StoredDiagram:
+def read_diagram(study: Study, parts: Parts) -> Result:
+    """The result of a diagram from the parts of its file; see `gapwalk.study.load`."""
+    found, options = stored_diagram(parts), study.walked
+    low, high = sorted((options.begin, options.end))
+    if (found.diagram.parameter, found.diagram.within) != (options.parameter, (low, high)):
+        raise ValueError("the diagram does not belong to the study")
+    return _result(study, found, {})
+
+
+def _result(study: Study, found: DiagramState, written_by: Mapping[str, str]) -> Result:
+    return Result(study, found.diagram.branches, found.finished, written_by, found.diagram)
+
+
+def _grow(study: Study, known: Diagram, store: DiagramStore, report: Report | None) -> DiagramState:
     """Find the branches that are not known yet, and keep each of them."""
     options = study.options
     assert isinstance(options, DiagramStudyOptions)
 
     def keep(tree: Diagram, limb: Limb) -> None:
-        if store is not None:
-            store.add(tree, limb)
+        store.write(tree)
         if report is not None:
             report(tree, limb)
 
@@ -72,9 +83,8 @@ def _grow(study: Study, known: Diagram, store: DiagramStore | None, report: Repo
         raise KeyboardInterrupt  # there is nothing to keep
     if not grown.limbs:
         raise NumericalError("; ".join(grown.failures) or "no branch was found")
-    if store is not None:
-        store.finish(grown, finished=finished)
-    return StoredDiagram(grown, finished)
+    store.write(grown, finished=finished)
+    return DiagramState(grown, finished)
 
 
 def _first_orbit(study: Study) -> Orbit:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.departure import directions
@@ -13,11 +12,13 @@ from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.method import Method
+from gapwalk.results.faults import undamaged
+from gapwalk.study.family.call import FamilyCall, keep_part, stored_parts
 from gapwalk.study.family.job import FamilyJob, Report, Walk
 from gapwalk.study.family.options import FamilyOptions
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.record import Family
-from gapwalk.study.family.store import FamilyStore
+from gapwalk.study.request import NoFile, Output, call_file
 from gapwalk.study.work.workers import Workers, workers
 
 
@@ -35,7 +36,7 @@ def family(
     method: Method | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
 ) -> Family:
     """The response of one system, repeated for several values of a parameter, with the special points joined.
 
@@ -61,8 +62,8 @@ def family(
     report
         Called with each part when it is done, and is in the file.
     output
-        A file to write while the work is done; `gapwalk.load_family` reads it. If it holds a part of the same family,
-        that is gone on with, and comes to the same result.
+        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same family, that is
+        continued, and comes to the same result.
 
     Raises
     ------
@@ -85,14 +86,13 @@ def family(
     how = Walk(begin, end, start, period, walk, method)
     blank = Family(system, parameter, (min(begin, end), max(begin, end)), over)
     job = FamilyJob(blank, how, options)
-    with ExitStack() as stack:
-        store = None if output is None else stack.enter_context(FamilyStore(output, job))
-        if store is not None:
-            job.take(store.members, store.joints)
+    with call_file(FamilyCall.of(job), output) if output is not None else nullcontext(NoFile()) as file:
+        with undamaged(file.path):
+            job.take(*stored_parts(file.known, job))
         try:
             if not job.family.complete:
                 with workers(options.workers) if hands is None else nullcontext(hands) as found:
-                    job.work(found, (lambda number, part: None) if store is None else store.add, report)
+                    job.work(found, lambda number, part: keep_part(file, job, number, part), report)
         except KeyboardInterrupt:
             raise Interrupted(job.family) from None
     return job.family

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.errors import ModelError
@@ -29,7 +29,7 @@ class FamilyOptions:
     max_period: int | None = None
     kinds: tuple[Kind, ...] = Kind.known()
     exact: bool = True
-    workers: int | None = None
+    workers: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("max_period", "workers"):

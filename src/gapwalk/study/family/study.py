@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
+from gapwalk.results.file import Parts
+from gapwalk.study.family.call import stored_parts
 from gapwalk.study.family.family import family
 from gapwalk.study.family.finding import FamilyFinding
 from gapwalk.study.family.job import FamilyJob, Walk
 from gapwalk.study.family.record import Family
-from gapwalk.study.family.store import unpacked
 from gapwalk.study.family.study_options import FamilyStudyOptions
 from gapwalk.study.file import Study
 from gapwalk.study.interruption import found_by
-from gapwalk.study.store.cell_store import parted
+from gapwalk.study.request import Keeper
 
 
-def work_family(
-    study: Study, shelf: os.PathLike[str] | None, report: Callable[..., object] | None = None
-) -> FamilyFinding:
+def work_family(study: Study, file: Keeper | None, report: Callable[..., object] | None = None) -> FamilyFinding:
     """Walk the members and join their special points; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, FamilyStudyOptions)
@@ -34,18 +32,17 @@ def work_family(
         walk=options.walk,
         method=options.method,
         report=report,
-        output=shelf,
+        output=file,
     )
     return FamilyFinding(options, found)
 
 
-def read_family(study: Study, parts: Mapping[int, bytes]) -> FamilyFinding:
+def read_family(study: Study, parts: Parts) -> FamilyFinding:
     """What has been found; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, FamilyStudyOptions)
     low, high = sorted((options.begin, options.end))
     how = Walk(options.begin, options.end, options.start, options.period, options.walk, options.method)
     job = FamilyJob(Family(study.system, options.parameter, (low, high), options.over), how, options.limits)
-    done, _ = parted("the result", parts, 2 * job.count - 1)
-    job.take(*unpacked(job, done))
+    job.take(*stored_parts(parts.all, job))
     return FamilyFinding(options, job.family)

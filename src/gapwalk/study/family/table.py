@@ -13,7 +13,7 @@ from gapwalk.model.system import System
 from gapwalk.study.changes import leaves_of
 from gapwalk.study.family.over import Over
 from gapwalk.study.family.study_options import FamilyStudyOptions
-from gapwalk.study.store.plain import with_tuples
+from gapwalk.study.fields import with_tuples
 from gapwalk.study.tables import BranchPart, Surroundings
 
 _LIMITS = ("max_period", "kinds", "exact", "workers")

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 
 from gapwalk.bifurcation.locus import Locus
 from gapwalk.errors import NumericalError
+from gapwalk.results.file import Parts, lock
+from gapwalk.results.versions import versions
+from gapwalk.study.claim import earlier_result
 from gapwalk.study.file import Study
 from gapwalk.study.interruption import found_by
+from gapwalk.study.load import load_result
 from gapwalk.study.locus.study_options import LocusStudyOptions
 from gapwalk.study.map.chart import Map, Section
 from gapwalk.study.map.charting import Report, bifurcation_map, chart_loci
-from gapwalk.study.map.read import StoredMap
-from gapwalk.study.map.store import MapStore
+from gapwalk.study.map.store import MapStore, stored_map
 from gapwalk.study.options import MapStudyOptions
+from gapwalk.study.request import request_file
 from gapwalk.study.result import Result
-from gapwalk.study.store.claim import earlier_result
-from gapwalk.study.store.database import lock
-from gapwalk.study.store.result_file import ResultFile
-from gapwalk.study.store.stored import Stored, read
-from gapwalk.study.store.versions import versions
 
 
 def run_map(
@@ -35,30 +36,39 @@ def run_map(
     options = study.options
     assert isinstance(options, MapStudyOptions)
     with nullcontext() if output is None else lock(output):
-        earlier = None if output is None else earlier_result(output, study, resume=resume, force=force)
-        empty = StoredMap(Map(options.parameter, options.second.parameter, options.within), finished=False)
-        found = empty if earlier is None else earlier.found
-        assert isinstance(found, StoredMap)  # the study is the same
+        earlier = earlier_result(output, study, resume=resume, force=force)
+        known = None if earlier is None else earlier.map
+        known = known or Map(options.parameter, options.second.parameter, options.within)
         if report is not None:
-            _report_again(found.chart, report)
-        if earlier is not None and found.finished:
-            return earlier.result()
-        written_by = versions(None if earlier is None else earlier.versions)
+            _report_again(known, report)
+        if earlier is not None and earlier.complete:
+            return earlier
+        before = None if earlier is None else earlier.versions
+        with request_file(study, output, before) as file:
+            chart = _chart(study, options, known, MapStore(file), report)
         if output is None:
-            return Stored(study, _chart(study, options, found.chart, None, report), written_by).result()
-        with ResultFile(output, study, written_by, exists=earlier is not None) as file:
-            _chart(study, options, found.chart, MapStore(file, found.chart), report)
-        return read(output).result()  # after Ctrl-C at any moment, what is stored is what counts
+            return _result(study, chart, versions())
+    return load_result(output)  # after Ctrl-C at any moment, what is stored is what counts
 
 
-def _chart(
-    study: Study, options: MapStudyOptions, known: Map, store: MapStore | None, report: Report | None
-) -> StoredMap:
+def read_map(study: Study, parts: Parts) -> Result:
+    """The result of a map from the parts of its file; see `gapwalk.study.load`."""
+    chart, options = stored_map(parts), study.options
+    assert isinstance(options, MapStudyOptions)
+    if (chart.first, chart.second, chart.within) != (options.parameter, options.second.parameter, options.within):
+        raise ValueError("the map does not belong to the study")
+    return _result(study, chart, {})
+
+
+def _result(study: Study, chart: Map, written_by: Mapping[str, str]) -> Result:
+    return Result(study, chart.branches, chart.complete, written_by, map=chart)
+
+
+def _chart(study: Study, options: MapStudyOptions, known: Map, store: MapStore, report: Report | None) -> Map:
     """Find what is not known yet, and keep it."""
 
     def keep(chart: Map, addition: Section | Locus) -> None:
-        if store is not None:
-            store.add(chart, addition)
+        store.write(replace(chart, complete=False))
         if report is not None:
             report(chart, addition)
 
@@ -72,9 +82,8 @@ def _chart(
         raise KeyboardInterrupt  # there is nothing to keep
     if chart.complete and not chart.branches:
         raise NumericalError("; ".join(chart.failures) or "no branch was found")
-    if store is not None:
-        store.finish(chart, finished=chart.complete)
-    return StoredMap(chart, chart.complete)
+    store.write(chart)
+    return chart
 
 
 def _report_again(known: Map, report: Report) -> None:

@@ -13,11 +13,10 @@ from gapwalk.model.problem import given
 from gapwalk.model.schema import Part
 from gapwalk.model.system import System
 from gapwalk.study.diagram.search_table import SearchPart
-from gapwalk.study.fields import CountOrValues, check_inside
+from gapwalk.study.fields import CountOrValues, check_inside, with_tuples
 from gapwalk.study.map.options import KINDS
 from gapwalk.study.method_table import ShootingPart
 from gapwalk.study.options import MapStudyOptions, SecondParameter
-from gapwalk.study.store.plain import with_tuples
 from gapwalk.study.tables import BranchPart, Surroundings, Value, check_parameter, check_value
 
 _LIMITS = ("sections", "max_period", "kinds", "workers")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import nullcontext
 from dataclasses import replace
 
 from gapwalk.errors import NumericalError
-from gapwalk.study.reduced.full_check import FullCheck, plain_checks
+from gapwalk.results.file import lock, write_more
+from gapwalk.study.load import CHECKS
+from gapwalk.study.reduced.full_check import FullCheck
 from gapwalk.study.result import Result
-from gapwalk.study.store.database import close_whole, lock, open_to_write, transaction
-from gapwalk.study.store.rows import write_about
 
 
 def with_checks(result: Result, output: str | os.PathLike[str] | None) -> Result:
@@ -21,14 +20,9 @@ def with_checks(result: Result, output: str | os.PathLike[str] | None) -> Result
     if not wanted or result.checks or not result.branches:
         return result
     checks = tuple(_check(result, name, index) for index, name in enumerate(result.names))
-    with nullcontext() if output is None else lock(output):
-        if output is not None:
-            connection = open_to_write(output)
-            try:
-                with transaction(output, connection):
-                    write_about(connection, "checks", plain_checks(checks))
-            finally:
-                close_whole(output, connection)
+    if output is not None:
+        with lock(output):
+            write_more(output, result.system, CHECKS.entry(checks))
     return replace(result, checks=checks)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -48,39 +47,3 @@ class FullCheck:
             else "some of its motions are not there: the reduced system has too few modes for them"
         )
         return f"{self.branch} set against the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
-
-
-def plain_checks(checks: tuple[FullCheck, ...]) -> Any:
-    """The same as plain JSON values; what is infinite becomes null."""
-    return [
-        {
-            "branch": check.branch,
-            "errors": [_finite(error) for error in check.errors],
-            "motion": _finite(check.motion),
-            "harmonics": check.harmonics,
-            "detail": check.detail,
-        }
-        for check in checks
-    ]
-
-
-def checks_of(plain: Any) -> tuple[FullCheck, ...]:
-    """The same back; any of KeyError, TypeError, ValueError if they are damaged."""
-    return tuple(
-        FullCheck(
-            str(each["branch"]),
-            tuple(_number(error) for error in each["errors"]),
-            _number(each["motion"]),
-            int(each["harmonics"]),
-            str(each["detail"]),
-        )
-        for each in plain
-    )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _number(value: Any) -> float:
-    return math.inf if value is None else float(value)

@@ -15,7 +15,6 @@ from gapwalk.model.system import System
 from gapwalk.study.changes import study_tables, walked_parameters
 
 if TYPE_CHECKING:
-    from gapwalk.reduction import Reduction
     from gapwalk.study.reduced.table import ReductionPart
 
 
@@ -34,7 +33,7 @@ class ReducedFrom:
     up_to, error
         As of `gapwalk.Reduction`.
     reduction
-        The reduction itself, where the study was read from its file; a result does not hold it.
+        The `gapwalk.Reduction` itself, where the study was read from its file; a result does not hold it.
     """
 
     degrees: int
@@ -42,7 +41,7 @@ class ReducedFrom:
     modes: int
     up_to: float
     error: float
-    reduction: Reduction | None = field(default=None, compare=False, repr=False)
+    reduction: Any = field(default=None, compare=False, repr=False, metadata={"stored": False})
 
     @property
     def words(self) -> str:
@@ -51,23 +50,6 @@ class ReducedFrom:
             f"reduced from {self.degrees} degrees of freedom to {len(self.kept) + self.modes}: {len(self.kept)} kept, "
             f"{self.modes} modes; contacts deflect within {self.error:.1e} up to frequency {self.up_to:g}"
         )
-
-
-def plain_reduced(origin: ReducedFrom | None) -> Any:
-    """The same as plain JSON values."""
-    if origin is None:
-        return None
-    return {name: getattr(origin, name) for name in ("degrees", "modes", "up_to", "error")} | {
-        "kept": list(origin.kept)
-    }
-
-
-def reduced_of(plain: Any) -> ReducedFrom | None:
-    """The same back; any of KeyError, TypeError, ValueError if it is damaged."""
-    if plain is None:
-        return None
-    kept = tuple(str(name) for name in plain["kept"])
-    return ReducedFrom(int(plain["degrees"]), kept, int(plain["modes"]), float(plain["up_to"]), float(plain["error"]))
 
 
 def reduce_for(source: Source, at: Path, part: ReductionPart, full: System) -> tuple[ReducedFrom | None, list[Problem]]:

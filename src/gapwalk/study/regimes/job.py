@@ -17,7 +17,6 @@ from gapwalk.attractor.mass_swarm import swarm_of
 from gapwalk.attractor.regime import Regime, regime_word
 from gapwalk.attractor.regimes import RegimeCheck, Regimes
 from gapwalk.model.system import System
-from gapwalk.study.store.cell_store import Arrays
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers
 
@@ -50,16 +49,6 @@ class RegimeChunk:
     number: int
     verdicts: Verdicts
     error: float
-
-    @property
-    def arrays(self) -> Arrays:
-        """All of it, for a store."""
-        return {**self.verdicts._asdict(), "error": np.array(self.error)}
-
-    @classmethod
-    def of(cls, number: int, arrays: Arrays) -> RegimeChunk:
-        """The chunk from its arrays; a LookupError if there is none in them."""
-        return cls(number, Verdicts(*(arrays[name] for name in Verdicts._fields)), float(arrays["error"]))
 
 
 Report = Callable[[RegimeChunk, Pace], object]

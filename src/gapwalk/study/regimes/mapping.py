@@ -2,71 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, nullcontext
-from dataclasses import asdict, dataclass, field
-from enum import StrEnum
+from contextlib import nullcontext
 
-from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.attractor.regimes import Regimes
-from gapwalk.errors import Interrupted, ModelError
+from gapwalk.errors import Interrupted
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
 from gapwalk.orbit.find import initial_state
+from gapwalk.results.faults import undamaged
 from gapwalk.study.grid import check_parameters, check_resolution
-from gapwalk.study.regimes.job import Places, Plan, RegimeChunk, RegimeJob, Report
-from gapwalk.study.regimes.store import plain_regimes, regime_arrays, regimes_of
-from gapwalk.study.store.cell_store import CellStore
-from gapwalk.study.store.trust import undamaged
+from gapwalk.study.regimes.call import CELLS, REGIMES, RegimesCall, job_of
+from gapwalk.study.regimes.job import RegimeChunk, Report
+from gapwalk.study.regimes.options import RegimeMapOptions
+from gapwalk.study.request import Output, call_file
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
-
-
-class Carry(StrEnum):
-    """Where the motion at a cell starts."""
-
-    NO = "no"
-    """At each cell from the same state."""
-    UP = "up"
-    """From where the motion came to at the cell before it, with the first parameter rising."""
-    DOWN = "down"
-    """The same with the first parameter falling."""
-
-
-@dataclass(frozen=True, slots=True)
-class RegimeMapOptions:
-    """How a regime map is made.
-
-    Parameters
-    ----------
-    carry
-        Where the motions start: ``"no"``: all from the same state. ``"up"`` or ``"down"``: the state is carried over
-        along the first parameter, as in a sweep.
-    judging
-        How regimes are told apart.
-    check
-        Cells that are settled and classified again with the exact flow.
-    seed
-        Of the choice of those cells.
-    workers
-        Processes to work in; by default one for each local core. The result does not depend on it.
-    """
-
-    carry: Carry = Carry.NO
-    judging: RegimeOptions = field(default_factory=RegimeOptions)
-    check: int = 64
-    seed: int = 0
-    workers: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.carry not in list(Carry):
-            raise ModelError(f'carry is {self.carry!r}; write "no", "up" or "down"')
-        object.__setattr__(self, "carry", Carry(self.carry))
-        for name in ("check", "seed"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 0")
 
 
 @shows_progress(lambda count, part, pace: str(pace))
@@ -79,7 +30,7 @@ def regimes(
     options: RegimeMapOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
 ) -> Regimes:
     """The regimes in the plane of two parameters: period, quasi-periodic, chaotic; peak force and impacts.
 
@@ -105,8 +56,8 @@ def regimes(
     report
         Called with each chunk of cells when it is done, and is in the file.
     output
-        A file to write while the work is done; `gapwalk.load_regimes` reads it. If it holds a part of the same job,
-        that is gone on with, and comes to the same result.
+        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same job, that is
+        continued, and comes to the same result.
 
     Raises
     ------
@@ -122,24 +73,17 @@ def regimes(
     check_system(system, "regimes")
     options = options or RegimeMapOptions()
     names, within = check_parameters(system, plane)
-    state = initial_state(system, start)
-    plan = Plan(system, names, within, check_resolution(resolution), state, options.judging)
-    places = places_of(plan, options.carry)
-    job = RegimeJob(plan, places)
-    with ExitStack() as stack:
-        store = None
-        if output is not None:
-            store = stack.enter_context(
-                CellStore(output, plain_regimes(plan, asdict(options), len(places)), len(places))
-            )
-            with undamaged(output):
-                if store.result is not None:
-                    return regimes_of(system, names, within, store.result)
-                job.take([RegimeChunk.of(number, arrays) for number, arrays in store.chunks.items()])
+    state = tuple(initial_state(system, start).tolist())
+    call = RegimesCall(system, names, within, check_resolution(resolution), state, options)
+    job = job_of(call)
+    with call_file(call, output) as file:
+        for _, found in file.known(REGIMES):
+            return found
+        with undamaged(file.path):
+            job.take(chunk for _, chunk in file.known(CELLS))
 
         def keep(chunk: RegimeChunk, pace: Pace) -> None:
-            if store is not None:
-                store.add(chunk.number, chunk.arrays)
+            file.write(CELLS.entry(chunk, chunk.number))
             if report is not None:
                 report(chunk, pace)
 
@@ -151,11 +95,5 @@ def regimes(
             raise Interrupted(job.record()) from None
         job.complete = True
         found = job.record()
-        if store is not None:
-            store.finish(regime_arrays(found))
+        file.write(REGIMES.entry(found))
     return found
-
-
-def places_of(plan: Plan, carry: Carry) -> list[Places]:
-    """The cells of a map in chunks."""
-    return plan.cells() if carry is Carry.NO else plan.lines(rising=carry is Carry.UP)

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from gapwalk.orbit.find import initial_state
+from gapwalk.results.file import Parts
 from gapwalk.study.file import Study
 from gapwalk.study.interruption import found_by
+from gapwalk.study.regimes.call import CELLS, RegimesCall, job_of, stored_regimes
 from gapwalk.study.regimes.finding import RegimeFinding
-from gapwalk.study.regimes.job import Plan, RegimeChunk, RegimeJob
-from gapwalk.study.regimes.mapping import places_of, regimes
-from gapwalk.study.regimes.store import regimes_of
+from gapwalk.study.regimes.job import RegimeJob
+from gapwalk.study.regimes.mapping import regimes
 from gapwalk.study.regimes.study_options import RegimeStudyOptions
-from gapwalk.study.store.cell_store import parted
+from gapwalk.study.request import Keeper
 
 
-def work_regimes(
-    study: Study, shelf: os.PathLike[str] | None, report: Callable[..., object] | None = None
-) -> RegimeFinding:
+def work_regimes(study: Study, file: Keeper | None, report: Callable[..., object] | None = None) -> RegimeFinding:
     """Make the map; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, RegimeStudyOptions)
@@ -30,28 +28,20 @@ def work_regimes(
         start=options.start,
         options=options.limits,
         report=report,
-        output=shelf,
+        output=file,
     )
     total = len(_job(study, options).places)
     return RegimeFinding(found, total if found.complete else 0, total)
 
 
-def read_regimes(study: Study, parts: Mapping[int, bytes]) -> RegimeFinding:
+def read_regimes(study: Study, parts: Parts) -> RegimeFinding:
     """What has been found; see `gapwalk.study.jobs.Job`."""
     options = study.options
     assert isinstance(options, RegimeStudyOptions)
-    job = _job(study, options)
-    done, result = parted("the result", parts, len(job.places))
-    if result is None:
-        job.take([RegimeChunk.of(number, arrays) for number, arrays in done.items()])
-        return RegimeFinding(job.record(), len(done), len(job.places))
-    found = regimes_of(study.system, options.names, options.within, result)
-    if found.resolution != options.resolution:
-        raise ValueError(f"its resolution is {found.resolution}")
-    return RegimeFinding(found, len(done), len(job.places))
+    job, done = _job(study, options), len(list(parts.all(CELLS)))
+    return RegimeFinding(stored_regimes(parts, job), done, len(job.places))
 
 
 def _job(study: Study, options: RegimeStudyOptions) -> RegimeJob:
-    start, judging = initial_state(study.system, options.start), options.limits.judging
-    plan = Plan(study.system, options.names, options.within, options.resolution, start, judging)
-    return RegimeJob(plan, places_of(plan, options.carry))
+    start = tuple(initial_state(study.system, options.start).tolist())
+    return job_of(RegimesCall(study.system, options.names, options.within, options.resolution, start, options.limits))

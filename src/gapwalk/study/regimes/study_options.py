@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from gapwalk.attractor.judge import RegimeOptions
 from gapwalk.study.options import SecondParameter, StudyOptions
-from gapwalk.study.regimes.mapping import Carry, RegimeMapOptions
+from gapwalk.study.regimes.options import Carry, RegimeMapOptions
 
 _LIMITS, _JUDGING = RegimeMapOptions(), RegimeOptions()
 

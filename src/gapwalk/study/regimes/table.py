@@ -13,7 +13,7 @@ from gapwalk.study.basins.table import Resolution, columns_and_rows
 from gapwalk.study.fields import Whole
 from gapwalk.study.map.table import SecondPart
 from gapwalk.study.options import SecondParameter
-from gapwalk.study.regimes.mapping import Carry
+from gapwalk.study.regimes.options import Carry
 from gapwalk.study.regimes.study_options import RegimeStudyOptions
 from gapwalk.study.tables import RangePart, Rest, RestOrState, Surroundings, plain_start
 

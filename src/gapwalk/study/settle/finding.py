@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from gapwalk.attractor.attractor import Attractor, AttractorKind
 from gapwalk.attractor.box import state_names
-from gapwalk.attractor.plain import plain_attractor
 from gapwalk.attractor.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle
 from gapwalk.attractor.settled import Settled
 from gapwalk.attractor.spectrum import Peak
+from gapwalk.results.plain import plain
 from gapwalk.study.finding import Finding, Rows, plain_numbers
 from gapwalk.study.settle.study_options import SettleStudyOptions
 
@@ -46,6 +46,11 @@ class SettleFinding(Finding):
     rattle: Rattle
     lines: tuple[Peak, ...]
 
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.section.ndim != 2 or self.section.shape[1] != 2 * self.attractor.system.size:
+            raise ValueError(f"a section of shape {self.section.shape} is none of this system")
+
     @property
     def record(self) -> Settled:
         """The settled motion."""
@@ -68,7 +73,7 @@ class SettleFinding(Finding):
 
     def document(self, points: bool) -> dict[str, Any]:
         """The same as plain JSON values; with the section if points are wanted."""
-        attractor = plain_attractor(self.attractor)
+        attractor = plain(self.attractor)
         del attractor["strobes"]
         rattle = self.rattle
         document: dict[str, Any] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gapwalk.errors import ModelError
@@ -64,7 +64,7 @@ class SweepOptions:
     max_period: int = 12
     patience: Patience = Patience()
     kick: float = 1e-7
-    workers: int | None = None
+    workers: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         for name, least in (("steps", 2), ("points", 2), ("seed", 0), ("max_period", 1)):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 
 from gapwalk.errors import Interrupted
 from gapwalk.model.system import System, check_system
 from gapwalk.notebook.progress import shows_progress
+from gapwalk.results.faults import undamaged
+from gapwalk.study.request import Output, call_file
+from gapwalk.study.sweep.call import STRETCH, SweepCall, place_of, stretches
 from gapwalk.study.sweep.driver import Driver, Report
 from gapwalk.study.sweep.options import SweepOptions
 from gapwalk.study.sweep.record import Sweep
-from gapwalk.study.sweep.store import SweepStore
 from gapwalk.study.sweep.stretch import Stretch
 from gapwalk.study.work.pace import Pace
 from gapwalk.study.work.workers import Workers, workers
@@ -26,7 +27,7 @@ def sweep(
     options: SweepOptions | None = None,
     hands: Workers | None = None,
     report: Report | None = None,
-    output: str | os.PathLike[str] | None = None,
+    output: Output = None,
 ) -> Sweep:
     """Drive a sweep over a range of one parameter.
 
@@ -47,8 +48,8 @@ def sweep(
     report
         Called with each stretch of values when it is done, and is in the file.
     output
-        A file to write while it is driven; `gapwalk.load_sweep` reads it. If it holds a part of the same sweep, that
-        is gone on with, and comes to the same result.
+        A file to write while it is driven; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
+        continued, and comes to the same result.
 
     Raises
     ------
@@ -63,14 +64,12 @@ def sweep(
     """
     check_system(system, "sweep")
     driver = Driver(system, parameter, to, options or SweepOptions())
-    with ExitStack() as stack:
-        store = None if output is None else stack.enter_context(SweepStore(output, driver))
-        if store is not None:
-            driver.take(store.known())
+    with call_file(SweepCall.of(driver), output) as file:
+        with undamaged(file.path):
+            driver.take(stretches(file.known(STRETCH), driver))
 
         def keep(stretch: Stretch, pace: Pace) -> None:
-            if store is not None:
-                store.add(stretch)
+            file.write(STRETCH.entry(stretch, place_of(stretch, driver)))
             if report is not None:
                 report(stretch, pace)
 

@@ -11,7 +11,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from gapwalk.errors import ModelError, WorkError
-from gapwalk.study.store.versions import versions
+from gapwalk.results.versions import versions
 
 _CONNECT = 10.0  # seconds
 _LOOK = 2.0  # seconds from one look at the cluster to the next

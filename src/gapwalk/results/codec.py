@@ -1,0 +1,478 @@
+"""One codec for all records: a value as JSON and bytes, and the same value back, bit for bit.
+
+Both sides follow the type hints of the records. Every value is written as a *column* of values of one type, so that a
+branch of a thousand points becomes a few long arrays and not a thousand small objects; a single value is a column of
+one. Long columns of numbers and all arrays are kept aside as bytes, in the order in which they are met; the JSON holds
+the rest. A column of one number or text is written without brackets, so the JSON of a single record reads as usual.
+
+Nothing that is read is trusted: each value must be of the type that its hint names, and memory is asked for only where
+the bytes to fill it are there.
+"""
+
+# ruff: noqa: D102 (the methods of columns are described in Column)
+
+from __future__ import annotations
+
+import json
+import math
+import types
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
+from functools import cache, cached_property
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from gapwalk.errors import ModelError
+from gapwalk.results.arrays import Node, Reader, Writer, is_shape
+
+T = TypeVar("T")
+
+_NONE = "none"  # the tag of None
+_LONG = 8  # from so many numbers on a column is kept as an array
+_WORDS = {bool: "true or false", int: "an integer", float: "a number", str: "a text", dict: "a table", list: "a list"}
+
+
+class Packed(NamedTuple):
+    """A value as it is kept: JSON, and the bytes of its arrays."""
+
+    head: str
+    arrays: bytes
+
+
+def encode(value: Any, kind: Any, base: Any = None) -> Packed:
+    """A value as JSON and bytes.
+
+    Parameters
+    ----------
+    value
+        The value.
+    kind
+        Its type, as a type hint.
+    base
+        The system from which the systems of its orbits differ by a few parameters; only the differences are written.
+
+    Raises
+    ------
+    ModelError
+        If something in it is not of the type that its hint names.
+    """
+    writer = Writer(base)
+    node = column_of(kind).write([value], writer)
+    return Packed(json.dumps(node, allow_nan=False, separators=(",", ":")), b"".join(writer.chunks))
+
+
+def decode(packed: Packed, kind: Any, base: Any = None) -> Any:
+    """The value again; parameters as `encode`.
+
+    Raises
+    ------
+    ValueError, TypeError, LookupError
+        If the JSON and the bytes are not those of a value of this type.
+    """
+    reader = Reader(packed.arrays, len(packed.head) + len(packed.arrays), base)
+    (value,) = column_of(kind).read(json.loads(packed.head), 1, reader)
+    reader.check_empty()
+    return value
+
+
+def checked(record: T) -> T:
+    """A record that was read, or made from what was read; a ValueError if its fields do not fit together."""
+    check: Callable[[], object] | None = getattr(record, "_check_read", None)
+    if check is not None:
+        check()
+    return record
+
+
+class Column(ABC):
+    """How values of one type are written, many at once, and read again."""
+
+    tag: str
+    """The name of the type, which tells it from the others of a union."""
+
+    @abstractmethod
+    def fits(self, value: Any) -> bool:
+        """Whether a value is of the type."""
+
+    def write(self, values: Sequence[Any], writer: Writer) -> Node:
+        """The node of some values; a ModelError if one of them is of another type."""
+        for value in values:
+            if not self.fits(value):
+                raise MisfitError(f"{value!r:.60} cannot be kept in a file as {self.tag}")
+        return self.put(values, writer)
+
+    @abstractmethod
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        """The same of values that are known to be of the type."""
+
+    @abstractmethod
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        """As many values from their node; ValueError, TypeError or LookupError if there are none of this type."""
+
+
+class Scalar(Column):
+    """Numbers, truth values, texts."""
+
+    def __init__(self, kind: type) -> None:
+        self.tag, self._kind = kind.__name__, kind
+        self._code = {int: "i8", float: "f8", bool: "b1"}.get(kind)
+        accepted: dict[type, Any] = {
+            int: (int, np.integer),
+            float: (float, int, np.floating, np.integer),
+            bool: (bool, np.bool_),
+        }
+        self._accepted = accepted.get(kind, kind)
+        self._read = (int, float) if kind is float else (kind,)
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, self._accepted) and (self._kind is bool or not isinstance(value, bool))
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        plain = [value if type(value) in self._read else self._kind(value) for value in values]
+        if self._code and (len(plain) >= _LONG or not all(map(_is_plain, plain))):
+            try:
+                return writer.put(np.array(plain, dtype=self._code), self._code)
+            except OverflowError:  # an integer of more than 64 bits
+                pass
+        return plain[0] if len(plain) == 1 else plain
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        if self._code and isinstance(node, dict):
+            found = reader.take(node, self._code)
+            if found.shape != (count,):
+                raise ValueError(f"there is an array of shape {found.shape} where {count} numbers should be")
+            return found.tolist()
+        values = node if isinstance(node, list) else [node]
+        if len(values) != count:
+            raise ValueError(f"there are {len(values)} values where {count} should be")
+        for value in values:
+            if type(value) not in self._read or not _is_plain(value):
+                raise ValueError(f"there is {_said(value)} where {_WORDS[self._kind]} should be")
+        return values
+
+
+class Array(Column):
+    """Arrays of numbers, all of one dtype."""
+
+    def __init__(self, kind: Any) -> None:
+        dtype = np.dtype(get_args(get_args(kind)[1])[0])
+        self.tag, self._dtype, self._code = "array", dtype, f"{dtype.kind}{dtype.itemsize}"
+        if self._code not in ("f8", "c16", "i8", "b1"):
+            raise TypeError(f"arrays of {dtype} are not kept")
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, np.ndarray) and np.can_cast(value.dtype, self._dtype, "safe")
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        if len({value.shape for value in values}) == 1:
+            return writer.put(np.stack(values), self._code)
+        flat = np.concatenate([value.ravel() for value in values]) if values else np.empty(0, self._dtype)
+        return {"shapes": [list(value.shape) for value in values], "numbers": writer.put(flat, self._code)}
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, dict)
+        if "shapes" not in node:
+            found = reader.take(node, self._code)
+            if found.ndim < 2 or len(found) != count:
+                raise ValueError(f"there is an array of shape {found.shape} where {count} arrays should be")
+            return list(found)
+        shapes, flat = node["shapes"], reader.take(node["numbers"], self._code)
+        if not isinstance(shapes, list) or len(shapes) != count or not all(map(is_shape, shapes)) or flat.ndim != 1:
+            raise ValueError("arrays are not of the shapes that they are said to have")
+        stops = list(accumulate(map(math.prod, shapes), initial=0))
+        if stops[-1] != len(flat):
+            raise ValueError("arrays have more or less numbers than they are said to have")
+        return [flat[first:last].reshape(shape) for shape, (first, last) in zip(shapes, pairwise(stops), strict=True)]
+
+
+class Fixed(Column):
+    """Tuples of a fixed length, each place of a type of its own."""
+
+    def __init__(self, kinds: Sequence[Any]) -> None:
+        self.tag, self._columns = "tuple", [column_of(kind) for kind in kinds]
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, tuple | list) and len(value) == len(self._columns)
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        return [column.write([value[at] for value in values], writer) for at, column in enumerate(self._columns)]
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, list)
+        columns = [column.read(each, count, reader) for column, each in zip(self._columns, node, strict=True)]
+        return list(zip(*columns, strict=True))
+
+
+class Sequential(Column):
+    """Tuples of any length, all items of one type."""
+
+    def __init__(self, kind: Any) -> None:
+        self.tag, self._items, self._counts = "tuple", column_of(kind), Scalar(int)
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, tuple | list)
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        counts = self._counts.write([len(value) for value in values], writer)
+        items = [item for value in values for item in value]
+        return {"count": counts, "items": self._items.write(items, writer) if items else None}
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, dict)
+        sizes = self._counts.read(node["count"], count, reader)
+        stops = list(accumulate(sizes, initial=0))
+        if min(sizes, default=0) < 0 or stops[-1] > reader.size or set(node) != {"count", "items"}:
+            raise ValueError(f"{max(sizes, default=0)} items are said to be there, and are not")
+        if not stops[-1] and node["items"] is not None:
+            raise ValueError("there are items, and none are said to be there")
+        items = self._items.read(node["items"], stops[-1], reader) if stops[-1] else []
+        return [tuple(items[first:last]) for first, last in pairwise(stops)]
+
+
+class Record(Column):
+    """Frozen dataclasses and named tuples, field by field.
+
+    A field with ``metadata={"stored": False}`` is left out; one that a file lacks has its default. Cached properties
+    that a class names in ``_kept`` are kept too, so that they need not be computed again. What is read is checked by
+    its method ``_check_read``, if it has one, which raises a ValueError if its fields do not fit together.
+    """
+
+    def __init__(self, kind: type) -> None:
+        self.tag, self.kind = kind.__name__, kind
+        self._derived = {name: column_of(hint) for name, hint in _derived_hints(kind).items()}
+
+    @cached_property
+    def _columns(self) -> dict[str, Column]:
+        return {name: column_of(hint) for name, hint in _field_hints(self.kind).items()}
+
+    @cached_property
+    def _needed(self) -> frozenset[str]:
+        if not is_dataclass(self.kind):
+            return frozenset(self._columns) - frozenset(getattr(self.kind, "_field_defaults", ()))
+        defaults = {
+            field.name for field in fields(self.kind) if (field.default, field.default_factory) != (MISSING,) * 2
+        }
+        return frozenset(self._columns) - defaults
+
+    def fits(self, value: Any) -> bool:
+        return type(value) is self.kind
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        node, name = {}, ""
+        try:
+            for name, column in (self._columns | self._derived).items():
+                node[name] = column.write([getattr(value, name) for value in values], writer)
+        except MisfitError as error:
+            raise MisfitError(f"{self.tag}.{name}: {error}") from None
+        return node
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, dict)
+        wanted = self._columns | self._derived
+        if strange := set(node) - set(wanted):
+            raise ValueError(f"a {self.tag} has no {min(strange):.60}")
+        if missing := {*self._needed, *self._derived} - set(node):
+            raise ValueError(f"the {min(missing)} of a {self.tag} is missing")
+        name, columns = "", {}
+        try:
+            for name, column in wanted.items():
+                if name in node:
+                    columns[name] = column.read(node[name], count, reader)
+        except ValueError as error:
+            raise ValueError(f"{self.tag}.{name}: {error}") from error
+        derived = [columns.pop(name) for name in self._derived]
+        names = tuple(columns)
+        made = [self.kind(**dict(zip(names, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+        for name, values in zip(self._derived, derived, strict=True):
+            for record, value in zip(made, values, strict=True):
+                record.__dict__[name] = value  # where a cached property looks first
+        return [checked(record) for record in made] if hasattr(self.kind, "_check_read") else made
+
+
+class OneOf(Column):
+    """Values of several types, each by its tag, and None where the union is optional.
+
+    Parameters
+    ----------
+    tag_of
+        The tag of a value; None if it is of none of the types.
+    column_of_tag
+        The column of a tag; a LookupError if there is none.
+    optional
+        Whether a value may be None.
+    """
+
+    tag = "union"
+
+    def __init__(
+        self, tag_of: Callable[[Any], str | None], column_of_tag: Callable[[str], Column], *, optional: bool = False
+    ) -> None:
+        self._tag_of, self._column_of, self._optional = tag_of, column_of_tag, optional
+
+    @classmethod
+    def of(cls, columns: Iterable[Column], *, optional: bool = False) -> OneOf:
+        """The union of some columns."""
+        known = {column.tag: column for column in columns}
+
+        def tag_of(value: Any) -> str | None:
+            return next((tag for tag, column in known.items() if column.fits(value)), None)
+
+        return cls(tag_of, known.__getitem__, optional=optional)
+
+    def fits(self, value: Any) -> bool:
+        return self._tag(value) is not None
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        tags = [str(self._tag(value)) for value in values]
+        node = {"is": tags[0] if len(set(tags)) == 1 else tags}
+        for tag in sorted({*tags} - {_NONE}):
+            chosen = [value for value, each in zip(values, tags, strict=True) if each == tag]
+            node[tag] = self._column_of(tag).write(chosen, writer)
+        return node
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, dict)
+        tags = [node["is"]] * count if isinstance(node["is"], str) else Scalar(str).read(node["is"], count, reader)
+        found = {}
+        for tag in sorted(set(tags)):
+            if tag == _NONE and self._optional:
+                found[tag] = iter([None] * count)
+                continue
+            try:
+                column = self._column_of(tag)
+            except LookupError:
+                raise ValueError(f"there is no {tag:.60} here") from None
+            found[tag] = iter(column.read(node[tag], tags.count(tag), reader))
+        if set(node) - {"is"} != set(found) - {_NONE}:
+            raise ValueError("there is more than is named")
+        return [next(found[tag]) for tag in tags]
+
+    def _tag(self, value: Any) -> str | None:
+        return _NONE if value is None and self._optional else self._tag_of(value)
+
+
+class Free(Column):
+    """Whatever JSON can write, as a hint `object` allows it: numbers, texts, lists and tables."""
+
+    tag = "object"
+
+    def fits(self, value: Any) -> bool:
+        return True
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        return list(values)
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        _check_type(node, list)
+        if len(node) != count:
+            raise ValueError(f"there are {len(node)} values where {count} should be")
+        return node
+
+
+class Converted(Column):
+    """Values that are written as those of another type.
+
+    Parameters
+    ----------
+    kind
+        Their type.
+    hint
+        The type as which they are written.
+    to, of
+        Make the other value, and this one from it; `of` raises a ValueError where that is impossible.
+    """
+
+    def __init__(self, kind: type, hint: Any, to: Callable[[Any], Any], of: Callable[[Any], Any]) -> None:
+        self.tag, self._kind, self._hint, self._to, self._of = kind.__name__, kind, hint, to, of
+
+    def fits(self, value: Any) -> bool:
+        return isinstance(value, self._kind)
+
+    def put(self, values: Sequence[Any], writer: Writer) -> Node:
+        return column_of(self._hint).write([self._to(value) for value in values], writer)
+
+    def read(self, node: Node, count: int, reader: Reader) -> list[Any]:
+        return [self._of(value) for value in column_of(self._hint).read(node, count, reader)]
+
+
+class Enumerated(Converted):
+    """Members of an enumeration, by their names; a text that is the value of one will do."""
+
+    def __init__(self, kind: type[Enum]) -> None:
+        def member(name: str) -> Enum:
+            if name not in kind.__members__:
+                raise ValueError(f"{name:.60} is no {kind.__name__}")
+            return kind[name]
+
+        super().__init__(kind, str, lambda value: kind(value).name, member)
+        self._values = [value for value in kind if isinstance(value, str)]
+
+    def fits(self, value: Any) -> bool:
+        return super().fits(value) or (isinstance(value, str) and value in self._values)
+
+
+_COLUMNS: dict[Any, Column] = {object: Free(), **{kind: Scalar(kind) for kind in (bool, int, float, str)}}
+
+
+def register(kind: Any, column: Column) -> None:
+    """Write a type in a way of its own."""
+    _COLUMNS[kind] = column
+    column_of.cache_clear()
+
+
+@cache
+def column_of(kind: Any) -> Column:
+    """How values of a type are written and read; a TypeError for a type hint that cannot be kept."""
+    if kind in _COLUMNS:
+        return _COLUMNS[kind]
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        rest = [each for each in arguments if each is not type(None)]
+        return OneOf.of(map(column_of, rest), optional=len(rest) < len(arguments))
+    if origin is tuple:
+        return Sequential(arguments[0]) if arguments[1:] == (...,) else Fixed(arguments)
+    if origin is np.ndarray:
+        return Array(kind)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        pairs = tuple[tuple[arguments[0], arguments[1]], ...]
+        return Converted(Mapping, pairs, lambda value: tuple(value.items()), dict)
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return Sequential(arguments[0])
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return Enumerated(kind)
+    if isinstance(kind, type) and (is_dataclass(kind) or (issubclass(kind, tuple) and hasattr(kind, "_fields"))):
+        return Record(kind)
+    raise TypeError(f"values of the type {kind} cannot be kept")
+
+
+class MisfitError(ModelError):
+    """A value that is not of the type that its hint names, so that it cannot be kept."""
+
+
+def _field_hints(kind: type) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    if not is_dataclass(kind):
+        return {name: hints[name] for name in kind._fields}  # pyright: ignore[reportAttributeAccessIssue]
+    stored = (field for field in fields(kind) if field.init and field.metadata.get("stored", True))
+    return {field.name: hints[field.name] for field in stored}
+
+
+def _derived_hints(kind: type) -> dict[str, Any]:
+    return {name: get_type_hints(getattr(kind, name).func)["return"] for name in getattr(kind, "_kept", ())}
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether JSON can write a number without loss."""
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def _check_type(node: Node, kind: type) -> None:
+    if type(node) is not kind:
+        raise ValueError(f"there is {_said(node)} where {_WORDS[kind]} should be")
+
+
+def _said(node: Node) -> str:
+    return "nothing" if node is None else _WORDS.get(type(node), type(node).__name__)

@@ -1,0 +1,480 @@
+"""The one file format of gapwalk: named parts in a SQLite database, each with a checksum, and one of all of them.
+
+While a job writes its file, SQLite's log is next to it (``-wal``, ``-shm``); a job that ends, even by Ctrl-C, leaves
+one file. Killed at any moment, the file holds all parts up to some moment, so what was reported is never lost.
+
+The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
+Nothing in it is secret: it finds what was changed by something else than gapwalk, but not a change with a new seal.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import gapwalk.results.records  # noqa: F401 (it registers how systems and orbits are kept)
+from gapwalk import __version__
+from gapwalk.errors import StoreError
+from gapwalk.files import uninterrupted, why_no_file
+from gapwalk.results.codec import Packed, decode, encode
+from gapwalk.results.faults import explained, undamaged
+
+APPLICATION = 0x67617077
+"""What marks a SQLite file as a result of gapwalk: the letters gapw."""
+
+SCHEMA = 4
+"""Version of the format and of the records in it; a file of another version is refused."""
+
+TABLE = """CREATE TABLE part (
+    name TEXT NOT NULL, -- what it is
+    number INTEGER NOT NULL, -- which of that name, from 0
+    head TEXT NOT NULL, -- in JSON
+    arrays BLOB NOT NULL, -- its numbers, see gapwalk.results.codec
+    checksum TEXT NOT NULL, -- BLAKE2b of the columns before, in hexadecimal digits
+    PRIMARY KEY (name, number)
+)"""
+"""The one table of a file."""
+
+_SEAL = "seal"  # name of the part whose head is the sum of all checksums
+_SIZE = 16  # bytes of a checksum
+_ALL = 1 << 8 * _SIZE
+_SIDE_FILES = ("-wal", "-shm", "-journal")
+_TYPES = {str: "a text", int: "an integer", float: "a number", bytes: "bytes", type(None): "nothing"}
+_COLUMNS = {"name": str, "number": int, "head": str, "arrays": bytes, "checksum": str}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A kind of part.
+
+    Attributes
+    ----------
+    name
+        Its name in a file.
+    type
+        The type hint of what it holds.
+    numbered
+        Whether a file may have several: each has a number and is written once. Otherwise there is one at most, and a
+        new one replaces it.
+    """
+
+    name: str
+    type: Any
+    numbered: bool = False
+
+    def entry(self, value: Any, number: int = 0) -> Entry:
+        """A value to write as such a part."""
+        return Entry(self, number, value)
+
+
+class Entry(NamedTuple):
+    """A value that is written as a part."""
+
+    part: Part
+    number: int
+    value: Any
+
+
+class Parts:
+    """The parts of a file at one moment.
+
+    Parameters
+    ----------
+    path, connection
+        The file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
+        self.path = path
+        self.base: Any = None
+        self._connection = connection
+
+    def all(self, part: Part) -> Iterator[tuple[int, Any]]:
+        """The number and the value of each part of a kind, in their order.
+
+        Raises
+        ------
+        StoreError
+            If one of them is damaged.
+        """
+        with undamaged(self.path):
+            for _, number, *packed, _ in _rows(self._connection, "WHERE name = ? ORDER BY number", part.name):
+                with undamaged(self.path, f"its part {part.name}{f' {number}' if part.numbered else ''}: "):
+                    value = decode(Packed(*packed), part.type, self.base)
+                yield number, value
+
+    def one(self, part: Part) -> Any:
+        """The part of a kind of which there is one; errors as `all`, and if it is missing."""
+        found = self.get(part)
+        if found is None:
+            raise StoreError(f"{os.fspath(self.path)} is damaged: its part {part.name} is missing")
+        return found
+
+    def get(self, part: Part) -> Any:
+        """The same, or None if it is missing."""
+        return next((value for _, value in self.all(part)), None)
+
+
+class ResultFile:
+    """A file that grows part by part while a job is done; it is made when the first part comes.
+
+    Parameters
+    ----------
+    path
+        The file.
+    head
+        Its first parts, of which the first is the request: the systems of all others are written as they differ from
+        its `system`. They are written over those of an earlier run.
+    exists
+        Whether to go on with the file that is there; otherwise a new one is made over it.
+
+    Raises
+    ------
+    StoreError
+        If the file cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *head: Entry, exists: bool) -> None:
+        self.path, self._head = path, head
+        self._base = head[0].value.system
+        self._exists = exists
+        self._connection: sqlite3.Connection | None = None
+        if exists:
+            self.write(*head[1:])
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether there is a file."""
+        return self._exists
+
+    def known(self, part: Part) -> Iterator[tuple[int, Any]]:
+        """The parts of a kind that the file has, as `Parts.all`."""
+        if self._exists:
+            parts = Parts(self.path, self._opened())
+            parts.base = self._base
+            with explained(self.path):
+                yield from parts.all(part)
+
+    def count(self, part: Part) -> int:
+        """How many parts of a kind the file has."""
+        if not self._exists:
+            return 0
+        with explained(self.path):
+            (count,) = self._opened().execute("SELECT count(*) FROM part WHERE name = ?", (part.name,)).fetchone()
+        return count
+
+    def write(self, *entries: Entry) -> None:
+        """Write some parts, all or none of them; once this returns they are safe. Ctrl-C waits until it does.
+
+        Raises
+        ------
+        StoreError
+            If the file cannot be written.
+        """
+        with uninterrupted():
+            if self._exists:
+                with _transaction(self.path, connection := self._opened()):
+                    _insert(connection, entries, self._base)
+            else:
+                _begin(self.path, self._head, entries)
+                self._exists = True  # from here on, what has the file's name is this result
+                self._opened()
+
+    def close(self) -> None:
+        """Close the file; it is then one file again."""
+        if self._connection is not None:
+            with uninterrupted():
+                _close_whole(self.path, self._connection)
+
+    def __enter__(self) -> ResultFile:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _opened(self) -> sqlite3.Connection:
+        if self._connection is None:
+            self._connection = _open_to_write(self.path)
+        return self._connection
+
+
+@contextmanager
+def reading(path: str | os.PathLike[str], *, sealed: bool = True) -> Iterator[Parts]:
+    """One consistent look at a file, even while another program writes it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    sealed
+        Whether it is refused if one of its checksums does not hold.
+
+    Raises
+    ------
+    StoreError
+        If there is no such file, or it is none that this version can read, or damaged.
+    """
+    check_place(path)
+    if not os.path.exists(path):
+        raise StoreError(f"there is no file {os.fspath(path)}; `gapwalk run FILE` writes a result")
+    with explained(path):
+        connection = _open_to_read(path)
+        try:
+            connection.execute("BEGIN")
+            _check_format(path, connection)
+            with undamaged(path):
+                if sealed and (fault := _seal_fault(connection)):
+                    raise ValueError(fault)
+            yield Parts(path, connection)
+        finally:
+            connection.close()
+
+
+def seal_fault(path: str | os.PathLike[str]) -> str:
+    """What is wrong with the checksums of a file, as a clause, or empty; errors as `reading`."""
+    with reading(path, sealed=False) as parts, undamaged(path):
+        return _seal_fault(parts._connection)
+
+
+def write_more(path: str | os.PathLike[str], system: Any, *entries: Entry) -> None:
+    """Write parts into a file that is complete; `system` is that of its request. Errors as `ResultFile.write`."""
+    with uninterrupted():
+        connection = _open_to_write(path)
+        try:
+            with _transaction(path, connection):
+                _insert(connection, entries, system)
+        finally:
+            _close_whole(path, connection)
+
+
+def tidy(path: str | os.PathLike[str]) -> None:
+    """Make one file of a result whose writer was killed just before it would have done so."""
+    if any(os.path.exists(f"{os.fspath(path)}{suffix}") for suffix in _SIDE_FILES):
+        _close_whole(path, _open_to_write(path))
+
+
+@contextmanager
+def lock(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Keep other writers off a file: a lock that ends with this process, however that ends.
+
+    It is an empty database next to the file: SQLite's own locks work on every system.
+    """
+    check_place(path)
+    name = f"{os.fspath(path)}-lock"
+    with explained(path):
+        holder = sqlite3.connect(name, isolation_level=None, timeout=0)
+    try:
+        with explained(path):
+            holder.execute("PRAGMA journal_mode = MEMORY")  # no second file
+            holder.execute("BEGIN EXCLUSIVE")
+        yield
+    finally:
+        if holder.in_transaction:
+            with suppress(OSError):
+                os.unlink(name)  # before the lock is released: who waits for this file would lock one without a name
+        holder.close()
+
+
+def check_place(path: str | os.PathLike[str]) -> None:
+    """A StoreError if something of that name, or of one that SQLite writes next to it, is no file."""
+    for suffix in ("", *_SIDE_FILES, "-lock"):
+        if why := why_no_file(name := f"{os.fspath(path)}{suffix}"):
+            raise StoreError(f"{name} {why}")
+
+
+def looks_like_result(path: str | os.PathLike[str]) -> bool:
+    """Whether a file has the mark of a result, though it may be damaged; an empty file is no loss either."""
+    with explained(path), open(path, "rb") as file:
+        head = file.read(72)
+    return not head or head[68:72] == APPLICATION.to_bytes(4, "big")
+
+
+def _begin(path: str | os.PathLike[str], head: tuple[Entry, ...], entries: tuple[Entry, ...]) -> None:
+    """Make a file with its first parts; what was there before is lost.
+
+    A file of that name is at any moment either whole or not there.
+    """
+    new = f"{os.fspath(path)}-new"
+    base = head[0].value.system
+    with explained(path):
+        _remove(new)
+        connection = sqlite3.connect(new, isolation_level=None)
+        try:
+            connection.execute(f"PRAGMA application_id = {APPLICATION}")
+            connection.execute(f"PRAGMA user_version = {SCHEMA}")
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute(TABLE)
+            connection.execute("INSERT INTO part VALUES (?, 0, '0', x'', '')", (_SEAL,))
+            _insert(connection, head[:1], None)  # the request has its system in full
+            _insert(connection, (*head[1:], *entries), base)
+            connection.execute("COMMIT")
+        finally:
+            connection.close()
+        _remove(path)  # its log too, which must not be taken for that of the new file
+        os.replace(new, path)
+
+
+def _insert(connection: sqlite3.Connection, entries: tuple[Entry, ...], base: Any) -> None:
+    """Write parts and the new seal, in a transaction."""
+    seal = _seal_of(connection)
+    for part, number, value in entries:
+        packed = encode(value, part.type, base)
+        if not part.numbered:
+            before = connection.execute("SELECT checksum FROM part WHERE name = ? AND number = 0", (part.name,))
+            seal -= sum(int(checksum, 16) for (checksum,) in before)
+            connection.execute("DELETE FROM part WHERE name = ?", (part.name,))
+        checksum = _checksum(part.name, number, *packed)
+        connection.execute("INSERT INTO part VALUES (?, ?, ?, ?, ?)", (part.name, number, *packed, checksum))
+        seal += int(checksum, 16)
+    connection.execute("UPDATE part SET head = ? WHERE name = ?", (f"{seal % _ALL:x}", _SEAL))
+
+
+def _seal_of(connection: sqlite3.Connection) -> int:
+    """The sum of the checksums, as the file has it."""
+    for (text,) in connection.execute("SELECT head FROM part WHERE name = ?", (_SEAL,)):
+        return int(text, 16)
+    raise ValueError("it has no checksum")
+
+
+def _checksum(name: str, number: int, head: str, arrays: bytes) -> str:
+    digest = blake2b(digest_size=_SIZE)
+    for data in (name.encode(), struct.pack("<q", number), head.encode("utf-8", "surrogatepass"), arrays):
+        digest.update(struct.pack("<q", len(data)))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def _check_format(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
+    """Refuse what is no file of this version of the format.
+
+    Nothing in a stranger's file may run, so its table is compared as a text before anything is asked of it.
+    """
+    name = os.fspath(path)
+    connection.execute("PRAGMA trusted_schema = OFF")
+    (application,) = connection.execute("PRAGMA application_id").fetchone()
+    if application != APPLICATION:
+        raise StoreError(f"{name} is no result file of gapwalk")
+    (schema,) = connection.execute("PRAGMA user_version").fetchone()
+    if schema > SCHEMA:
+        raise StoreError(
+            f"{name} was written by a newer gapwalk (its schema is {schema}); this is gapwalk {__version__}, which "
+            f"reads schema {SCHEMA}: update gapwalk"
+        )
+    if schema < SCHEMA:
+        raise StoreError(
+            f"{name} was written by an older gapwalk (its schema is {schema}; this one reads schema {SCHEMA} only): "
+            "compute the result again, into another file or over this one (--force)"
+        )
+    with undamaged(path):
+        found = connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+        if found != [(TABLE,)]:
+            raise ValueError("its tables are not those of gapwalk")
+
+
+def _rows(connection: sqlite3.Connection, where: str = "", *values: str) -> Iterator[tuple[Any, ...]]:
+    """The rows of a file; a ValueError if one holds a value of another type, for SQLite does not mind."""
+    for row in connection.execute(f"SELECT {', '.join(_COLUMNS)} FROM part {where}", values):
+        for (column, kind), value in zip(_COLUMNS.items(), row, strict=True):
+            if type(value) is not kind:
+                raise ValueError(
+                    f"its part {row[0]!r:.60} has {_TYPES[type(value)]} in the column {column}, where {_TYPES[kind]} "
+                    "should be"
+                )
+        yield row
+
+
+def _seal_fault(connection: sqlite3.Connection) -> str:
+    """What is wrong with the checksums, as a clause; empty if they hold."""
+    total, seal = 0, None
+    for name, number, head, arrays, checksum in _rows(connection):
+        if name == _SEAL:
+            seal = head
+            continue
+        found = _checksum(name, number, head, arrays)
+        if found != checksum:
+            return (
+                f"the checksum of its part {name!r:.60} {number} does not hold; it was changed since gapwalk wrote it"
+            )
+        total += int(found, 16)
+    if seal is None:
+        return "it has no checksum"
+    if seal != f"{total % _ALL:x}":
+        return "its checksum does not hold; parts of it were taken away, added or exchanged since gapwalk wrote it"
+    return ""
+
+
+def _open_to_write(path: str | os.PathLike[str]) -> sqlite3.Connection:
+    """An existing file, such that what is committed survives the death of this process at any moment."""
+    with explained(path), _closed_on_error(sqlite3.connect(path, isolation_level=None)) as connection:
+        _check_format(path, connection)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        with undamaged(path):
+            _seal_of(connection)
+        return connection
+
+
+def _close_whole(path: str | os.PathLike[str], connection: sqlite3.Connection) -> None:
+    """Close a file such that it is one file again; while somebody reads it, that is left to the reader."""
+    with explained(path):
+        try:
+            with suppress(sqlite3.OperationalError):
+                connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                connection.execute("PRAGMA journal_mode = DELETE")
+        finally:
+            connection.close()
+
+
+def _remove(path: str | os.PathLike[str]) -> None:
+    """Remove a file with what a killed run left next to it."""
+    for suffix in ("", *_SIDE_FILES):
+        with suppress(FileNotFoundError):
+            os.unlink(f"{os.fspath(path)}{suffix}")
+
+
+@contextmanager
+def _transaction(path: str | os.PathLike[str], connection: sqlite3.Connection) -> Iterator[None]:
+    """All or nothing of what is written inside."""
+    with explained(path):
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            connection.execute("COMMIT")
+        except BaseException:
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise
+        os.stat(path)  # SQLite goes on writing into a file that has been removed
+
+
+@contextmanager
+def _closed_on_error(connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    try:
+        yield connection
+    except BaseException:
+        connection.close()
+        raise
+
+
+def _open_to_read(path: str | os.PathLike[str]) -> sqlite3.Connection:
+    address = Path(path).absolute().as_uri()
+    connection = sqlite3.connect(f"{address}?mode=ro", uri=True, isolation_level=None)
+    try:
+        connection.execute("PRAGMA user_version").fetchone()
+    except sqlite3.OperationalError:
+        connection.close()
+        if os.path.exists(f"{os.fspath(path)}-wal"):
+            raise
+        # A file of a killed run in a folder that cannot be written: nobody can be writing it.
+        connection = sqlite3.connect(f"{address}?mode=ro&immutable=1", uri=True, isolation_level=None)
+    return connection

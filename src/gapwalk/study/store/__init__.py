@@ -1,1 +1,0 @@
-"""Where results are kept: files that grow by whole parts and are read back bit for bit."""
