@@ -44,7 +44,7 @@ tests: kernels
 
 # The kernels of harmonic balance are compiled before: each process of the tests would do it anew.
 kernels: $(STAMP)
-	@PYTHONDONTWRITEBYTECODE= $(PY) -c "import gapwalk.orbit.balance.kernels"
+	@PYTHONDONTWRITEBYTECODE= $(PY) -c "import gapwalk.orbit.harmonic_balance.kernels"
 
 # The explorer's page is tested in Chromium. Root, as in a container, gets it installed; others are told how.
 browser:

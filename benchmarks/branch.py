@@ -17,7 +17,7 @@ from benchmarks.row import Row, Target
 from benchmarks.shooter import walk
 from benchmarks.stopwatch import fastest, side_by_side
 from gapwalk import Branch, Kind, Orbit, WalkOptions, find_orbit, follow, paper
-from gapwalk.motion.flow import Flow
+from gapwalk.flow.flow import Flow
 
 GROUP = "Branch of figure 13"
 _REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "special_points.json"

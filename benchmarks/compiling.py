@@ -13,7 +13,7 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row
 from benchmarks.stopwatch import cpu_seconds, fastest
 from gapwalk import find_orbit, paper
-from gapwalk.motion import flow as flows
+from gapwalk.flow import flow as flows
 
 GROUP = "Compiling the flow of figure 13"
 _COLD = 3  # repeats; a compilation is long enough to measure with few

@@ -15,8 +15,8 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, DiagramOptions, Orbit, diagram, find_orbit, follow, paper
-from gapwalk.bifurcation.search import values_between
-from gapwalk.motion.flow import PERIOD, Flow
+from gapwalk.bifurcation.isolated import values_between
+from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.orbit.identity import true_period
 
 GROUP = "Diagram of figure 15"
@@ -76,7 +76,7 @@ def measure(start: Orbit, effort: Effort) -> Row:
     tree, periods = found[0]
     points = sum(len(branch.points) for branch in tree.branches)
     counts = {
-        "branches": len(tree.limbs),
+        "branches": len(tree.members),
         "points": points,
         "periods": round(sum(periods.values())),
         "search values": values,

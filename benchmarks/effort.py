@@ -22,7 +22,7 @@ class Effort:
     diagram_from
         Lowest frequency of the diagram.
     mass_periods
-        Forcing periods of each run of the mass flow.
+        Forcing periods of each run of the batch integrator.
     cells
         Columns and rows of a regime map.
     """

@@ -3,7 +3,7 @@
     python -m benchmarks.explorer
 
 Needs Chromium. Milliseconds of a wall clock, so on a machine that nobody else uses. Without a GPU, as here, frames take
-longer than at a desk.
+longer than at a session.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ from benchmarks.compiling import cold_seconds
 from benchmarks.effort import Effort
 from benchmarks.row import Row
 from benchmarks.stopwatch import fastest, side_by_side
+from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import flow_of
 
 GROUP = "One forcing period of a chain of masses with one stop"
 _SETTLE = 60  # forcing periods, so that the stop is met as in steady motion

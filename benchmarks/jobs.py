@@ -10,7 +10,7 @@ import gapwalk as gw
 from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from gapwalk import System, paper
-from gapwalk.study.work.workers import Workers, workers
+from gapwalk.parallel.workers import Workers, workers
 
 GROUP = "Whole jobs of figure 15 on two processes, wall time"
 _BOX = {"q1": (-4.0, 4.0), "q1'": (-4.0, 4.0)}

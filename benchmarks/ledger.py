@@ -17,13 +17,15 @@ from rich.console import Console
 from rich.table import Table
 
 from gapwalk import find_orbit, follow, paper
-from gapwalk.bifurcation import detect, grazing, trail
-from gapwalk.bifurcation.detect import Detector
+from gapwalk.bifurcation import branch_tracer as tracer
+from gapwalk.bifurcation import detector as detect
+from gapwalk.bifurcation import grazing
+from gapwalk.bifurcation.detector import Detector
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import Walk
-from gapwalk.motion import flow as flows
-from gapwalk.motion.flow import Flow
-from gapwalk.motion.switching import Switchboard
+from gapwalk.flow import flow as flows
+from gapwalk.flow.flow import Flow
+from gapwalk.flow.switching import Switchboard
 from gapwalk.orbit import orbit as orbits
 from gapwalk.orbit import shooting
 from gapwalk.orbit.shooting import ShootingEquation
@@ -47,7 +49,7 @@ PARTS = (
     ("doubt of grazing", detect, "find_grazing"),
     ("locating grazing", grazing, "_locate"),
     ("surveys", orbits, "survey"),
-    ("nature of flips", trail, "with_nature"),
+    ("nature of flips", tracer, "with_nature"),
 )
 
 # parts whose flow calls are counted, apart from those that stand within another of them

@@ -1,4 +1,4 @@
-"""Many trajectories of figure 15 at W = 0.45: the mass flow beside a hand-written SIMD kernel, and SciPy."""
+"""Many trajectories of figure 15 at W = 0.45: the batch integrator beside a hand-written SIMD kernel, and SciPy."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from benchmarks.row import Row, Target
 from benchmarks.simd import STEPS, SimdClutch
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import System, paper
+from gapwalk.ensemble import BatchOptions, batch_flow_of
+from gapwalk.ensemble import kernel as kernels
+from gapwalk.ensemble.batch import batch_of
+from gapwalk.ensemble.kernel_form import Form
+from gapwalk.ensemble.kernel_source import Source
+from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import flow_of
-from gapwalk.motion.mass import MassOptions, mass_flow_of
-from gapwalk.motion.mass import kernel as kernels
-from gapwalk.motion.mass.crowd import crowd_of
-from gapwalk.motion.mass.form import Form
-from gapwalk.motion.mass.source import Source
 
-GROUP = "Mass flow of figure 15 at W = 0.45, a trajectory and forcing period"
+GROUP = "Batch integrator of figure 15 at W = 0.45, a trajectory and forcing period"
 _TRAJECTORIES = 1024
 _COMPARED = 200  # trajectories whose error is measured beside the exact flow
 _SCIPY_TOLERANCE = 1e-6
@@ -45,7 +45,7 @@ def rows(effort: Effort) -> list[Row]:
 
 def measure_core(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
     """One core, checks of the error included; the baseline has an error of its own."""
-    flow, baseline, periods = mass_flow_of(system, MassOptions(threads=1)), SimdClutch(system), effort.mass_periods
+    flow, baseline, periods = batch_flow_of(system, BatchOptions(threads=1)), SimdClutch(system), effort.mass_periods
     exact = _exact(system, states[:_COMPARED])
     mine = _error(flow.run(states, 1).states[:_COMPARED], exact)
     theirs = _error(baseline.run(states, 1)[:_COMPARED], exact)
@@ -63,7 +63,7 @@ def measure_core(system: System, states: NDArray[np.float64], effort: Effort) ->
 
 def measure_scipy(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
     """The same beside SciPy's LSODA, one trajectory after the other."""
-    flow, periods = mass_flow_of(system, MassOptions(threads=1)), effort.mass_periods
+    flow, periods = batch_flow_of(system, BatchOptions(threads=1)), effort.mass_periods
     slope, state = _slope(system), states[0]
     ends = np.array([0.0, 2.0 * np.pi / system.frequency])
 
@@ -79,7 +79,7 @@ def measure_scipy(system: System, states: NDArray[np.float64], effort: Effort) -
 
 def measure_parameters(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
     """Each trajectory with a frequency of its own, as for a regime map."""
-    flow, periods = mass_flow_of(system, MassOptions(threads=1)), effort.mass_periods
+    flow, periods = batch_flow_of(system, BatchOptions(threads=1)), effort.mass_periods
     frequencies = system.frequency + _SPREAD * np.arange(len(states))
 
     def ours() -> None:
@@ -92,7 +92,7 @@ def measure_threads(system: System, states: NDArray[np.float64], effort: Effort)
     """Wall time of two threads beside one."""
     periods = effort.mass_periods
     one, two = (
-        _least_wall(lambda count=count: mass_flow_of(system, MassOptions(threads=count)).run(states, periods), effort)
+        _least_wall(lambda count=count: batch_flow_of(system, BatchOptions(threads=count)).run(states, periods), effort)
         for count in (1, 2)
     )
     share = periods * len(states)
@@ -124,7 +124,7 @@ def measure_loading(system: System) -> Row:
 
 
 def _form(system: System) -> Form:
-    crowd = crowd_of(system, np.zeros((1, 2 * system.size)), {})
+    crowd = batch_of(system, np.zeros((1, 2 * system.size)), {})
     return Form(system.structure, crowd.pattern, crowd.linear.basis is not None, True, False)
 
 

@@ -9,8 +9,8 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import side_by_side
 from gapwalk import Orbit, find_orbit, paper
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import ParameterLine
-from gapwalk.motion.flow import PERIOD, flow_of
 
 GROUP = "One forcing period of figure 13 at W = 0.5"
 _FREQUENCY = 0.5

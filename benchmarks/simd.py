@@ -1,4 +1,4 @@
-"""The mass flow's baseline: a Runge-Kutta method for the paper's clutch, written out by hand for SIMD, in numba."""
+"""The batch integrator's baseline: a Runge-Kutta method for the paper's clutch, by hand for SIMD, in numba."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import settings
 
 from gapwalk.errors import Interrupted
-from gapwalk.study.work import workers
-from gapwalk.study.work.processes import Processes
+from gapwalk.parallel import workers
+from gapwalk.parallel.processes import Processes
 from tests import computed
 from tests.tiers import is_quick
 

@@ -17,8 +17,8 @@ from benchmarks.row import Row, Target
 from benchmarks.simd import SimdClutch
 from benchmarks.table import as_json, as_table, cells, duration, notes
 from gapwalk import find_orbit, paper
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
 
 LEAST = Effort(repeats=1, burst=0.0)
 

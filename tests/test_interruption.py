@@ -7,10 +7,10 @@ import sys
 import pytest
 
 import gapwalk as gw
-from gapwalk.bifurcation.locus import LocusEndReason
+from gapwalk.bifurcation.loci import LocusEndReason
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import Interrupted
-from gapwalk.study.interruption import found_by
+from gapwalk.studies.interruption import found_by
 from tests.interruption import until_ctrl_c
 from tests.systems import clutch, linear
 
@@ -50,7 +50,7 @@ def test_before_there_is_anything_there_is_nothing_to_find(monkeypatch) -> None:
     def interrupt(*_: object, **__: object) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(sys.modules[gw.follow.__module__], "Trail", interrupt)
+    monkeypatch.setattr(sys.modules[gw.follow.__module__], "BranchTracer", interrupt)
     with pytest.raises(KeyboardInterrupt) as caught:
         gw.follow(gw.find_orbit(linear()), "frequency", 1.0)
     assert not isinstance(caught.value, Interrupted)

@@ -50,10 +50,10 @@ def main_branch(result: gw.Result) -> gw.Branch:
     return result.branches[0]
 
 
-def limbs(result: gw.Result, period: int) -> list[gw.Limb]:
+def members(result: gw.Result, period: int) -> list[gw.DiagramBranch]:
     """Return the branches of one period."""
     assert result.diagram is not None
-    return [limb for limb in result.diagram.limbs if limb.period == period]
+    return [member for member in result.diagram.members if member.period == period]
 
 
 def values(branch: gw.Branch, kind: gw.Kind, low: float = -np.inf, high: float = np.inf) -> list[float]:

@@ -9,45 +9,45 @@ from gapwalk.homes import HOMES
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper, plot
-    from gapwalk.attractor.attractor import Attractor
-    from gapwalk.attractor.basins import Basins, BasinShares
-    from gapwalk.attractor.classify import ClassifyOptions, classify
-    from gapwalk.attractor.contrast import Contrast, contrast
-    from gapwalk.attractor.judge import RegimeOptions
-    from gapwalk.attractor.lyapunov import LyapunovOptions, lyapunov
-    from gapwalk.attractor.match import match
-    from gapwalk.attractor.plane import Plane, impact_plane
-    from gapwalk.attractor.rattle import rattle
-    from gapwalk.attractor.regime import Regime
-    from gapwalk.attractor.regimes import Regimes
-    from gapwalk.attractor.section import section, strobe
-    from gapwalk.attractor.settle import SettleOptions, settle
-    from gapwalk.attractor.settled import Settled
-    from gapwalk.attractor.spectrum import spectrum
-    from gapwalk.attractor.waterfall import waterfall
+    from gapwalk.attractors.attractor import Attractor
+    from gapwalk.attractors.basins import Basins, BasinShares
+    from gapwalk.attractors.classify import ClassifyOptions, classify
+    from gapwalk.attractors.contrast import Contrast, contrast
+    from gapwalk.attractors.lyapunov import LyapunovOptions, lyapunov
+    from gapwalk.attractors.match import match
+    from gapwalk.attractors.rattle import rattle
+    from gapwalk.attractors.regime import Regime
+    from gapwalk.attractors.regime_judge import RegimeOptions
+    from gapwalk.attractors.regimes import Regimes
+    from gapwalk.attractors.section import section, strobe
+    from gapwalk.attractors.section_plane import Plane, impact_plane
+    from gapwalk.attractors.settle import SettleOptions, settle
+    from gapwalk.attractors.settled import Settled
+    from gapwalk.attractors.spectrum import spectrum
+    from gapwalk.attractors.waterfall import waterfall
     from gapwalk.bifurcation.branch import Branch, SpecialPoint
-    from gapwalk.bifurcation.compare import Comparison, compare
-    from gapwalk.bifurcation.diagram import Cascade, Diagram, Limb
+    from gapwalk.bifurcation.branch_comparison import Comparison, compare
+    from gapwalk.bifurcation.diagram import Cascade, Diagram, DiagramBranch
     from gapwalk.bifurcation.follow import BranchWalk, follow, walk
+    from gapwalk.bifurcation.isolated import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.kinds import Event, Kind
-    from gapwalk.bifurcation.locus import Locus, follow_locus
-    from gapwalk.bifurcation.search import SearchOptions, SearchResult, search
+    from gapwalk.bifurcation.loci import Locus, follow_locus
     from gapwalk.bifurcation.switch import switch
-    from gapwalk.continuation.options import WalkOptions
-    from gapwalk.continuation.point import BranchPoint
-    from gapwalk.explorer.kept import save_html
+    from gapwalk.continuation.branch_point import BranchPoint
+    from gapwalk.continuation.walk_options import WalkOptions
+    from gapwalk.ensemble import BatchOptions, batch_flow_of
+    from gapwalk.explorer.saved import save_html
+    from gapwalk.flow.hysteresis import Hysteresis, hysteresis
+    from gapwalk.flow.motion import integrate
+    from gapwalk.flow.signal import Signal
     from gapwalk.measurement.alignment import Alignment, align
-    from gapwalk.measurement.damping import DampingMatch, impact_damping_of, match_impact_damping
+    from gapwalk.measurement.damping_match import DampingMatch, impact_damping_of, match_impact_damping
     from gapwalk.measurement.fit import Fit, FitOptions, fit
-    from gapwalk.measurement.read import read_measurement
-    from gapwalk.measurement.record import Record
+    from gapwalk.measurement.measured_record import Record
+    from gapwalk.measurement.read_record import read_measurement
     from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
-    from gapwalk.model.excitation import Harmonic
-    from gapwalk.model.modes import Modes, modes_of
-    from gapwalk.model.rest import Equilibrium, Rest, rest_of
-    from gapwalk.model.system import System
-    from gapwalk.model.train import (
+    from gapwalk.model.drivetrain import (
         Gear,
         Inertia,
         PaperNumbers,
@@ -58,43 +58,43 @@ if TYPE_CHECKING:
         nondimensional,
         paper_numbers,
     )
-    from gapwalk.motion.hysteresis import Hysteresis, hysteresis
-    from gapwalk.motion.mass import MassOptions, mass_flow_of
-    from gapwalk.motion.motion import integrate
-    from gapwalk.motion.signal import Signal
-    from gapwalk.notebook.progress import show_progress
-    from gapwalk.orbit.balance import Balance
+    from gapwalk.model.equilibria import Equilibrium, Rest, rest_of
+    from gapwalk.model.excitation import Harmonic
+    from gapwalk.model.modes import Modes, modes_of
+    from gapwalk.model.system import System
+    from gapwalk.notebook.progress_line import show_progress
     from gapwalk.orbit.find import find_orbit
+    from gapwalk.orbit.harmonic_balance import Balance
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
+    from gapwalk.parallel.workers import on_cluster, workers
     from gapwalk.reduction import Reduction, reduce
-    from gapwalk.study.basins.basins import basin_shares, basins
-    from gapwalk.study.basins.options import BasinOptions
-    from gapwalk.study.compare import compare_results
-    from gapwalk.study.comparison import ResultComparison
-    from gapwalk.study.diagram.diagram import DiagramOptions, diagram
-    from gapwalk.study.diagram.others import find_others
-    from gapwalk.study.export import save_tables
-    from gapwalk.study.family.family import family
-    from gapwalk.study.family.options import FamilyOptions
-    from gapwalk.study.family.over import Over
-    from gapwalk.study.family.record import Family
-    from gapwalk.study.file import Study, read_studies, read_study
-    from gapwalk.study.load import load
-    from gapwalk.study.locus.study_options import LocusStudyOptions
-    from gapwalk.study.map import Map, MapOptions, bifurcation_map
-    from gapwalk.study.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
-    from gapwalk.study.regimes.mapping import regimes
-    from gapwalk.study.regimes.options import RegimeMapOptions
-    from gapwalk.study.result import Result
-    from gapwalk.study.run import run
-    from gapwalk.study.settle.finding import SettleFinding
-    from gapwalk.study.settle.study_options import SettleStudyOptions
-    from gapwalk.study.sweep.options import SweepOptions
-    from gapwalk.study.sweep.record import Sweep
-    from gapwalk.study.sweep.sweeping import sweep
-    from gapwalk.study.verify import verify
-    from gapwalk.study.work.workers import on_cluster, workers
+    from gapwalk.studies.basins.basins import basin_shares, basins
+    from gapwalk.studies.basins.options import BasinOptions
+    from gapwalk.studies.compare import compare_results
+    from gapwalk.studies.comparison import ResultComparison
+    from gapwalk.studies.diagram.diagram import DiagramOptions, diagram
+    from gapwalk.studies.diagram.others import find_others
+    from gapwalk.studies.export import save_tables
+    from gapwalk.studies.family.family import family
+    from gapwalk.studies.family.options import FamilyOptions
+    from gapwalk.studies.family.over import MemberParameter
+    from gapwalk.studies.family.record import Family
+    from gapwalk.studies.file import Study, read_studies, read_study
+    from gapwalk.studies.load import load
+    from gapwalk.studies.locus.study_options import LocusStudyOptions
+    from gapwalk.studies.map import Map, MapOptions, bifurcation_map
+    from gapwalk.studies.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
+    from gapwalk.studies.regimes.mapping import regimes
+    from gapwalk.studies.regimes.options import RegimeMapOptions
+    from gapwalk.studies.result import Result
+    from gapwalk.studies.run import run
+    from gapwalk.studies.settle.finding import SettleFinding
+    from gapwalk.studies.settle.study_options import SettleStudyOptions
+    from gapwalk.studies.sweep.options import SweepOptions
+    from gapwalk.studies.sweep.record import Sweep
+    from gapwalk.studies.sweep.sweeping import sweep
+    from gapwalk.studies.verify import verify
     from gapwalk.verification import Check, Verification
 
     __version__: str
@@ -106,6 +106,7 @@ __all__ = [
     "BasinOptions",
     "BasinShares",
     "Basins",
+    "BatchOptions",
     "Branch",
     "BranchPoint",
     "BranchWalk",
@@ -118,6 +119,7 @@ __all__ = [
     "DampingLaw",
     "DampingMatch",
     "Diagram",
+    "DiagramBranch",
     "DiagramOptions",
     "DiagramStudyOptions",
     "Equilibrium",
@@ -131,18 +133,16 @@ __all__ = [
     "Hysteresis",
     "Inertia",
     "Kind",
-    "Limb",
     "Locus",
     "LocusStudyOptions",
     "LyapunovOptions",
     "Map",
     "MapOptions",
     "MapStudyOptions",
-    "MassOptions",
+    "MemberParameter",
     "ModalDamping",
     "Modes",
     "Orbit",
-    "Over",
     "PaperNumbers",
     "Plane",
     "ProportionalDamping",
@@ -182,6 +182,7 @@ __all__ = [
     "backlash",
     "basin_shares",
     "basins",
+    "batch_flow_of",
     "bifurcation_map",
     "chain",
     "classify",
@@ -202,7 +203,6 @@ __all__ = [
     "integrate",
     "load",
     "lyapunov",
-    "mass_flow_of",
     "match",
     "match_impact_damping",
     "modes_of",

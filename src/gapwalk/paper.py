@@ -11,7 +11,7 @@ from typing import TypeVar
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, DampingLaw, Stage
 from gapwalk.model.excitation import Harmonic
-from gapwalk.model.problem import did_you_mean
+from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 
 __all__ = [

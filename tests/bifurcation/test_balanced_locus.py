@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gapwalk.bifurcation import Kind, follow, switch, walk_out
-from gapwalk.bifurcation.locus import Codim2, Locus, LocusEndReason, LocusTrail, depart_locus, follow_locus
+from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, LocusTracer, follow_locus, start_locus
 from gapwalk.continuation import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.orbit import find_orbit
-from gapwalk.orbit.balance import Balance, BalancedOrbit
+from gapwalk.orbit.harmonic_balance import Balance, BalancedOrbit
 from gapwalk.orbit.method import Method
 from gapwalk.paper import case
 from tests.bifurcation.test_locus import WIDE, assert_derivatives_agree, islands, locus, nearest, response
@@ -145,8 +145,8 @@ def test_a_viscous_stop_has_corners_too():
     assert [point.kind for point in found.codim2_points] == [point.kind for point in exact.codim2_points]
     assert apart(exact, found) < 2e-5
     # where ten harmonics are enough for the motion, but have no fold near there, it begins with more
-    departures = depart_locus(special, "frequency", "stop.clearance", ranges, Balance(error=1e-2))
-    assert {departure.first.orbit.harmonics for departure in departures} == {22}
+    beginnings = start_locus(special, "frequency", "stop.clearance", ranges, Balance(error=1e-2))
+    assert {beginning.first.orbit.harmonics for beginning in beginnings} == {22}
 
 
 def test_many_degrees_of_freedom_and_several_contacts():
@@ -168,8 +168,8 @@ def test_many_degrees_of_freedom_and_several_contacts():
 
 @pytest.mark.parametrize("kind", [Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_derivatives_agree_with_differences(kind):
-    departure = depart_locus(balanced().special(kind)[0], "frequency", "mean.q1", WIDE, balance(10))[0]
-    equation, scales, x = departure.equation, departure.corrector.scales, departure.first.x
+    beginning = start_locus(balanced().special(kind)[0], "frequency", "mean.q1", WIDE, balance(10))[0]
+    equation, scales, x = beginning.equation, beginning.corrector.scales, beginning.first.x
     if kind is Kind.GRAZING:  # beside it, because differences across it are none
         x = x + 1e-3 * np.cos(np.arange(len(x)))
     assert_derivatives_agree(equation, scales, x)
@@ -201,17 +201,17 @@ def test_too_few_harmonics_end_a_locus_with_what_to_change():
         growing(Balance(10, error=1e-6))
 
 
-def test_a_trail_goes_on_bit_for_bit_from_its_state():
+def test_a_tracer_goes_on_bit_for_bit_from_its_state():
     special = response().special(Kind.FLIP)[2]
-    departure = depart_locus(special, "frequency", "mean.q1", GROWING, Balance(error=7.5e-5))[GROWS]
-    whole = list(LocusTrail(departure, COARSE))
+    beginning = start_locus(special, "frequency", "mean.q1", GROWING, Balance(error=7.5e-5))[GROWS]
+    whole = list(LocusTracer(beginning, COARSE))
     counts = [step.point.orbit.harmonics for step in whole]
     grown = counts.index(max(counts))
     assert 0 < grown < len(whole) - 2
-    trail, steps = LocusTrail(departure, COARSE), []
+    tracer, steps = LocusTracer(beginning, COARSE), []
     for count in (grown, grown + 1):
-        steps += itertools.islice(trail, count - len(steps))
-        rest = LocusTrail(departure, COARSE, resume=pickle.loads(pickle.dumps(trail.state)))
+        steps += itertools.islice(tracer, count - len(steps))
+        rest = LocusTracer(beginning, COARSE, resume=pickle.loads(pickle.dumps(tracer.state)))
         again = [*steps, *rest]
         assert [step.point.values for step in again] == [step.point.values for step in whole]
         assert [len(step.codim2) for step in again] == [len(step.codim2) for step in whole]

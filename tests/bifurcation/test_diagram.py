@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk.attractor.strobe import Strobe
-from gapwalk.bifurcation import Branch, Kind, SpecialPoint, Trail, follow, switch, walk_out
+from gapwalk.attractors.strobe import Strobe
+from gapwalk.bifurcation import Branch, BranchTracer, Kind, SpecialPoint, follow, switch, walk_out
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.follow import join
 from gapwalk.continuation import BranchPoint, End, EndReason
@@ -31,20 +31,20 @@ def family(*generations: tuple[float, ...]) -> Diagram:
     """A branch, its child from its first flip, the child of that from its first, and so on."""
     tree = Diagram(AMPLITUDE, (0.0, 1.0)).with_branch(branch(1, *generations[0]))
     for number, flips in enumerate(generations[1:], start=1):
-        tree = tree.with_branch(branch(2**number, *flips), Origin(tree.limbs[-1].name, 0))
+        tree = tree.with_branch(branch(2**number, *flips), Origin(tree.members[-1].name, 0))
     return tree
 
 
 def test_a_cascade_goes_one_way():
     values = np.cumsum([0.1, *(0.3 * FEIGENBAUM ** -np.arange(4.0))])
     (cascade,) = family(*((value,) for value in values)).cascades
-    assert cascade.limbs == ("P1-1", "P2-1", "P4-1", "P8-1", "P16-1")
+    assert cascade.members == ("P1-1", "P2-1", "P4-1", "P8-1", "P16-1")
     assert cascade.ratios == pytest.approx([FEIGENBAUM] * 3)
 
 
 def test_where_a_child_turns_round_a_cascade_ends_and_another_begins():
     (cascade,) = family((0.385,), (0.569,), (0.5685,), (0.5684,)).cascades
-    assert cascade.limbs == ("P2-1", "P4-1", "P8-1")
+    assert cascade.members == ("P2-1", "P4-1", "P8-1")
     assert cascade.values == (0.569, 0.5685, 0.5684)
     there, back = family((0.1,), (0.2,), (0.3,), (0.29,), (0.28,)).cascades
     assert (there.values, back.values) == ((0.1, 0.2, 0.3), (0.3, 0.29, 0.28))
@@ -56,7 +56,7 @@ def test_where_a_child_turns_round_a_cascade_ends_and_another_begins():
 def test_a_child_that_joins_its_parent_leads_on_from_its_other_end():
     tree = family((0.1, 0.9))
     tree = tree.with_branch(branch(2, 0.2, 0.3, 0.8), Origin("P1-1", 0))
-    tied = replace(tree, limbs=(tree.limbs[0], replace(tree.limbs[1], joins=Origin("P1-1", 1))))
+    tied = replace(tree, members=(tree.members[0], replace(tree.members[1], joins=Origin("P1-1", 1))))
     tied = tied.with_branch(branch(4, 0.77), Origin("P2-1", 2))
     (cascade,) = tied.cascades
     assert cascade.values == (0.9, 0.8, 0.77)
@@ -64,12 +64,12 @@ def test_a_child_that_joins_its_parent_leads_on_from_its_other_end():
 
 def walked_to_flip(special: SpecialPoint) -> Branch:
     """The doubled branch from a flip up to the first flip on it."""
-    trail, steps = Trail(switch(special, AMPLITUDE, (0.0, 1.0))[0]), []
-    for step in trail:
+    tracer, steps = BranchTracer(switch(special, AMPLITUDE, (0.0, 1.0))[0]), []
+    for step in tracer:
         steps.append(step)
         if any(each.kind is Kind.FLIP for each in step[1]):
             break
-    return join([trail], [steps])
+    return join([tracer], [steps])
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def cascades_from(main: Branch, value: float):
     index = main.special_points.index(flip)
     tree = Diagram(AMPLITUDE, (0.0, 1.0)).with_branch(main)
     for _ in range(4):
-        parent = tree.limbs[-1]
+        parent = tree.members[-1]
         child = walked_to_flip(parent.branch.special_points[index])
         tree = tree.with_branch(child, Origin(parent.name, index))
         index = next(i for i, each in enumerate(child.special_points) if each.kind is Kind.FLIP)
@@ -92,7 +92,7 @@ def cascades_from(main: Branch, value: float):
 
 def test_ratios_of_figure_29_come_near_feigenbaums_number(main):
     (cascade,) = cascades_from(main, 0.34223)
-    assert cascade.limbs == ("P1-1", "P2-1", "P4-1", "P8-1", "P16-1")
+    assert cascade.members == ("P1-1", "P2-1", "P4-1", "P8-1", "P16-1")
     assert np.all(np.diff(cascade.values) > 0.0)
     first, _, last = np.abs(np.subtract(cascade.ratios, FEIGENBAUM))
     assert last < 0.7 * first < 0.7
@@ -101,7 +101,7 @@ def test_ratios_of_figure_29_come_near_feigenbaums_number(main):
 def test_the_child_of_figure_29_that_turns_round_is_in_no_cascade_with_its_parent(main):
     # the ratios were -543, 4.6, 3.2: the child of the flip at 0.3849 goes up to 0.57 before it doubles, on its way back
     (cascade,) = cascades_from(main, 0.38486)
-    assert cascade.limbs[0] == "P2-1"
+    assert cascade.members[0] == "P2-1"
     assert cascade.values[0] == pytest.approx(0.56880397, abs=1e-8)
     assert all(ratio > 1.0 for ratio in cascade.ratios)
 
@@ -112,19 +112,19 @@ def test_an_end_is_tied_to_the_flip_whose_orbit_it_shares_and_to_no_other_nearby
     main = follow(find_orbit(case("15"), frequency=1.9), "frequency", to=0.15)
     tree = Diagram("frequency", (0.15, 1.9)).with_branch(main)
     for value in (0.2190504, 0.1976937, 0.2023369):
-        parent = tree.limbs[-1]
+        parent = tree.members[-1]
         index = min(
             (i for i, special in enumerate(parent.branch.special_points) if special.kind is Kind.FLIP),
             key=lambda i: abs(parent.branch.special_points[i].value - value),
         )
         child = walk_out(switch(parent.branch.special_points[index], "frequency", (0.15, 1.9)))
         tree = tree.with_branch(child, Origin(parent.name, index))
-    first, second, third, fourth = tree.limbs
-    for limb, parent in ((second, first), (third, second)):
-        special = parent.branch.special_points[limb.joins.special]
-        assert limb.joins.parent == parent.name
-        assert special.value == limb.branch.ends[-1].value
-        assert special.value == pytest.approx(limb.branch.points[-1].value, abs=1e-7)
+    first, second, third, fourth = tree.members
+    for member, parent in ((second, first), (third, second)):
+        special = parent.branch.special_points[member.joins.special]
+        assert member.joins.parent == parent.name
+        assert special.value == member.branch.ends[-1].value
+        assert special.value == pytest.approx(member.branch.points[-1].value, abs=1e-7)
     shared = third.branch.special_points[fourth.joins.special]
     beyond = fourth.branch.ends[-1].value
     assert (fourth.joins.parent, shared.value) == (third.name, beyond)
@@ -137,7 +137,7 @@ def test_an_end_is_tied_to_the_flip_whose_orbit_it_shares_and_to_no_other_nearby
     known = third.branch.special_points[: fourth.joins.special]
     points = tuple(point for point in third.branch.points if point.arclength < known[-1].point.arclength)
     short = replace(third, branch=replace(third.branch, points=points, special_points=known))
-    untied = replace(tree, limbs=(first, second, short)).with_branch(child, fourth.begins).limbs[-1]
+    untied = replace(tree, members=(first, second, short)).with_branch(child, fourth.begins).members[-1]
     assert 1e-4 < min(abs(each.value - beyond) for each in known if each.kind is Kind.FLIP) < 2e-3
     assert untied.joins is None
     assert untied.branch.ends[-1].value == pytest.approx(beyond, abs=1e-9)

@@ -7,7 +7,7 @@ from gapwalk import verify
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
-from gapwalk.orbit.balance import Balance
+from gapwalk.orbit.harmonic_balance import Balance
 
 AMPLITUDE = "harmonic1.amplitude"
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from gapwalk.bifurcation import Kind, follow, switch, walk_out
-from gapwalk.bifurcation.locus import Codim2, LocusEndReason, LocusTrail, depart_locus, follow_locus
+from gapwalk.bifurcation.loci import Codim2, LocusEndReason, LocusTracer, follow_locus, start_locus
 from gapwalk.continuation import WalkOptions
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.model import Contact, Harmonic, Stage, System
@@ -309,23 +309,23 @@ def assert_derivatives_agree(equation, scales, x) -> None:
 
 @pytest.mark.parametrize("kind", [Kind.FOLD, Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_derivatives_agree_with_differences(kind):
-    departure = depart_locus(response().special(kind)[0], "frequency", "mean.q1", WIDE)[0]
-    equation, scales, x = departure.equation, departure.corrector.scales, departure.first.x
+    beginning = start_locus(response().special(kind)[0], "frequency", "mean.q1", WIDE)[0]
+    equation, scales, x = beginning.equation, beginning.corrector.scales, beginning.first.x
     if kind is Kind.GRAZING:  # beside it, because differences across it are none
         x = x + 1e-3 * np.cos(np.arange(len(x)))
     assert_derivatives_agree(equation, scales, x)
 
 
-def test_a_trail_goes_on_bit_for_bit_from_its_state():
-    departure = depart_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE)[0]
-    whole = list(LocusTrail(departure))
+def test_a_tracer_goes_on_bit_for_bit_from_its_state():
+    beginning = start_locus(response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE)[0]
+    whole = list(LocusTracer(beginning))
     resume, at = None, 0
     for count in (20, 60, 100, len(whole) + 1):  # each goes on where the one before was left, and the last to the end
-        trail = LocusTrail(departure, resume=resume)
-        steps = list(itertools.islice(trail, count - at))
+        tracer = LocusTracer(beginning, resume=resume)
+        steps = list(itertools.islice(tracer, count - at))
         assert [step.point.values for step in steps] == [step.point.values for step in whole[at:count]]
         assert [len(step.codim2) for step in steps] == [len(step.codim2) for step in whole[at:count]]
-        resume, at = pickle.loads(pickle.dumps(trail.state)), count
+        resume, at = pickle.loads(pickle.dumps(tracer.state)), count
     reported = []
     follow_locus(
         response().special(Kind.FOLD)[4], "frequency", "mean.q1", WIDE, report=lambda *step: reported.append(step)

@@ -86,10 +86,10 @@ def test_beside_where_branches_meet_each_holds_its_own_orbits(response):
     rng = np.random.default_rng(2)
     parent = Curve(response)
     flip = response.special(Kind.FLIP)[0]
-    departure = switch(flip, "frequency", (0.3, 2.0))[0]
-    curve, corrector = Curve(walk_out([departure])), departure.corrector
+    beginning = switch(flip, "frequency", (0.3, 2.0))[0]
+    curve, corrector = Curve(walk_out([beginning])), beginning.corrector
     for amplitude in (1e-6, 1e-5, 1e-4, 1e-3):
-        point = departure.first
+        point = beginning.first
         correction = corrector.correct(point.x + amplitude * point.tangent, point.tangent)
         orbit = corrector.point(correction, point.tangent, amplitude).orbit
         for _ in range(5):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gapwalk.bifurcation import follow
-from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.bifurcation.search import (
+from gapwalk.bifurcation.isolated import (
     SearchOptions,
     coverage,
     isolated,
@@ -17,19 +16,20 @@ from gapwalk.bifurcation.search import (
     unseen_share,
     values_between,
 )
-from gapwalk.bifurcation.search.catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.search.chunk import search_chunk
-from gapwalk.bifurcation.search.deflation import Deflation, newton_aside
-from gapwalk.bifurcation.search.settling import Settler
-from gapwalk.bifurcation.search.starts import spread_starts, state_box
+from gapwalk.bifurcation.isolated.deflation import Deflation, newton_aside
+from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
+from gapwalk.bifurcation.isolated.search_chunk import search_chunk
+from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
+from gapwalk.bifurcation.isolated.settling import Settler
+from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import Flow
 from gapwalk.model import System
-from gapwalk.motion.flow import Flow
 from gapwalk.orbit import ShootingEquation, find_orbit
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.paper import case
-from gapwalk.study.work.workers import workers
+from gapwalk.parallel.workers import workers
 from tests.computed import paper_response
 from tests.interruption import until_ctrl_c
 from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
@@ -305,7 +305,7 @@ def fingerprint(result):
 
 
 class Backwards:
-    """Hands that do the last piece first."""
+    """PieceRunner that do the last piece first."""
 
     def run(self, function, pieces, accept, is_needed):
         for number in reversed(range(len(pieces))):

@@ -10,9 +10,9 @@ from scipy.optimize import brentq, fsolve
 
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.continuation import EndReason, WalkOptions
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
 from tests.computed import paper_response

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gapwalk.bifurcation import Kind, follow
-from gapwalk.bifurcation.departure import depart
-from gapwalk.bifurcation.trail import Trail
+from gapwalk.bifurcation.branch_start import start_branch
+from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
@@ -149,12 +149,12 @@ def test_the_number_of_unstable_multipliers_is_explained_past_a_graze(side):
 
 def test_a_walk_over_a_graze_can_be_stopped_and_resumed_before_and_after_it():
     orbit, options = find_orbit(oscillator(1e6)), WalkOptions()
-    whole = list(Trail(depart(orbit, "frequency", 0.3, -1), options))
+    whole = list(BranchTracer(start_branch(orbit, "frequency", 0.3, -1), options))
     passed = next(i for i, (_, special) in enumerate(whole) if special)
     for stop in (passed, passed + 1, passed + 3):
-        trail = Trail(depart(orbit, "frequency", 0.3, -1), options)
-        steps = list(itertools.islice(trail, stop))
-        steps += list(Trail(depart(orbit, "frequency", 0.3, -1), options, trail.state))
+        tracer = BranchTracer(start_branch(orbit, "frequency", 0.3, -1), options)
+        steps = list(itertools.islice(tracer, stop))
+        steps += list(BranchTracer(start_branch(orbit, "frequency", 0.3, -1), options, tracer.state))
         assert [point.value for point, _ in steps] == [point.value for point, _ in whole]
         assert [each.value for _, found in steps for each in found] == [each.value for _, f in whole for each in f]
 

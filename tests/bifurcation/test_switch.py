@@ -5,12 +5,12 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Kind, Trail, follow, switch, walk_out
-from gapwalk.bifurcation.detect import Detector
+from gapwalk.bifurcation import BranchTracer, Kind, follow, switch, walk_out
+from gapwalk.bifurcation.detector import Detector
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, flow_of
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.identity import is_same, true_period
 from gapwalk.paper import case
@@ -29,8 +29,8 @@ def test_every_flip_of_figure_13_leads_along_a_loop_to_another_flip(parent):
     flips = parent.special(Kind.FLIP)
     reached = {}
     for flip in flips:
-        (departure,) = switch(flip, "frequency", RANGE)
-        loop = walk_out([departure])
+        (beginning,) = switch(flip, "frequency", RANGE)
+        loop = walk_out([beginning])
         assert loop.period == 2
         assert [end.reason for end in loop.ends] == [EndReason.BRANCHED, EndReason.JOINED]
         reached[flip.value] = loop.ends[-1].value
@@ -65,8 +65,8 @@ def test_a_doubled_branch_that_reaches_the_end_of_the_range_has_not_turned_back(
 
 def test_a_broken_symmetry_that_reaches_the_end_of_the_range_has_not_turned_back():
     breaking = follow(find_orbit(symmetric()), "frequency", to=0.8).special(Kind.BRANCH_POINT)[0]
-    for departure in switch(breaking, "frequency", (0.84, 0.9)):
-        assert walk_out([departure]).ends[-1].reason is EndReason.RANGE
+    for beginning in switch(breaking, "frequency", (0.84, 0.9)):
+        assert walk_out([beginning]).ends[-1].reason is EndReason.RANGE
 
 
 def test_orbits_of_a_doubled_branch_repeat_after_two_periods_and_not_after_one(parent):
@@ -93,26 +93,26 @@ def test_a_branch_that_turns_within_a_millionth_of_its_beginning_has_its_fold(gr
     assert fold.value < graze.value < grazed_flip.value
     assert fold.nature == "opens to higher values"
     # unstable as it is born, for smaller W, and stable beyond the fold: seen without a walk, at one W beside it
-    (departure,) = switch(grazed_flip, "frequency", (0.15, 1.9))
+    (beginning,) = switch(grazed_flip, "frequency", (0.15, 1.9))
     between = 0.5 * (fold.value + graze.value)
     stable = set()
     for length in (5e-7, 8e-7):
-        x = departure.first.x + length * departure.first.tangent
-        correction = departure.corrector.at_value(x, between)
+        x = beginning.first.x + length * beginning.first.tangent
+        correction = beginning.corrector.at_value(x, between)
         assert correction is not None
-        stable.add(departure.corrector.point(correction, departure.first.tangent, length).stable)
+        stable.add(beginning.corrector.point(correction, beginning.first.tangent, length).stable)
     assert stable == {False, True}
 
 
 def test_both_arms_of_a_vertex_have_the_fold_that_is_close_to_it(grazed_flip):
     """Beyond the vertex all comes again in reverse, as the same motions a forcing period later."""
-    (departure,) = switch(grazed_flip, "frequency", (0.15, 1.9))
-    corrector, tangent = departure.corrector, departure.first.tangent
+    (beginning,) = switch(grazed_flip, "frequency", (0.15, 1.9))
+    corrector, tangent = beginning.corrector, beginning.first.tangent
     arm, seen = [Kind.FOLD, Kind.GRAZING], []
     for length in np.linspace(1.5e-6, 4e-6, 11):  # so close to a vertex rounding decides from where orbits can be held
         ends = []
         for way in (-length, length):
-            correction = corrector.correct(departure.first.x + way * tangent, tangent)
+            correction = corrector.correct(beginning.first.x + way * tangent, tangent)
             assert correction is not None
             ends.append(corrector.point(correction, tangent, float(way)))
         with suppress(NumericalError):
@@ -153,9 +153,9 @@ def test_folds_say_to_which_side_they_open(parent):
 def test_a_broken_symmetry_is_left_in_both_directions_by_mirror_images():
     branch = follow(find_orbit(symmetric()), "frequency", to=0.5)
     breaking = branch.special(Kind.BRANCH_POINT)[0]
-    departures = switch(breaking, "frequency", (0.5, 3.0))
-    assert len(departures) == 2
-    sides = [walk_out([departure]) for departure in departures]
+    beginnings = switch(breaking, "frequency", (0.5, 3.0))
+    assert len(beginnings) == 2
+    sides = [walk_out([beginning]) for beginning in beginnings]
     for side in sides:
         assert len(side.points) > 5
         assert abs(side.points[3].measure("mean.x")) > 1e-4
@@ -172,11 +172,11 @@ def _half_later(orbit):
 
 
 def test_a_doubled_branch_resumes_as_if_never_stopped(parent):
-    (departure,) = switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)
-    whole = list(Trail(departure))
-    first = Trail(departure)
+    (beginning,) = switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)
+    whole = list(BranchTracer(beginning))
+    first = BranchTracer(beginning)
     begun = [next(first) for _ in range(9)]
-    rest = list(Trail(switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)[0], resume=first.state))
+    rest = list(BranchTracer(switch(parent.special(Kind.FLIP)[2], "frequency", RANGE)[0], resume=first.state))
     assert [p.value for p, _ in begun + rest] == [p.value for p, _ in whole]
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import gapwalk as gw
-from gapwalk.cli import files as cli_files
+from gapwalk.cli import file_commands as cli_files
 from gapwalk.cli import main
-from tests.study.studies import stop_study
+from tests.studies.studies import stop_study
 
 STUDY = 'frequency = 2.0\nstudy = { kind = "response", parameter = "frequency", to = 0.5 }\n'
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,7 +43,7 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
 def test_the_first_point_of_a_run_needs_little() -> None:
     """Loading modules is most of what a user waits for."""
     program = (
-        "import sys, gapwalk, gapwalk.cli.run; "
+        "import sys, gapwalk, gapwalk.cli.run_command; "
         "study = gapwalk.read_study('examples/clutch.toml'); "
         f"say = lambda *_: sys.exit(str([name for name in {LATE!r} if name in sys.modules])); "
         "gapwalk.run(study, report=say)"

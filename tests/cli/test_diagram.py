@@ -17,8 +17,8 @@ from gapwalk.cli.progress import DiagramProgress
 from gapwalk.errors import StoreError
 from tests.interruption import until_ctrl_c
 from tests.models import CLUTCH
-from tests.study.diagrams import islands
-from tests.study.same import assert_same_result
+from tests.studies.diagrams import islands
+from tests.studies.same import assert_same_result
 from tests.waiting import until
 
 MODEL = f"""
@@ -196,7 +196,7 @@ def test_documents_and_tables_name_the_branches(loop, capsys) -> None:
     assert document["branches"][0]["begins"] is None
     assert document["notes"] == []
     assert document["cascades"] == [
-        {"branches": list(each.limbs), "values": list(each.values), "ratios": list(each.ratios)}
+        {"branches": list(each.members), "values": list(each.values), "ratios": list(each.ratios)}
         for each in gw.load(loop).diagram.cascades
     ]
     assert main(["export", loop]) == 0
@@ -235,7 +235,7 @@ def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturb
 def test_an_incomplete_diagram_says_so(clutch, capsys) -> None:
     study = gw.read_study(clutch, name="loop")
 
-    def report(diagram, limb) -> None:
+    def report(diagram, member) -> None:
         signal.raise_signal(signal.SIGINT)
 
     until_ctrl_c(gw.run, study, "a.gapwalk", report=report)

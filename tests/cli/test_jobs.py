@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractor.attractor import AttractorKind
-from gapwalk.attractor.classify import identify
+from gapwalk.attractors.attractor import AttractorKind
+from gapwalk.attractors.classify import identify
 from gapwalk.cli import main
 from gapwalk.cli.progress import JobProgress
-from tests.study.jobs import MODELS
+from tests.studies.jobs import MODELS
 
 ENDINGS = {
     "settle": ("section", "lines", "sides", "contacts", "signals"),
@@ -90,7 +90,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         pytest.skip("has one part")
     with monkeypatch.context() as patch:
         if kind == "regimes":
-            patch.setattr("gapwalk.study.regimes.job.ROWS", 3)
+            patch.setattr("gapwalk.studies.regimes.job.ROWS", 3)
 
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
@@ -110,7 +110,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
             assert "x.gapwalk is not complete" in capsys.readouterr().err
         patch.undo()
         if kind == "regimes":
-            patch.setattr("gapwalk.study.regimes.job.ROWS", 3)
+            patch.setattr("gapwalk.studies.regimes.job.ROWS", 3)
         assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert Path("x.png").exists()
 
@@ -142,7 +142,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     def doubt(settled, options) -> gw.Attractor:
         return replace(identify(settled, options), kind=AttractorKind.UNDECIDED, evidence=("nobody knows",))
 
-    monkeypatch.setattr("gapwalk.study.settle.study.identify", doubt)
+    monkeypatch.setattr("gapwalk.studies.settle.study.identify", doubt)
     assert main(["run", "x.toml"]) == 3
     captured = capsys.readouterr()
     assert "gapwalk: nobody knows" in captured.err

@@ -14,10 +14,10 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.cli.progress import MapProgress
 from gapwalk.errors import NumericalError, StoreError
-from gapwalk.study.diagram import diagram as growing
-from gapwalk.study.map import charting
+from gapwalk.studies.diagram import diagram as growing
+from gapwalk.studies.map import charting
 from tests.cli.test_diagram import MODEL as SEVERAL
-from tests.study.same import assert_same_result
+from tests.studies.same import assert_same_result
 from tests.waiting import until
 
 MODEL = (

@@ -6,14 +6,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from gapwalk.bifurcation import Kind, Trail, depart, follow
+from gapwalk.bifurcation import BranchTracer, Kind, follow, start_branch
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import Flow
 from gapwalk.model import Contact, Harmonic, Side, Stage, System
-from gapwalk.motion.flow import Flow
 from gapwalk.orbit import Shooting, find_orbit
-from gapwalk.orbit.balance.equation import BalanceEquation
-from gapwalk.orbit.balance.options import Balance
+from gapwalk.orbit.harmonic_balance.balance import Balance
+from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.paper import case
 from tests.orbit.test_orbit import linear_response
 from tests.systems import clutch, linear
@@ -86,10 +86,10 @@ def test_both_directions_from_a_start_give_the_branch_from_end_to_end():
 @pytest.mark.parametrize("stop", [1, 2, 17, 60])
 def test_a_stopped_walk_resumes_as_if_never_stopped(stop):
     orbit = find_orbit(clutch(), frequency=1.9)
-    undisturbed = list(Trail(depart(orbit, "frequency", 0.6, -1)))
-    first = Trail(depart(orbit, "frequency", 0.6, -1))
+    undisturbed = list(BranchTracer(start_branch(orbit, "frequency", 0.6, -1)))
+    first = BranchTracer(start_branch(orbit, "frequency", 0.6, -1))
     begun = list(itertools.islice(first, stop))
-    resumed = begun + list(Trail(depart(orbit, "frequency", 0.6, -1), resume=first.state))
+    resumed = begun + list(BranchTracer(start_branch(orbit, "frequency", 0.6, -1), resume=first.state))
     assert len(resumed) == len(undisturbed)
     for (a, specials_a), (b, specials_b) in zip(resumed, undisturbed, strict=True):
         assert np.array_equal(a.x, b.x)

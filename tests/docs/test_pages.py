@@ -12,7 +12,9 @@ from tests.docs.page import blocks_of, run_page
 from tests.tiers import some_of
 
 DOCS = Path(__file__).parents[2] / "docs"
-ELSEWHERE = {"cluster.md"}  # for machines that are not here; tests/study/test_cluster.py does the same with a local one
+ELSEWHERE = {
+    "cluster.md"
+}  # for machines that are not here; tests/studies/test_cluster.py does the same with a local one
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if any(blocks_of(page)) and page.name not in ELSEWHERE]
 
 NAMES = [page.relative_to(DOCS).as_posix() for page in PAGES]

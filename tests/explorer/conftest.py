@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.app import application
-from gapwalk.explorer.desk import Desk
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.web_app import application
 from tests import models
 from tests.waiting import until
 
@@ -19,25 +19,25 @@ CLUTCH = Path(__file__).parents[2] / "examples" / "clutch.toml"
 
 
 @pytest.fixture(scope="session")
-def desk(tmp_path_factory) -> Iterator[Desk]:
+def session(tmp_path_factory) -> Iterator[Session]:
     """What the server keeps; each test takes a model file of its own (`model`)."""
-    desk = Desk(tmp_path_factory.mktemp("workspace"))
-    yield desk
-    desk.close()
+    session = Session(tmp_path_factory.mktemp("workspace"))
+    yield session
+    session.close()
 
 
 @pytest.fixture
-def model(desk, request) -> str:
+def model(session, request) -> str:
     """The name of a model file in the workspace, a new one for each test."""
     name = f"{request.node.name.partition('[')[0]}.toml"
-    (desk.workspace.root / name).write_text(STOP, encoding="utf-8")
+    (session.workspace.root / name).write_text(STOP, encoding="utf-8")
     return name
 
 
 @pytest.fixture
-def client(desk) -> TestClient:
+def client(session) -> TestClient:
     """A page of the server."""
-    return TestClient(application(desk), base_url=ORIGIN)
+    return TestClient(application(session), base_url=ORIGIN)
 
 
 @pytest.fixture

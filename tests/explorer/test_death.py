@@ -14,18 +14,18 @@ from tests.waiting import until
 SERVER = """
 import sys, time
 from pathlib import Path
-from gapwalk.explorer.desk import Desk
+from gapwalk.explorer.session import Session
 
-desk = Desk(Path(sys.argv[1]))
-entry = desk.act("long.toml", {"do": "compute"})
+session = Session(Path(sys.argv[1]))
+entry = session.act("long.toml", {"do": "compute"})
 while not entry.live.steps:
     time.sleep(0.05)
 if sys.argv[2] == "held":
-    desk.jobs.pause(entry)
+    session.jobs.pause(entry)
     time.sleep(0.5)
 count = len(entry.live.steps)
 time.sleep(0.7)
-print(desk.jobs._engine._process.pid, len(entry.live.steps) - count, flush=True)
+print(session.jobs._engine._process.pid, len(entry.live.steps) - count, flush=True)
 time.sleep(3600)
 """
 

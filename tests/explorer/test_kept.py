@@ -12,9 +12,9 @@ from playwright.sync_api import Page
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.kept.blob import STEPS, Blob
-from gapwalk.explorer.kept.content import content_of
-from gapwalk.explorer.kept.lines import lines_of
+from gapwalk.explorer.saved.blob import STEPS, Blob
+from gapwalk.explorer.saved.content import content_of
+from gapwalk.explorer.saved.saved_branches import lines_of
 from tests.explorer.browser import browser, until
 
 TITLE = "</script><script>window.stolen = 1</script><b>&amp;"

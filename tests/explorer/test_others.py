@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
+from tests.explorer.test_app import amplitude, unpacked
 
 import gapwalk as gw
-from gapwalk.explorer.app import application
-from gapwalk.explorer.board import Board
+from gapwalk.explorer.exploration import Exploration
+from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import CLUTCH, ORIGIN, STOP, wait
-from tests.explorer.test_app import amplitude, unpacked
 
 SYMMETRIC = """
 title = "A gap on both sides"
@@ -41,20 +41,20 @@ measure = "half.x"
 
 
 @pytest.fixture
-def clutch(desk, request) -> str:
+def clutch(session, request) -> str:
     name = f"{request.node.name.partition('[')[0]}_clutch.toml"
-    (desk.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
+    (session.workspace.root / name).write_text(CLUTCH.read_text(encoding="utf-8"), encoding="utf-8")
     return name
 
 
-def result_file(desk, file: str, key: str):
-    return desk.workspace.exploration(desk.workspace.path(file)) / f"{key}.gapwalk"
+def result_file(session, file: str, key: str):
+    return session.workspace.exploration(session.workspace.path(file)) / f"{key}.gapwalk"
 
 
-def repeated(client, desk, file: str, key: str, name: str) -> np.ndarray:
+def repeated(client, session, file: str, key: str, name: str) -> np.ndarray:
     """The states of the last result of its script, run by itself."""
     script = client.get("/api/export/script", params={"file": file, "result": key}).text
-    path = desk.workspace.root / f"repeat_{file}_{key}.py"
+    path = session.workspace.root / f"repeat_{file}_{key}.py"
     states = path.with_suffix(".npy")
     save = f"import numpy as np\nnp.save({states.name!r}, [p.orbit.state for each in {name} for p in each.points])\n"
     path.write_text(f"{script}\n{save}", encoding="utf-8")
@@ -63,10 +63,10 @@ def repeated(client, desk, file: str, key: str, name: str) -> np.ndarray:
     return np.load(states)
 
 
-def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, desk, model) -> None:
+def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, session, model) -> None:
     quick = STOP.replace('kind = "response"', 'kind = "diagram"\nworkers = 1\nmax_period = 1')
     quick += "\n[study.search]\nvalues = 1\nstarts = 4\nnewton_starts = 0\n"
-    (desk.workspace.root / model).write_text(quick, encoding="utf-8")
+    (session.workspace.root / model).write_text(quick, encoding="utf-8")
     first = do(model, do="compute", values={"stop.clearance": 9.0})
     action = {"do": "search", "start": {"result": first["key"], "point": 0}, "parameter": "frequency", "count": 1}
     within = {"low": 0.7, "high": 0.9}
@@ -83,23 +83,23 @@ def test_a_search_finds_what_is_not_known_and_nothing_that_is(client, do, desk, 
     assert again["message"].startswith("Nothing new was found.")
     assert found["saves"] == ["table", "script", "model", "result"]
     assert again["saves"] == ["script", "result"]  # there is no point to put into a table, or to walk from
-    stored = gw.load(result_file(desk, model, again["key"]))
+    stored = gw.load(result_file(session, model, again["key"]))
     assert stored.complete
     assert stored.diagram is not None
     assert [each.branch for each in stored.diagram.search.found] == [0]
     # what was found is there when the file is opened again, and comes out of the script bit for bit
-    board = Board(desk.workspace, model)
-    assert [len(board.entry(each["key"]).lines()) for each in (found, again)] == [1, 0]
-    (branch,) = board.entry(found["key"]).result.branches
-    states = repeated(client, desk, model, found["key"], found["key"].replace("-search", "").join(["branches", ""]))
+    exploration = Exploration(session.workspace, model)
+    assert [len(exploration.entry(each["key"]).lines()) for each in (found, again)] == [1, 0]
+    (branch,) = exploration.entry(found["key"]).result.branches
+    states = repeated(client, session, model, found["key"], found["key"].replace("-search", "").join(["branches", ""]))
     np.testing.assert_array_equal(states, [point.orbit.state for point in branch.points])
 
 
 @pytest.fixture(scope="module")
-def hard(desk) -> tuple[str, str]:
+def hard(session) -> tuple[str, str]:
     """A file whose response leans over, and the key of that response, which is computed once."""
-    (desk.workspace.root / "hard.toml").write_text(STOP.replace("to = 0.9", "to = 1.4"), encoding="utf-8")
-    client = TestClient(application(desk), base_url=ORIGIN)
+    (session.workspace.root / "hard.toml").write_text(STOP.replace("to = 0.9", "to = 1.4"), encoding="utf-8")
+    client = TestClient(application(session), base_url=ORIGIN)
     key = client.post("/api/act", json={"file": "hard.toml", "do": "compute"}).json()["key"]
     assert wait(client, "hard.toml", key)["state"] == "done"
     return "hard.toml", key
@@ -111,7 +111,7 @@ def folds(client, query) -> list[float]:
     return sorted(each["value"] for each in special if each["kind"] == "fold")
 
 
-def test_a_locus_is_followed_shown_and_repeated(client, do, desk, hard) -> None:
+def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> None:
     file, first = hard
     query = {"file": file, "result": first, "x": "frequency", "y": "half.x"}
     special = client.get("/api/curve", params=query).json()["special"]
@@ -138,8 +138,8 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, desk, hard) -> None:
     motion = client.get("/api/motion", params=place).json()
     assert max(re for re, im in motion["multipliers"] if not im) == pytest.approx(1.0, abs=1e-6)
     assert [each["kind"] for each in curve["special"]] == ["codim2 cusp"]
-    states = repeated(client, desk, file, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
-    (locus,) = gw.load(result_file(desk, file, found["key"])).map.loci
+    states = repeated(client, session, file, found["key"], found["key"].replace("-locus", "").join(["loci", ""]))
+    (locus,) = gw.load(result_file(session, file, found["key"])).map.loci
     np.testing.assert_array_equal(states, [point.orbit.state for point in locus.points])
 
 
@@ -163,9 +163,9 @@ def test_a_locus_that_makes_no_sense_is_refused(client, hard, change, words) -> 
     assert words in answer.json()["error"]
 
 
-def test_the_branches_that_cross_at_a_branch_point_are_mirror_images(client, do, desk) -> None:
+def test_the_branches_that_cross_at_a_branch_point_are_mirror_images(client, do, session) -> None:
     name = "symmetric.toml"
-    (desk.workspace.root / name).write_text(SYMMETRIC, encoding="utf-8")
+    (session.workspace.root / name).write_text(SYMMETRIC, encoding="utf-8")
     first = do(name, do="compute")
     query = {"file": name, "result": first["key"], "x": "frequency", "y": "measure:mean.x"}
     special = client.get("/api/curve", params=query).json()["special"]
@@ -186,14 +186,14 @@ def test_the_branches_that_cross_at_a_branch_point_are_mirror_images(client, do,
     assert "has no locus" in refused.json()["error"]
 
 
-def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client, do, desk, clutch) -> None:
+def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client, do, session, clutch) -> None:
     first = do(clutch, do="compute")
     query = {"file": clutch, "result": first["key"], "x": "frequency", "y": "half.q1"}
     special = client.get("/api/curve", params=query).json()["special"]
     number = [each["kind"] for each in special].index("flip")
     action = {"file": clutch, "do": "switch", "start": {"result": first["key"], "special": number}}
     key = client.post("/api/act", json={**action, "low": 0.15, "high": 2.0}).json()["key"]
-    entry = desk.board(clutch).entry(key)
+    entry = session.exploration(clutch).entry(key)
     while not entry.live.steps and not entry.state.is_over:
         time.sleep(0.002)
     client.post("/api/job/stop", json={"file": clutch, "result": key})
@@ -201,10 +201,10 @@ def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client
     assert stopped["state"] == "stopped"
     assert stopped["can_go_on"]
     if stopped["branches"]:  # it may have been stopped before its first step was stored
-        assert not gw.load(result_file(desk, clutch, key)).complete
+        assert not gw.load(result_file(session, clutch, key)).complete
     assert client.post("/api/job/resume", json={"file": clutch, "result": key}).status_code == 200
     resumed = wait(client, clutch, key)
     assert (resumed["state"], resumed["can_go_on"]) == ("done", False)
     whole = do(clutch, **{name: value for name, value in action.items() if name != "file"}, low=0.15, high=2.0)
-    (one,), (other,) = (gw.load(result_file(desk, clutch, each)).branches for each in (key, whole["key"]))
+    (one,), (other,) = (gw.load(result_file(session, clutch, each)).branches for each in (key, whole["key"]))
     np.testing.assert_array_equal([p.orbit.state for p in one.points], [p.orbit.state for p in other.points])

@@ -14,8 +14,8 @@ from typing import Any
 import gapwalk as gw
 from gapwalk.cli import main
 from tests.cli.conftest import MODEL
-from tests.model.train.test_file import GOOD as TRAIN
-from tests.study.studies import stop_study
+from tests.model.drivetrain.test_file import GOOD as TRAIN
+from tests.studies.studies import stop_study
 
 DATA = Path(__file__).parents[1] / "data"
 UNITS = (Path(__file__).parents[2] / "examples" / "drivetrain.toml").read_text(encoding="utf-8")

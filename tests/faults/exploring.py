@@ -6,8 +6,8 @@ from pathlib import Path
 
 from starlette.testclient import TestClient
 
-from gapwalk.explorer.app import application
-from gapwalk.explorer.desk import Desk
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import ORIGIN, STOP
 
 MODEL = "model.toml"
@@ -19,7 +19,7 @@ def main(path: str) -> None:
     model = root / MODEL
     if not model.exists():
         model.write_text(STOP.replace("to = 0.9", "to = 1.2"))
-    desk = Desk(root)
+    desk = Session(root)
     client = TestClient(application(desk), base_url=ORIGIN)
     known = client.get("/api/about", params={"file": MODEL}).json()["results"]
     going = [each for each in known if each["can_go_on"]]

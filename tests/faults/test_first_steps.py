@@ -5,7 +5,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.model.problem import did_you_mean, near_names
+from gapwalk.model.problems import did_you_mean, near_names
 from tests import models
 from tests.systems import clutch, linear
 

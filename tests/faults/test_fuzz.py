@@ -25,21 +25,21 @@ from starlette.testclient import TestClient
 
 import gapwalk as gw
 from gapwalk.errors import GapwalkError, StoreError
-from gapwalk.explorer.app import application
-from gapwalk.explorer.desk import Desk
-from gapwalk.model.source import Source, parse_source
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.web_app import application
+from gapwalk.model.model_source import Source, parse_source
 from gapwalk.model.units import QuantityKind, read_quantity
-from gapwalk.study.changes import parse_changes
-from gapwalk.study.file import check_studies
+from gapwalk.studies.changes import parse_changes
+from gapwalk.studies.file import check_studies
 from tests.explorer.conftest import ORIGIN, STOP
 from tests.faults.bad_input import MODELS
 from tests.results.tampering import change_sealed
-from tests.study.diagrams import clutch_diagram
-from tests.study.jobs import MODELS as JOBS
-from tests.study.jobs import study_of
-from tests.study.studies import stop_study
-from tests.study.sweeps import FOLDS
-from tests.study.sweeps import options as sweep_options
+from tests.studies.diagrams import clutch_diagram
+from tests.studies.jobs import MODELS as JOBS
+from tests.studies.jobs import study_of
+from tests.studies.studies import stop_study
+from tests.studies.sweeps import FOLDS
+from tests.studies.sweeps import options as sweep_options
 
 MORE = int(os.environ.get("GAPWALK_FUZZ", "0"))
 GOOD = {**MODELS, **JOBS}
@@ -236,7 +236,7 @@ def _damaged(content: bytes, chance: random.Random) -> bytes:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """A page of a server whose jobs are not done: only requests are tried."""
-    desk = Desk(tmp_path_factory.mktemp("fuzzed"))
+    desk = Session(tmp_path_factory.mktemp("fuzzed"))
     (desk.workspace.root / "model.toml").write_text(STOP, encoding="utf-8")
     desk.jobs.add = lambda *_, **__: None
     yield TestClient(application(desk), base_url=ORIGIN)

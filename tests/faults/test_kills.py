@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.results.file import lock
-from tests.study import diagrams, jobs, studies, sweeps
-from tests.study.same import assert_same_branch, assert_same_result
+from gapwalk.results.result_file import lock
+from tests.studies import diagrams, jobs, studies, sweeps
+from tests.studies.same import assert_same_branch, assert_same_result
 
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,7 +72,7 @@ def _same_as_the_model(path: Path) -> None:
 def _same_finding(kind: str) -> Callable[[Path], None]:
     @cache
     def undisturbed(again: Path) -> Mapping[tuple[str, int], tuple[str, bytes]]:
-        jobs_alone = f"from tests.study.jobs import main; main({kind!r}, {str(again)!r})"
+        jobs_alone = f"from tests.studies.jobs import main; main({kind!r}, {str(again)!r})"
         subprocess.run([sys.executable, "-c", jobs_alone], cwd=ROOT, env=_environment(), check=True)
         return _parts(again)
 
@@ -94,20 +94,20 @@ def _undisturbed_sweep() -> gw.Sweep:
 
 
 JOBS = {
-    "walk": Job("from tests.study.studies import main; main({path!r})", _points, _same_as(studies.long_study())),
+    "walk": Job("from tests.studies.studies import main; main({path!r})", _points, _same_as(studies.long_study())),
     "diagram": Job(
-        "from tests.study.diagrams import main; main({path!r}, '2')",
+        "from tests.studies.diagrams import main; main({path!r}, '2')",
         lambda path: len(gw.load(path).branches),
         _same_as(diagrams.many_branches()),
     ),
     "sweep": Job(
-        "from tests.study.sweeps import main; main({path!r})",
+        "from tests.studies.sweeps import main; main({path!r})",
         lambda path: int((~np.isnan(gw.load(path).sections)).any(axis=(2, 3)).sum()) and 1,
         _same_sweep,
     ),
     **{
         kind: Job(
-            f"from tests.study.jobs import main; main({kind!r}, {{path!r}})",
+            f"from tests.studies.jobs import main; main({kind!r}, {{path!r}})",
             lambda path: len(_parts(path)) - 1,  # the request is no part of the work
             _same_finding(kind),
         )

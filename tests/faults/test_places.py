@@ -16,11 +16,11 @@ import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.results.faults import explained
-from gapwalk.study.export import write_whole
+from gapwalk.studies.export import write_whole
 from tests.cli.conftest import MODEL
-from tests.study.same import assert_same_branch, assert_same_result
-from tests.study.studies import long_result, long_study, stop_study
-from tests.study.sweeps import FOLDS, options
+from tests.studies.same import assert_same_branch, assert_same_result
+from tests.studies.studies import long_result, long_study, stop_study
+from tests.studies.sweeps import FOLDS, options
 from tests.waiting import children, ticks, until
 
 LONG = '[study]\nkind = "{kind}"\nparameter = "frequency"\nfrom = 0.7\nto = 1.9\n'
@@ -32,7 +32,7 @@ FULL = """
 import resource, sys
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from tests.study.studies import long_study
+from tests.studies.studies import long_study
 reported = 0
 def report(*_):
     global reported

@@ -5,9 +5,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.flow.signal import signal_of
 from gapwalk.measurement.misfit import Misfit
-from gapwalk.motion.signal import signal_of
-from gapwalk.orbit.carry import carry
+from gapwalk.orbit.carry_orbit import carry
 from gapwalk.orbit.sensitivity import signal_along
 from tests.systems import linear
 

@@ -8,8 +8,8 @@ import scipy.linalg
 
 from gapwalk.errors import ModelError
 from gapwalk.model import ModalDamping, ProportionalDamping, System
-from gapwalk.model.file import check_system
-from gapwalk.model.source import parse_source
+from gapwalk.model.model_file import check_system
+from gapwalk.model.model_source import parse_source
 
 MASS = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.0], [0.0, 0.0, 1.5]])
 STIFFNESS = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 4.0]])

@@ -2,10 +2,10 @@ import tracemalloc
 
 import pytest
 
-from gapwalk.model.problem import ModelFileError
-from gapwalk.model.source import parse_source
+from gapwalk.model.model_source import parse_source
+from gapwalk.model.problems import ModelFileError
 from gapwalk.model.toml_size import MAX_ENTRIES, MAX_NESTS, MAX_PARTS
-from gapwalk.study.file import check_studies
+from gapwalk.studies.file import check_studies
 from tests.work import counted_calls
 
 LONG = ".".join(["a"] * 50_000)

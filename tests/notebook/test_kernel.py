@@ -9,11 +9,11 @@ import nbformat
 import pytest
 
 import gapwalk as gw
-from gapwalk.notebook.progress import Line, is_notebook, show_progress
+from gapwalk.notebook.progress_line import Line, is_notebook, show_progress
 
 SYSTEM = """
 import gapwalk as gw
-import gapwalk.notebook.progress as progress
+import gapwalk.notebook.progress_line as progress
 
 progress._QUIET = 0.0
 system = gw.System(
@@ -101,7 +101,7 @@ def test_progress_can_be_turned_off(outputs) -> None:
 
 def test_a_line_changes_four_times_a_second_at_most(monkeypatch) -> None:
     now = [0.0]
-    monkeypatch.setattr("gapwalk.notebook.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("gapwalk.notebook.progress_line.time.monotonic", lambda: now[0])
     texts: list[str] = []
     line = Line("follow", lambda count: f"{count} points")
     monkeypatch.setattr(line, "_put", texts.append)

@@ -8,12 +8,12 @@ import pytest
 
 from gapwalk import Balance, Contact, DampingLaw, Harmonic, Side, Stage, System, backlash, find_orbit
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.flow.forces import contact_forces
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.motion.forces import contact_forces
-from gapwalk.orbit.balance.force import contact_forces_of
-from gapwalk.orbit.balance.kernels import real_form
-from gapwalk.orbit.balance.laws import laws_of
-from gapwalk.orbit.balance.lines import waves
+from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of
+from gapwalk.orbit.harmonic_balance.fourier_lines import waves
+from gapwalk.orbit.harmonic_balance.kernels import real_form
+from gapwalk.orbit.harmonic_balance.laws import laws_of
 from gapwalk.paper import case
 
 LAWS = (

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from gapwalk.orbit.balance import compiled
+from gapwalk.orbit.harmonic_balance import compiled
 
 
 def test_shooting_and_the_command_load_no_kernels() -> None:
     program = (
-        "import sys, gapwalk, gapwalk.cli, gapwalk.study; from gapwalk.paper import case; "
+        "import sys, gapwalk, gapwalk.cli, gapwalk.studies; from gapwalk.paper import case; "
         "orbit = gapwalk.find_orbit(case('9b'), frequency=1.9); "
         "gapwalk.follow(orbit, 'frequency', to=1.85); gapwalk.Balance(); sys.exit('numba' in sys.modules)"
     )
@@ -45,7 +45,7 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
 
 SMALL = """
 import numpy as np
-from gapwalk.orbit.balance.compiled import kernel, part
+from gapwalk.orbit.harmonic_balance.compiled import kernel, part
 
 @part
 def term(x, k):

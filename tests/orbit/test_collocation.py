@@ -12,9 +12,9 @@ from scipy.interpolate import CubicSpline
 
 import gapwalk as gw
 from gapwalk.bifurcation.membership import Curve
+from gapwalk.flow.forces import accelerations
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
-from gapwalk.motion.forces import accelerations
 from gapwalk.orbit import Evaluation, Method, Orbit, register
 from gapwalk.orbit.method import _METHODS
 

@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 from gapwalk import Contact, DampingLaw, Harmonic, Side, Stage, System, find_orbit, follow
 from gapwalk.errors import FlowError, ModelError
+from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import flow_of
 from gapwalk.orbit import Orbit
 
 ENDS = ((100.0, 0.01), (0.01, 100.0))

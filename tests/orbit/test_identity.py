@@ -67,7 +67,7 @@ def test_an_island_is_one_branch_in_all_phases() -> None:
             max_period=3 // order, search_values=(4.75 / order,), search=gw.SearchOptions(starts=16), workers=1
         )
         tree = gw.diagram(stop(order, 5.4 / order), "frequency", (2.9 / order, 5.4 / order), options=options)
-        roots = [limb.branch for limb in tree.limbs if limb.begins is None and limb.period == 3 // order]
+        roots = [member.branch for member in tree.members if member.begins is None and member.period == 3 // order]
         islands.append([branch for branch in roots if branch.ends[-1].reason is EndReason.CLOSED])
     (once,), (thrice,) = islands
     folds = [[special.value for special in branch.special("fold")] for branch in (once, thrice)]

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
 from gapwalk.model import DampingLaw, Harmonic, System
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, Flow, flow_of
 from gapwalk.orbit import Newton, Shooting, find_orbit
 from tests.independent import integrate as reference
 from tests.systems import clutch, linear, random_systems, viscous_stop

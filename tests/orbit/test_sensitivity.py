@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.flow.flow import flow_of
+from gapwalk.flow.signal import signal_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import flow_of
-from gapwalk.motion.signal import signal_of
-from gapwalk.orbit.carry import carry
+from gapwalk.orbit.carry_orbit import carry
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity, signal_along

@@ -15,7 +15,7 @@ from gapwalk.plot import draw, save
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.words import full_measure, measure_words
-from tests.study.studies import stop_study
+from tests.studies.studies import stop_study
 from tests.systems import clutch
 
 
@@ -131,7 +131,7 @@ def test_files_are_equal_for_equal_results(response, tmp_path) -> None:
 
 def test_files_are_drawn_without_pyplot() -> None:
     program = (
-        "import sys; from tests.study.studies import *; from gapwalk.plot import save; "
+        "import sys; from tests.studies.studies import *; from gapwalk.plot import save; "
         "save(run(stop_study(end=0.8))); assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", program], check=True, env=None)

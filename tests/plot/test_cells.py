@@ -7,13 +7,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from gapwalk.attractor import classify
-from gapwalk.attractor.basins import Basins, Check
-from gapwalk.attractor.box import Window
-from gapwalk.attractor.regime import Regime
-from gapwalk.attractor.regimes import RegimeCheck, Regimes
+from gapwalk.attractors import classify
+from gapwalk.attractors.basins import Basins, Check
+from gapwalk.attractors.box import Window
+from gapwalk.attractors.regime import Regime
+from gapwalk.attractors.regimes import RegimeCheck, Regimes
 from gapwalk.bifurcation import Kind, follow
-from gapwalk.bifurcation.locus import follow_locus
+from gapwalk.bifurcation.loci import follow_locus
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from gapwalk.plot import draw

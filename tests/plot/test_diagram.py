@@ -12,7 +12,7 @@ from gapwalk.plot import draw, save
 from gapwalk.plot.diagrams import births_of, crowded_range
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import period_color
-from tests.study.diagrams import clutch_diagram
+from tests.studies.diagrams import clutch_diagram
 
 
 @pytest.fixture(scope="module")
@@ -62,24 +62,26 @@ def test_what_is_drawn_is_explained(figure) -> None:
 
 def test_a_motion_of_period_m_is_m_curves(result, figure) -> None:
     lines = [line for line in figure.axes[1].lines if line.get_marker() == "None"]
-    for rank, limb in enumerate(result.diagram.limbs):
+    for rank, member in enumerate(result.diagram.members):
         own = [line for line in lines if line.get_color() == period_color(rank)]
         drawn = np.concatenate([line.get_xydata() for line in own])
         broken = np.isnan(drawn).any(axis=1)
         assert broken[-1]
-        assert np.count_nonzero(broken) % limb.period == 0
+        assert np.count_nonzero(broken) % member.period == 0
         drawn = drawn[~broken]
-        for point in limb.branch.points[::7]:
+        for point in member.branch.points[::7]:
             for state in stroboscopic(point.orbit)[:, 0]:
                 assert np.abs(drawn - (point.value, state)).max(axis=1).min() < 1e-12
         stable = [line for line in own if line.get_linestyle() == "-"]
-        assert bool(stable) == any(point.stable for point in limb.branch.points)
+        assert bool(stable) == any(point.stable for point in member.branch.points)
 
 
 def test_branches_are_marked_where_they_are_born(result, figure) -> None:
     marks = [line.get_xydata() for line in figure.axes[1].lines if line.get_marker() == "D"]
-    limbs = result.diagram.limbs[1:]
-    flips = {result.diagram[o.parent].branch.special_points[o.special].value for limb in limbs for o in limb.origins}
+    members = result.diagram.members[1:]
+    flips = {
+        result.diagram[o.parent].branch.special_points[o.special].value for member in members for o in member.origins
+    }
     assert {value for mark in marks for value in mark[:, 0].tolist()} == flips
     assert sorted(len(mark) for mark in marks) == [2, 4]  # a line for each period: two births, of one and of two states
 
@@ -116,7 +118,7 @@ def test_many_loops_have_no_names(result, monkeypatch) -> None:
 
 
 def test_a_diagram_that_is_not_complete_can_be_drawn(result, tmp_path) -> None:
-    first = Diagram("frequency", result.diagram.within, result.diagram.limbs[:1])
+    first = Diagram("frequency", result.diagram.within, result.diagram.members[:1])
     save(first, tmp_path / "first.png")
     assert (tmp_path / "first.png").stat().st_size > 10_000
     with pytest.raises(ModelError, match="nothing to draw"):

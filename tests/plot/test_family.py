@@ -7,7 +7,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
-from tests.study.families import second_resonance
+from tests.studies.families import second_resonance
 from tests.systems import clutch
 
 
@@ -40,10 +40,10 @@ def test_each_member_has_its_colour_and_stability_its_line(family) -> None:
 def test_joined_special_points_are_lines_through_them(family) -> None:
     bottom = picture_of(family).axes[1]
     drawn = lines(bottom)
-    assert len(drawn) == sum(len(joints) for joints in (family.joints or {}).values()) == 8
+    assert len(drawn) == sum(len(connections) for connections in (family.connections or {}).values()) == 8
     ends = {(round(float(x), 9), float(y)) for line in drawn for x, y in (line.get_xydata()[0], line.get_xydata()[-1])}
-    for strand in family.strands:
-        for place in strand.places:
+    for point_path in family.point_paths:
+        for place in point_path.places:
             assert (round(family.special(place).value, 9), family.value(place)) in ends
 
 

@@ -7,15 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.bifurcation.locus import Codim2, LocusEndReason
+from gapwalk.bifurcation.loci import Codim2, LocusEndReason
 from gapwalk.continuation import End, EndReason
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw, save
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.style import CODIM2, LOCI, locus_options
 from gapwalk.plot.words import parameter_words
-from gapwalk.study.map import KINDS
-from tests.study.maps import clutch_map
+from gapwalk.studies.map import KINDS
+from tests.studies.maps import clutch_map
 
 
 @pytest.fixture(scope="module")

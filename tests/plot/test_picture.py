@@ -19,10 +19,10 @@ from gapwalk.plot import picture
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.sheet import new_sheet, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
-from gapwalk.study.settle.study_options import SettleStudyOptions
-from tests.study.diagrams import clutch_diagram
-from tests.study.maps import clutch_map
-from tests.study.studies import stop_study
+from gapwalk.studies.settle.study_options import SettleStudyOptions
+from tests.studies.diagrams import clutch_diagram
+from tests.studies.maps import clutch_map
+from tests.studies.studies import stop_study
 
 
 @dataclass(frozen=True)
@@ -147,15 +147,15 @@ def test_a_diagram_shows_its_states_in_axes_of_your_own() -> None:
     assert ax.get_ylabel() == "q3(0), once every forcing period"
     assert ax.get_xlim() == (0.68, 0.69)
     with pytest.raises(ModelError, match="is drawn in several panels: give figure"):
-        gw.plot.draw(gw.contrast(*(limb.branch.points[0].orbit for limb in diagram.limbs[:2])), ax=ax)
+        gw.plot.draw(gw.contrast(*(member.branch.points[0].orbit for member in diagram.members[:2])), ax=ax)
 
 
 def test_a_diagram_has_question_marks_where_something_was_missed() -> None:
     diagram = gw.run(clutch_diagram()).diagram
-    limb = next(limb for limb in diagram.limbs if limb.period == 2)
-    marked = replace(limb, branch=unexplained(limb.branch, 5))
-    figure = picture_of(replace(diagram, limbs=tuple(marked if each is limb else each for each in diagram.limbs)))
-    a, b = limb.branch.points[5:7]
+    member = next(member for member in diagram.members if member.period == 2)
+    marked = replace(member, branch=unexplained(member.branch, 5))
+    figure = picture_of(replace(diagram, members=tuple(marked if each is member else each for each in diagram.members)))
+    a, b = member.branch.points[5:7]
     assert not len(question_marks(figure.axes[0]))  # which has motions of period 1 only
     states = 0.5 * (a.orbit.strobes(2)[:, 0] + b.orbit.strobes(2)[:, 0])
     expected = [(0.5 * (a.value + b.value), state) for state in states]

@@ -9,7 +9,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.attractor import LyapunovOptions, SpectrumOptions, classify, settle, spectrum, strobe, waterfall
+from gapwalk.attractors import LyapunovOptions, SpectrumOptions, classify, settle, spectrum, strobe, waterfall
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from tests.systems import clutch, far_and_near, linear

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 import gapwalk as gw
-from tests.study.diagrams import clutch_diagram
+from tests.studies.diagrams import clutch_diagram
 
 
 @pytest.fixture(scope="module")
@@ -108,9 +108,9 @@ def test_states_of_all_motions_are_shown(diagram) -> None:
     assert not labels(ax)
     assert ax.get_legend() is None
     drawn = np.vstack([line.get_xydata() for line in ax.lines if len(line.get_xdata()) > 2])
-    for limb in diagram.limbs:
-        for point in limb.branch.points[::9]:
-            for state in point.orbit.strobes(limb.period):
+    for member in diagram.members:
+        for point in member.branch.points[::9]:
+            for state in point.orbit.strobes(member.period):
                 assert np.nanmin(np.hypot(*(drawn - (point.value, state[1])).T)) < 1e-8
 
 

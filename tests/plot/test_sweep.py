@@ -11,8 +11,8 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.picture import picture_of
-from gapwalk.study.sweep.options import Way
-from gapwalk.study.sweep.record import Lane
+from gapwalk.studies.sweep.options import Way
+from gapwalk.studies.sweep.record import Lane
 from tests.systems import clutch
 
 

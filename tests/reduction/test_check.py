@@ -7,7 +7,7 @@ import pytest
 
 from gapwalk import Balance, Branch, Harmonic, Kind, System, WalkOptions, backlash, find_orbit, follow, reduce
 from gapwalk.errors import ModelError
-from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from tests.reduction.chains import rod, stiffness_of
 
 METHOD = Balance(8, error=1.0)

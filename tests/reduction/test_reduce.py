@@ -7,7 +7,7 @@ import scipy.linalg
 from gapwalk import Contact, Harmonic, Stage, System, backlash, reduce
 from gapwalk.errors import ModelError
 from gapwalk.reduction.flexibility import flexibility_of
-from gapwalk.reduction.matrices import matrices_of
+from gapwalk.reduction.sparse_matrices import matrices_of
 from tests.reduction.chains import rod, stiffness_of
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gapwalk import Balance, Harmonic, System, backlash, classify, find_orbit, mass_flow_of, reduce
+from gapwalk import Balance, Harmonic, System, backlash, batch_flow_of, classify, find_orbit, reduce
 from gapwalk.errors import ModelError
-from gapwalk.motion.motion import sample
+from gapwalk.flow.motion import sample
 from tests.reduction.chains import rod, stiffness_of
 
 
@@ -108,6 +108,6 @@ def test_whatever_serves_a_system_serves_a_reduced_one() -> None:
     assert one.label == two.label == "P1"
     starts = np.zeros((3, 8))
     starts[:, 0] = 0.3, 0.0, -0.2
-    ends = mass_flow_of(reduction.system).run(starts, 5).states
-    expected = mass_flow_of(full).run(reduction.expand_state(starts), 5).states
+    ends = batch_flow_of(reduction.system).run(starts, 5).states
+    expected = batch_flow_of(full).run(reduction.expand_state(starts), 5).states
     assert reduction.expand_state(ends) == pytest.approx(expected, abs=2e-4)

@@ -42,7 +42,7 @@ def test_the_wheel_holds_every_file_of_the_package_and_no_other(packages):
     with zipfile.ZipFile(only(packages, "*.whl")) as wheel:
         names = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert names == shipped_files()
-    assert {"gapwalk/py.typed", "gapwalk/study/template.toml", "gapwalk/explorer/page/index.html"} <= names
+    assert {"gapwalk/py.typed", "gapwalk/studies/template.toml", "gapwalk/explorer/page/index.html"} <= names
 
 
 def test_the_wheel_of_the_source_distribution_is_that_of_the_tree(packages, tmp_path):

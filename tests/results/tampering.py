@@ -4,7 +4,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from gapwalk.results import file
+from gapwalk.results import result_file as file
 
 
 def change(path: Path, statement: str, *values: object) -> int:

@@ -19,7 +19,7 @@ from gapwalk.errors import ModelError
 from gapwalk.results.codec import Packed, column_of, decode, encode
 from gapwalk.results.plain import plain
 from tests.results.again import again
-from tests.study.same import assert_same_branch
+from tests.studies.same import assert_same_branch
 from tests.systems import clutch
 
 

@@ -15,9 +15,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import StoreError
-from gapwalk.results.file import SCHEMA, Part, ResultFile, lock, reading
-from gapwalk.study import request as requests
-from gapwalk.study.request import REQUEST, VERSIONS, Call, NoFile, call_file
+from gapwalk.results.result_file import SCHEMA, Part, ResultFile, lock, reading
+from gapwalk.studies import request as requests
+from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, call_file
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
 
@@ -43,7 +43,7 @@ class TestCall(Call):
 
 @pytest.fixture(autouse=True)
 def known_request(monkeypatch) -> None:
-    home = types.ModuleType("gapwalk.study.sums")
+    home = types.ModuleType("gapwalk.studies.sums")
     home.TestCall = TestCall
     monkeypatch.setitem(sys.modules, home.__name__, home)
     monkeypatch.setitem(requests._HOMES, "sums", "sums.TestCall")

@@ -13,13 +13,13 @@ import pytest
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import StoreError
-from gapwalk.results import file
-from gapwalk.results.file import seal_fault, write_more
-from gapwalk.study import walk_file
-from gapwalk.study.load import VERIFICATION
+from gapwalk.results import result_file as file
+from gapwalk.results.result_file import seal_fault, write_more
+from gapwalk.studies import walk_file
+from gapwalk.studies.load import VERIFICATION
 from tests.results.tampering import change_sealed, tamper
-from tests.study.same import assert_same_result
-from tests.study.studies import stop_study
+from tests.studies.same import assert_same_result
+from tests.studies.studies import stop_study
 from tests.systems import clutch
 
 

@@ -11,7 +11,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
-from gapwalk.verification.carry import carry
+from gapwalk.verification.dop853 import carry
 from tests.independent import integrate
 from tests.systems import clutch, viscous_stop
 
@@ -190,28 +190,28 @@ def test_a_changed_residual_is_found(branch, wrong) -> None:
 def test_a_leaf_that_was_dropped_is_found(tree) -> None:
     assert tree.complete
     assert tree.max_period == 2
-    found = gw.verify(replace(tree, limbs=tree.limbs[:1]))
+    found = gw.verify(replace(tree, members=tree.members[:1]))
     assert failed(found) == {"tree"}
     flips = [i for i, each in enumerate(tree["P1-1"].branch.special_points) if each.kind == "flip"]
     assert {breach.spot.item for breach in found.breaches} == {f"special point {i} (flip)" for i in flips}
     assert "a branch of period 2 begins there" in found.breaches[0].detail
     # what does not call itself complete may lack branches, and so may what was not asked for longer periods
-    assert gw.verify(replace(tree, limbs=tree.limbs[:1], complete=False)).ok
-    assert gw.verify(replace(tree, limbs=tree.limbs[:1], max_period=1)).ok
+    assert gw.verify(replace(tree, members=tree.members[:1], complete=False)).ok
+    assert gw.verify(replace(tree, members=tree.members[:1], max_period=1)).ok
     assert any("is not verified" in note for note in gw.verify(replace(tree, max_period=None)).notes)
 
 
 def test_a_branch_that_is_there_twice_is_found(tree) -> None:
-    limb = tree.limbs[-1]
-    name = f"P{limb.period}-{sum(each.period == limb.period for each in tree.limbs) + 1}"
-    found = gw.verify(replace(tree, limbs=(*tree.limbs, replace(limb, name=name))))
+    member = tree.members[-1]
+    name = f"P{member.period}-{sum(each.period == member.period for each in tree.members) + 1}"
+    found = gw.verify(replace(tree, members=(*tree.members, replace(member, name=name))))
     assert failed(found) == {"tree"}
-    assert f"it is the branch {limb.name} again" in str(found.breaches[0])
+    assert f"it is the branch {member.name} again" in str(found.breaches[0])
 
 
 def test_a_missing_name_is_found(tree) -> None:
-    renamed = replace(tree.limbs[-1], name="P2-7")
-    assert failed(gw.verify(replace(tree, limbs=(*tree.limbs[:-1], renamed)))) == {"tree"}
+    renamed = replace(tree.members[-1], name="P2-7")
+    assert failed(gw.verify(replace(tree, members=(*tree.members[:-1], renamed)))) == {"tree"}
 
 
 def test_another_range_is_found() -> None:

@@ -14,12 +14,12 @@ from scipy.integrate import solve_ivp
 import gapwalk as gw
 from gapwalk.cli import main
 from gapwalk.errors import VerificationError
-from gapwalk.orbit.balance import BalancedOrbit
-from gapwalk.results.file import reading
-from gapwalk.study.request import request_file
-from gapwalk.study.walk_file import MOMENT, START, Moment
-from gapwalk.verification.carry import carry
-from gapwalk.verification.equations import Equations
+from gapwalk.orbit.harmonic_balance import BalancedOrbit
+from gapwalk.results.result_file import reading
+from gapwalk.studies.request import request_file
+from gapwalk.studies.walk_file import MOMENT, START, Moment
+from gapwalk.verification.dop853 import carry
+from gapwalk.verification.independent_equations import Equations
 from tests.independent import acceleration, integrate
 from tests.results.again import again
 from tests.systems import clutch, linear, viscous_stop
@@ -81,7 +81,9 @@ def test_follow_verifies_on_request(branch):
 
 
 def test_follow_raises_where_a_check_fails(monkeypatch):
-    monkeypatch.setattr("gapwalk.verification.branch.unexplained", lambda a, b, special: ["something has changed"])
+    monkeypatch.setattr(
+        "gapwalk.verification.verify_branch.unexplained", lambda a, b, special: ["something has changed"]
+    )
     with pytest.raises(VerificationError, match=r"points 0 to 1.*something has changed") as error:
         gw.follow(gw.find_orbit(clutch(frequency=0.85)), "frequency", to=0.84, verify=True)
     assert isinstance(error.value.verification, gw.Verification)
@@ -232,14 +234,14 @@ def test_where_branches_are_attached_is_verified():
     found = gw.verify(tree)
     assert found.ok, found.words
     assert found.worst("tree").size < 1e-8
-    limb = next(limb for limb in tree.limbs if limb.begins is not None)
-    assert limb.begins is not None
+    member = next(member for member in tree.members if member.begins is not None)
+    assert member.begins is not None
     other = next(i for i, each in enumerate(tree["P1-1"].branch.special_points) if each.kind == "grazing")
-    wrong = replace(limb, begins=replace(limb.begins, special=other))
-    limbs = tuple(wrong if each is limb else each for each in tree.limbs)
-    broken = gw.verify(replace(tree, limbs=limbs))
+    wrong = replace(member, begins=replace(member.begins, special=other))
+    members = tuple(wrong if each is member else each for each in tree.members)
+    broken = gw.verify(replace(tree, members=members))
     assert ("tree", "point 0") in failed(broken)
-    assert {each.spot.branch for each in broken.breaches} == {limb.name}
+    assert {each.spot.branch for each in broken.breaches} == {member.name}
 
 
 def test_stated_errors_hold_against_references():
@@ -379,7 +381,7 @@ def test_a_resumed_map_is_verified_if_the_study_now_wants_it(tmp_path, monkeypat
         raise KeyboardInterrupt
 
     with monkeypatch.context() as stopped:
-        stopped.setattr("gapwalk.study.verify.verify", stop)
+        stopped.setattr("gapwalk.studies.verify.verify", stop)
         with pytest.raises(KeyboardInterrupt, match="complete, but it is not verified"):
             gw.run(study, path, resume=True)
     assert gw.load(path).verification is None

@@ -21,9 +21,9 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     flipped,
     force_peaks,
     highest,
-    limbs,
     lines,
     main_branch,
+    members,
     orbit_of,
     over_two_periods,
     values,
@@ -68,8 +68,8 @@ def _forces(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
 def _once_in_two(result: gw.Result) -> list[Range]:
     """Where stable motions of period 2 have one impact, on the positive side."""
     found = []
-    for limb in limbs(result, 2):
-        inside = [point.value for point in limb.branch.points if point.stable and point.orbit.pattern == _ONCE]
+    for member in members(result, 2):
+        inside = [point.value for point in member.branch.points if point.stable and point.orbit.pattern == _ONCE]
         found += [Range(min(inside), max(inside))] if inside else []
     return sorted(found)
 
@@ -105,7 +105,7 @@ def _smaller_flips(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
 @claim("4-beats", "Motions of period 1 become quasi-periodic with both.", "4a", "4b", others=(AS_PRINTED,), short=True)
 def _both_with_pair(impact: gw.Result, viscous: gw.Result) -> tuple[bool, str]:
     one, two = (with_pair(main_branch(each)) for each in (impact, viscous))
-    loops = [each for limb in limbs(viscous, 2) for each in with_pair(limb.branch)]
+    loops = [each for member in members(viscous, 2) for each in with_pair(member.branch)]
     evidence = f"impact {words(one)}; viscous {words(two)}, but on its loops of period 2 {words(loops)}"
     return bool(one and two), evidence
 

@@ -16,9 +16,9 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     extent,
     flipped,
     highest,
-    limbs,
     main_branch,
     meeting,
+    members,
     peaks,
     ranges,
     values,
@@ -51,7 +51,7 @@ def _superharmonic(single: gw.Result, dual: gw.Result) -> tuple[bool, str]:
 @claim("20-flips", "At 120° periods double there, and period 2 is stable.", "20a", "20b")
 def _phase_flips(zero: gw.Result, turned: gw.Result) -> tuple[bool, str]:
     before, after = (meeting(flipped(main_branch(each)), *_SUPER) for each in (zero, turned))
-    doubled = [limb.branch for limb in limbs(turned, 2) if extent(limb.branch).meets(*_SUPER)]
+    doubled = [member.branch for member in members(turned, 2) if extent(member.branch).meets(*_SUPER)]
     stable = [extent(branch) for branch in doubled if any(point.stable for point in branch.points)]
     evidence = (
         f"in phase: {words(before)}; at 120°: {words(after)}, with loops of period 2, stable in part, at "
@@ -202,14 +202,14 @@ def _rises(branch: gw.Branch) -> float:
 _BARE = (0.3, 0.45)
 
 
-def isolated(result: gw.Result) -> list[gw.Limb]:
+def isolated(result: gw.Result) -> list[gw.DiagramBranch]:
     """Return the branches of period 1 that closed on themselves, the widest first."""
-    closed = [limb for limb in limbs(result, 1) if limb.branch.closed]
-    return sorted(closed, key=lambda limb: -extent(limb.branch).width)
+    closed = [member for member in members(result, 1) if member.branch.closed]
+    return sorted(closed, key=lambda member: -extent(member.branch).width)
 
 
 def _extents(result: gw.Result) -> list[Range]:
-    return [extent(limb.branch) for limb in isolated(result)]
+    return [extent(member.branch) for member in isolated(result)]
 
 
 @claim("27-islands", "At Ω = 0.25 two isolated branches lie over the amplitude.", "27")
@@ -295,8 +295,8 @@ def _small_amplitude(result: gw.Result) -> tuple[bool, str]:
 
 @claim("29-cascade", "At moderate amplitudes periods double to 2, 4 and more.", "29")
 def _cascade(result: gw.Result) -> tuple[bool, str]:
-    twice, four = limbs(result, 2), limbs(result, 4)
-    on_four = sum(len(values(limb.branch, gw.Kind.FLIP)) for limb in four)
+    twice, four = members(result, 2), members(result, 4)
+    on_four = sum(len(values(member.branch, gw.Kind.FLIP)) for member in four)
     first = flipped(main_branch(result))
     evidence = (
         f"period 1 is unstable by a flip at {words(first)}; {len(twice)} branches of period 2, {len(four)} of "
@@ -308,7 +308,7 @@ def _cascade(result: gw.Result) -> tuple[bool, str]:
 @claim("29-beats", "Quasi-periodic motions appear.", "29")
 def _pairs(result: gw.Result) -> tuple[bool, str]:
     found = {
-        f"period {period}": [each for limb in limbs(result, period) for each in with_pair(limb.branch)]
+        f"period {period}": [each for member in members(result, period) for each in with_pair(member.branch)]
         for period in (1, 2)
     }
     return any(found.values()), "; ".join(f"{name}: {words(each)}" for name, each in found.items())

@@ -12,9 +12,9 @@ from reproductions.padmanabhan_singh_1995.quantities import (
     attractor_of,
     extent,
     flipped,
-    limbs,
     main_branch,
     meeting,
+    members,
     peaks,
     values,
     with_pair,
@@ -153,7 +153,7 @@ def _flips(result: gw.Result) -> tuple[bool, str]:
 
 
 def _loop_about_second(result: gw.Result) -> list[Range]:
-    loops = [limb.branch for limb in limbs(result, 2) if extent(limb.branch).meets(*_SECOND)]
+    loops = [member.branch for member in members(result, 2) if extent(member.branch).meets(*_SECOND)]
     return [each for loop in loops for each in with_pair(loop)]
 
 
@@ -172,7 +172,7 @@ def _natures(result: gw.Result) -> tuple[bool, str]:
 
 @claim("13-once", "Doubled periods do not double again, neither here nor in figure 14.", "13", "9a", others=BOTH)
 def _no_cascade(*results: gw.Result) -> tuple[bool, str]:
-    found = [[str(extent(limb.branch)) for limb in limbs(result, 4)] for result in results]
+    found = [[str(extent(member.branch)) for member in members(result, 4)] for result in results]
     evidence = f"period 4 in figure 13: {words(found[0])}; in figure 14: {words(found[1])}"
     return not any(found), evidence
 
@@ -222,12 +222,12 @@ def _rich(light: gw.Result, before: gw.Result) -> tuple[bool, str]:
 
 @claim("16-cascade", "Period 2 doubles to stable period 4, and that doubles again.", "15")
 def _cascade(result: gw.Result) -> tuple[bool, str]:
-    doubled = limbs(result, 4)
-    stable = [limb for limb in doubled if any(point.stable for point in limb.branch.points)]
-    further = sum(len(values(limb.branch, gw.Kind.FLIP)) for limb in doubled)
+    doubled = members(result, 4)
+    stable = [member for member in doubled if any(point.stable for point in member.branch.points)]
+    further = sum(len(values(member.branch, gw.Kind.FLIP)) for member in doubled)
     evidence = (
         f"{len(doubled)} branches of period 4, {len(stable)} of them stable in part, such as those at "
-        f"{words([extent(limb.branch) for limb in stable[:3]])}; {further} flips on them"
+        f"{words([extent(member.branch) for member in stable[:3]])}; {further} flips on them"
     )
     return bool(stable) and further > 0, evidence
 

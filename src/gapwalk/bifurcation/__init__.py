@@ -1,27 +1,27 @@
 """Bifurcations: detection and location of special points along a branch, branch switching, loci and diagrams."""
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.departure import Departure, depart, directions
-from gapwalk.bifurcation.detect import Detector
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
+from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, resumed_tracer
+from gapwalk.bifurcation.detector import Detector
 from gapwalk.bifurcation.follow import follow, join, walk_out
 from gapwalk.bifurcation.kinds import Event, Kind
 from gapwalk.bifurcation.switch import switch
-from gapwalk.bifurcation.trail import Trail, TrailState, resumed_trail
 
 __all__ = [
     "Branch",
-    "Departure",
+    "BranchStart",
+    "BranchTracer",
+    "BranchTracerState",
     "Detector",
     "Event",
     "Kind",
     "SpecialPoint",
-    "Trail",
-    "TrailState",
-    "depart",
     "directions",
     "follow",
     "join",
-    "resumed_trail",
+    "resumed_tracer",
+    "start_branch",
     "switch",
     "walk_out",
 ]

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kind import Kind
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
-from gapwalk.motion.unit import magnitude
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit

@@ -9,7 +9,7 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint, Unexplained
 from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import EndReason
 from gapwalk.orbit.floquet import is_on_border
 

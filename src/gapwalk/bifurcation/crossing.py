@@ -10,11 +10,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import NumericalError
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.stretch import Stretch
+    from gapwalk.bifurcation.step_interval import StepInterval
 
 _NODES = 7
 _FEWEST = 5
@@ -64,7 +64,7 @@ class Crossing:
         return tuple(component.deriv() for component in self.curve)
 
 
-def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossing:
+def locate_crossing(interval: StepInterval, a: BranchPoint, b: BranchPoint) -> Crossing:
     """Locate the zero of the determinant of the bordered Jacobian between `a` and `b`.
 
     Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
@@ -78,18 +78,18 @@ def locate_crossing(stretch: Stretch, a: BranchPoint, b: BranchPoint) -> Crossin
     """
     window = b.arclength - a.arclength
     guess = a.arclength + window * abs(a.determinant) / (abs(a.determinant) + abs(b.determinant))
-    crossing = _fit_window(stretch, a, b, guess, window)
+    crossing = _fit_window(interval, a, b, guess, window)
     for _ in range(_WINDOWS):
         window *= _NARROW
-        crossing = _fit_window(stretch, a, b, crossing.arclength, window)
+        crossing = _fit_window(interval, a, b, crossing.arclength, window)
         if crossing.spread < _SURE * window:
             return crossing
     raise NumericalError(_ROUGH_BRANCH)
 
 
-def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
+def _fit_window(interval: StepInterval, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
     low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
-    nodes = _nodes(stretch, low, window, middle)
+    nodes = _nodes(interval, low, window, middle)
     # abscissa of the points along the chord: the branch is smooth in it, but not in the arclength labels
     chord = (b.x - a.x) / (b.arclength - a.arclength)
     along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
@@ -104,15 +104,15 @@ def _fit_window(stretch: Stretch, a: BranchPoint, b: BranchPoint, middle: float,
     return Crossing(middle + zero * window, 0.3 * window, spread * window, curve)
 
 
-def _nodes(stretch: Stretch, low: float, window: float, centre: float) -> list[BranchPoint]:
+def _nodes(interval: StepInterval, low: float, window: float, centre: float) -> list[BranchPoint]:
     """Return exact points of a window, denser towards its ends, none too near to the expected crossing."""
     nodes = []
     shares = 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
-    ends = (stretch.points[0].arclength, stretch.points[-1].arclength)
+    ends = (interval.points[0].arclength, interval.points[-1].arclength)
     for place in np.clip(low + window * shares, *ends):  # rounding must not lead beyond the ends
         if abs(place - centre) > _NEAR * window:
             try:
-                nodes.append(stretch.corrector.refined(stretch.at(float(place))))
+                nodes.append(interval.corrector.refined(interval.at(float(place))))
             except NumericalError:  # it happens to lie on the crossing
                 continue
     if len(nodes) < _FEWEST:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.bifurcation.meeting import meets, parent_flip
-from gapwalk.bifurcation.search.result import SearchResult
+from gapwalk.bifurcation.isolated.search_result import SearchResult
+from gapwalk.bifurcation.shared_orbit import meets, parent_flip
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.method import Method
@@ -26,7 +26,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Limb:
+class DiagramBranch:
     """Member of a diagram: one branch and its place in the tree.
 
     Attributes
@@ -67,13 +67,13 @@ class Cascade:
 
     Attributes
     ----------
-    limbs
+    members
         Names of the branches on which the flips lie.
     values
         The parameter at each flip.
     """
 
-    limbs: tuple[str, ...]
+    members: tuple[str, ...]
     values: tuple[float, ...]
 
     @property
@@ -93,7 +93,7 @@ class Diagram(Shown):
         Name of the parameter.
     within
         Limits of the range.
-    limbs
+    members
         Members of the diagram, in the order in which they were accepted.
     complete
         False if the computation was stopped before its end.
@@ -109,7 +109,7 @@ class Diagram(Shown):
 
     parameter: str
     within: tuple[float, float]
-    limbs: tuple[Limb, ...] = ()
+    members: tuple[DiagramBranch, ...] = ()
     complete: bool = False
     notes: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
@@ -119,34 +119,34 @@ class Diagram(Shown):
     @property
     def branches(self) -> tuple[Branch, ...]:
         """Branches of all members."""
-        return tuple(limb.branch for limb in self.limbs)
+        return tuple(member.branch for member in self.members)
 
-    def __getitem__(self, name: str) -> Limb:
+    def __getitem__(self, name: str) -> DiagramBranch:
         """Return the member with a name; raise a KeyError if there is none."""
-        for limb in self.limbs:
-            if limb.name == name:
-                return limb
+        for member in self.members:
+            if member.name == name:
+                return member
         raise KeyError(name)
 
-    def children(self, name: str) -> tuple[Limb, ...]:
+    def children(self, name: str) -> tuple[DiagramBranch, ...]:
         """Return the members that begin or end on the branch of one name."""
-        return tuple(limb for limb in self.limbs if any(origin.parent == name for origin in limb.origins))
+        return tuple(member for member in self.members if any(origin.parent == name for origin in member.origins))
 
-    def attached(self, name: str, special: int) -> tuple[Limb, ...]:
+    def attached(self, name: str, special: int) -> tuple[DiagramBranch, ...]:
         """Return the members that begin or end at a special point, given by its index on the branch of one name."""
-        return tuple(limb for limb in self.limbs if Origin(name, special) in limb.origins)
+        return tuple(member for member in self.members if Origin(name, special) in member.origins)
 
-    def depth(self, limb: Limb) -> int:
+    def depth(self, member: DiagramBranch) -> int:
         """Return the number of branches between a member and the branch found on its own from which it descends."""
-        return 0 if limb.begins is None else 1 + self.depth(self[limb.begins.parent])
+        return 0 if member.begins is None else 1 + self.depth(self[member.begins.parent])
 
     @cached_property
     def cascades(self) -> tuple[Cascade, ...]:
         """All sequences of three or more flips, longest first; none is contained in another."""
         chains = [
-            _chain(self, Origin(limb.name, index))
-            for limb in self.limbs
-            for index, special in enumerate(limb.branch.special_points)
+            _chain(self, Origin(member.name, index))
+            for member in self.members
+            for index, special in enumerate(member.branch.special_points)
             if special.kind is Kind.FLIP
         ]
         found = [
@@ -168,11 +168,11 @@ class Diagram(Shown):
         method
             Method by which its orbits were found.
         """
-        count = sum(limb.period == branch.period for limb in self.limbs) + 1
-        limb = Limb(f"P{branch.period}-{count}", branch, begins)
+        count = sum(member.period == branch.period for member in self.members) + 1
+        member = DiagramBranch(f"P{branch.period}-{count}", branch, begins)
         if branch.ends[-1].reason is EndReason.JOINED:
-            limb = _tied(self, limb, method)
-        return replace(self, limbs=(*self.limbs, limb))
+            member = _tied(self, member, method)
+        return replace(self, members=(*self.members, member))
 
     def plot(self, measure: str = "half", **options: Any):
         """Draw the diagram (`measure` over the parameter, and the stroboscopic states) and return the figure.
@@ -186,46 +186,46 @@ class Diagram(Shown):
 
     def __repr__(self) -> str:
         low, high = self.within
-        periods = sorted({limb.period for limb in self.limbs})
-        counts = ", ".join(f"{sum(limb.period == m for limb in self.limbs)} of period {m}" for m in periods)
+        periods = sorted({member.period for member in self.members})
+        counts = ", ".join(f"{sum(member.period == m for member in self.members)} of period {m}" for m in periods)
         return f"Diagram({self.parameter} from {low:g} to {high:g}, branches: {counts or 'none'})"
 
 
 def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
     """Return whether at least `needed` accepted branches already begin or end at a special point."""
-    return sum(each == origin for limb in diagram.limbs for each in limb.origins) >= needed
+    return sum(each == origin for member in diagram.members for each in member.origins) >= needed
 
 
-def _tied(diagram: Diagram, limb: Limb, method: Method | None) -> Limb:
+def _tied(diagram: Diagram, member: DiagramBranch, method: Method | None) -> DiagramBranch:
     """Return the member with its end linked to the special point that it joins, if that lies on a known branch.
 
     The end is linked only where both have the same orbit, never by mere closeness, because the joined branch may not be
     known up to there. If the branch ends just before the flip that it joins, the flip is located first.
     """
-    branch = limb.branch
-    origin, value = _shared(diagram, limb, branch.points[-1].orbit), branch.ends[-1].value
+    branch = member.branch
+    origin, value = _shared(diagram, member, branch.points[-1].orbit), branch.ends[-1].value
     if origin is None and (flip := parent_flip(branch, diagram.within, method)) is not None:
-        origin, value = _shared(diagram, limb, flip), flip.system[branch.parameter]
+        origin, value = _shared(diagram, member, flip), flip.system[branch.parameter]
     detail = branch.ends[-1].detail
     if origin is not None:
         special = diagram[origin.parent].branch.special_points[origin.special]
         value, detail = special.value, f"{origin.parent}, at its {special.kind.value}"
     end = End(EndReason.JOINED, value, detail)
-    return replace(limb, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
+    return replace(member, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
 
 
-def _shared(diagram: Diagram, limb: Limb, orbit: Orbit) -> Origin | None:
+def _shared(diagram: Diagram, member: DiagramBranch, orbit: Orbit) -> Origin | None:
     """Return the flip of a parent, or the branch point of a branch of equal period, with this orbit; not the start."""
     candidates = (
         (Origin(other.name, index), special)
-        for other in diagram.limbs
+        for other in diagram.members
         for index, special in enumerate(other.branch.special_points)
-        if special.kind.ways and other.period * special.kind.times == limb.period
+        if special.kind.ways and other.period * special.kind.times == member.period
     )
     shared = [
         (abs(special.value - orbit.system[diagram.parameter]), origin)
         for origin, special in candidates
-        if origin != limb.begins and meets(orbit, special, diagram.parameter)
+        if origin != member.begins and meets(orbit, special, diagram.parameter)
     ]
     return min(shared, key=lambda each: each[0])[1] if shared else None
 
@@ -245,7 +245,7 @@ def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
 def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
     """Return the first flip along the branch of twice the period that begins at a flip."""
     period = 2 * diagram[flip.parent].period
-    child = next((limb for limb in diagram.attached(flip.parent, flip.special) if limb.period == period), None)
+    child = next((member for member in diagram.attached(flip.parent, flip.special) if member.period == period), None)
     if child is None:
         return None
     flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.predictor import hermite
-from gapwalk.motion.unit import magnitude
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.orbit import Orbit
 
 MERGED = 1e-7

@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.departure import Departure, depart, directions
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
+from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, Step, resumed_tracer
 from gapwalk.bifurcation.kinds.event import Event, check_events
 from gapwalk.bifurcation.switch import switch
-from gapwalk.bifurcation.trail import Step, Trail, TrailState, resumed_trail
-from gapwalk.continuation.options import WalkOptions
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.tracing import Tracing, TracingState
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
-from gapwalk.notebook.progress import shows_progress
+from gapwalk.notebook.progress_line import shows_progress
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
@@ -67,7 +67,7 @@ def follow(
     Interrupted
         After Ctrl-C; its `found` is the branch as far as it was followed.
     """
-    steps = BranchWalk(_departures(start, parameter, to, method), walk, events)
+    steps = BranchWalk(_beginnings(start, parameter, to, method), walk, events)
     branch = walked_to_end(steps, report)
     if verify:
         from gapwalk.verification import confirm
@@ -115,7 +115,7 @@ def walk(
     ...         break
     >>> steps.branch.plot()
     """
-    return BranchWalk(_departures(start, parameter, to, method), options, events, resume)
+    return BranchWalk(_beginnings(start, parameter, to, method), options, events, resume)
 
 
 WalkProgress = TracingState[Step]
@@ -127,7 +127,7 @@ class BranchWalk(Iterator[BranchPoint]):
 
     Parameters
     ----------
-    departures
+    beginnings
         Where it begins: one beginning, or two at one point in opposite directions.
     options
         Options of the walk.
@@ -139,19 +139,19 @@ class BranchWalk(Iterator[BranchPoint]):
 
     def __init__(
         self,
-        departures: list[Departure],
+        beginnings: list[BranchStart],
         options: WalkOptions | None = None,
         events: Sequence[Event] = (),
         resume: WalkProgress | None = None,
     ) -> None:
         check_events(events)
 
-        def begin(departure: Departure, state: TrailState | None) -> Trail:
+        def begin(beginning: BranchStart, state: BranchTracerState | None) -> BranchTracer:
             if state is None:
-                return Trail(departure, options, events=events)
-            return resumed_trail(departure, options, state, events)
+                return BranchTracer(beginning, options, events=events)
+            return resumed_tracer(beginning, options, state, events)
 
-        self._tracing: Tracing[Departure, Trail, Step] = Tracing(departures, begin, resume)
+        self._tracing: Tracing[BranchStart, BranchTracer, Step] = Tracing(beginnings, begin, resume)
 
     def __next__(self) -> BranchPoint:
         return next(self._tracing)[0]
@@ -175,9 +175,9 @@ class BranchWalk(Iterator[BranchPoint]):
         return join(self._tracing.traces, self._tracing.steps)
 
 
-def _departures(
+def _beginnings(
     start: Orbit | SpecialPoint, parameter: str, to: float | tuple[float, float], method: Method | None
-) -> list[Departure]:
+) -> list[BranchStart]:
     method = chosen(method)
     if not isinstance(start, Orbit | SpecialPoint):
         raise ModelError(
@@ -188,12 +188,12 @@ def _departures(
         value = start.orbit.system[parameter]
         within = to if isinstance(to, tuple) else (min(value, to), max(value, to))
         return switch(start, parameter, within, method)
-    return [depart(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
+    return [start_branch(start, parameter, to, way, method) for way in directions(start.system[parameter], to)]
 
 
-def walk_out(departures: list[Departure], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
+def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
     """Return the whole branch from one beginning, or from two at one point in opposite directions."""
-    return walked_to_end(BranchWalk(departures, walk), report)
+    return walked_to_end(BranchWalk(beginnings, walk), report)
 
 
 def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
@@ -217,21 +217,21 @@ def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
     return steps.branch
 
 
-def join(trails: list[Trail], walked: list[list[Step]]) -> Branch:
+def join(tracers: list[BranchTracer], walked: list[list[Step]]) -> Branch:
     """Join one or two tracers and the steps that they yielded into one branch with one direction of travel."""
-    equation = trails[0].departure.equation
-    ends = [trail.end or End(EndReason.STOPPED, trail.walk.point.value) for trail in trails]
-    first = trails[-1].first  # its tangent gives the direction of the branch
+    equation = tracers[0].beginning.equation
+    ends = [tracer.end or End(EndReason.STOPPED, tracer.walk.point.value) for tracer in tracers]
+    first = tracers[-1].first  # its tangent gives the direction of the branch
     points: list[BranchPoint] = [first]
     special: list[SpecialPoint] = []
-    if len(trails) == 2:
+    if len(tracers) == 2:
         back = [point for point, _ in walked[0]]
         points = [_reversed(point) for point in reversed(back)] + [first]
         special = [_turned(each) for _, found in reversed(walked[0]) for each in reversed(found)]
     points += [point for point, _ in walked[-1]]
     special += [each for _, found in walked[-1] for each in found]
-    if len(trails) == 1:
-        reason = EndReason.BRANCHED if trails[0].departure.singular else EndReason.START
+    if len(tracers) == 1:
+        reason = EndReason.BRANCHED if tracers[0].beginning.singular else EndReason.START
         ends = [End(reason, first.value), *ends]
     return Branch(equation.parameter or "", equation.period, tuple(points), tuple(special), tuple(ends))
 

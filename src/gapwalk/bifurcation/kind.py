@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.second import location_error
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.bifurcation.error_estimate import location_error
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch import SpecialPoint
-    from gapwalk.bifurcation.departure import Departure
+    from gapwalk.bifurcation.branch_start import BranchStart
+    from gapwalk.bifurcation.error_estimate import ErrorEstimator
     from gapwalk.bifurcation.kinds.condition import Criticality
-    from gapwalk.bifurcation.kinds.search import Search, Zero
-    from gapwalk.bifurcation.second import SecondOpinion
-    from gapwalk.continuation.range import Range
+    from gapwalk.bifurcation.kinds.zero_search import Search, Zero
+    from gapwalk.continuation.parameter_range import Range
     from gapwalk.orbit.method import Method
 
 
@@ -172,7 +172,7 @@ class Kind(str):
         """Locate the one zero between two points, if the kind has a better method than bracketing; otherwise None."""
         return None
 
-    def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Return the estimated error of the parameter at a located point; infinite if it cannot be estimated.
 
         Raises
@@ -190,7 +190,7 @@ class Kind(str):
         """Complete the special point with information from other branches, such as the criticality of a flip."""
         return special
 
-    def departures(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+    def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return the beginnings of the other branches that begin or cross at a point of this kind.
 
         Raises

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.space import Knot, orbit_of
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.scales import powers_of_two
-from gapwalk.orbit.balance import Balance
-from gapwalk.orbit.balance.equation import BalanceEquation
-from gapwalk.orbit.balance.kernels import from_real_form, real_form
+from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
+from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
 from gapwalk.orbit.identity import repeats
 from gapwalk.orbit.orbit import Orbit
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.space import Knot, Space
 from gapwalk.bifurcation.state_space import StateSpace
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
-from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.balance import BalancedOrbit
+from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.identity import SAME
 from gapwalk.orbit.orbit import Orbit
 

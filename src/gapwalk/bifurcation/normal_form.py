@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.motion.switching import ContactEvent
+from gapwalk.flow.switching import ContactEvent
 
 _STEPS = (6e-5, 6e-6)  # displacements in units of the unknowns: longer ones show curvature, shorter ones rounding
 _ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
-from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.orbit import Orbit
 
 Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]

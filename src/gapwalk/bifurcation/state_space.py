@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.space import Knot, orbit_of
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point import BranchPoint
 from gapwalk.orbit.identity import phases
 from gapwalk.orbit.orbit import Orbit
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.departure import Departure
+from gapwalk.bifurcation.branch_start import BranchStart
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.range import Range, check_range
-from gapwalk.continuation.scales import scales_of
+from gapwalk.continuation.parameter_range import Range, check_range
+from gapwalk.continuation.walk_scales import scales_of
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
-from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import OrbitEquation
 
 _SINGULAR = 1e-8  # singular value that is zero up to rounding
 _BESIDE = 1e-5  # scaled distance along the parent of the first step of the secant method
@@ -30,7 +30,7 @@ _FAR = 0.05  # scaled distance beyond which a branch point does not belong to th
 
 def switch(
     special: SpecialPoint, parameter: str, to: tuple[float, float], method: Method | None = None
-) -> list[Departure]:
+) -> list[BranchStart]:
     """Return the beginnings of the other branches at a special point.
 
     At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted by
@@ -54,14 +54,16 @@ def switch(
     """
     within = check_range(special.value, to).along(parameter, special.orbit.system)
     within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
-    return special.kind.departures(special, parameter, within, chosen(method))
+    return special.kind.beginnings(special, parameter, within, chosen(method))
 
 
-def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> Departure:
+def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Method) -> BranchStart:
     """Return the beginning of the branch of twice the period at a flip."""
     doubled = Doubled(special, parameter, within, method)
     start, across, _ = doubled.start()
-    return Departure(doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True)
+    return BranchStart(
+        doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True
+    )
 
 
 class DoubledStart(NamedTuple):
@@ -218,7 +220,7 @@ def least_singular(
     return left_vectors[:, -1], float(values[-1]), right_vectors[-1]
 
 
-def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
     """Return the beginnings in both directions of the branch that crosses at a branch point."""
     _, equation = _posed(special, parameter, special.orbit.period, method)
     corrector = Corrector(equation, scales_of(equation, special.orbit, within))
@@ -232,7 +234,9 @@ def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: 
     across = np.array([-known[1], known[0]]) @ plane
     across /= np.linalg.norm(across)
     across *= np.sign(across[np.argmax(np.abs(across))])
-    return [Departure(corrector, _first(corrector, start, way * across), within, singular=True) for way in (1.0, -1.0)]
+    return [
+        BranchStart(corrector, _first(corrector, start, way * across), within, singular=True) for way in (1.0, -1.0)
+    ]
 
 
 def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from cyclopts import CycloptsError
 
 from gapwalk.cli.commands import app
 from gapwalk.cli.outcome import BAD_INPUT, INTERRUPTED, TERMINATED, report_error
-from gapwalk.study.work.threads import work_in_one_thread
+from gapwalk.parallel.threads import work_in_one_thread
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

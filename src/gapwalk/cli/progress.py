@@ -13,16 +13,16 @@ from typing import Self
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.diagram import Diagram, Limb
-from gapwalk.bifurcation.locus import Locus
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
+from gapwalk.bifurcation.loci import Locus
 from gapwalk.cli.console import console
 from gapwalk.cli.outcome import printable
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.parallel.pace import Pace
 from gapwalk.plot.words import parameter_symbol
-from gapwalk.study.jobs import JOBS
-from gapwalk.study.map import Map, Section
-from gapwalk.study.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
-from gapwalk.study.work.pace import Pace
+from gapwalk.studies.jobs import JOBS
+from gapwalk.studies.map import Map, Section
+from gapwalk.studies.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
 
 
 def progress_of(
@@ -170,12 +170,12 @@ class DiagramProgress(StudyProgress):
         self._points, self._special = 0, 0
         self._line = _Line(f"{self._name} first branch".strip(), [], None, show=show)
 
-    def __call__(self, diagram: Diagram, limb: Limb) -> None:
+    def __call__(self, diagram: Diagram, member: DiagramBranch) -> None:
         """Show a new branch."""
-        self._points += len(limb.branch.points)
-        self._special += sum(special.kind is not Kind.GRAZING for special in limb.branch.special_points)
-        counts = f"branches {len(diagram.limbs)}  points {self._points}  special {self._special}"
-        self._line.update(self._name or "diagram", f"{counts}  last {limb.name}")
+        self._points += len(member.branch.points)
+        self._special += sum(special.kind is not Kind.GRAZING for special in member.branch.special_points)
+        counts = f"branches {len(diagram.members)}  points {self._points}  special {self._special}"
+        self._line.update(self._name or "diagram", f"{counts}  last {member.name}")
 
 
 class MapProgress(StudyProgress):

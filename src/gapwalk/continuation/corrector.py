@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.equation import Equation, Evaluation
+from gapwalk.orbit.orbit_equation import Equation, Evaluation
 
 TRUST = 1e-7
 """Residual below which the next Newton step, with exact derivatives, is accurate to rounding."""

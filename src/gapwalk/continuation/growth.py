@@ -8,12 +8,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.range import Range
+from gapwalk.continuation.parameter_range import Range
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import DampingLaw
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System
-from gapwalk.orbit.balance.linear import Linear, linear_of
+from gapwalk.orbit.harmonic_balance.linear_part import Linear, linear_of
 
 _EVEN, _BY_RATIO = 33, 65  # values at which the response is computed: evenly spaced, and with equal ratios
 _LOWEST = 1e-9  # share of the highest value at which the equal ratios begin in a range that begins at zero

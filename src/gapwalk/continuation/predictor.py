@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import length_of
-from gapwalk.continuation.point import BranchPoint
 
 
 def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:

@@ -53,7 +53,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
 
     Parameters
     ----------
-    departures
+    beginnings
         The beginning in each direction.
     begin
         Function that returns the trace of one direction from its beginning, and from a state to resume (or None).
@@ -69,9 +69,9 @@ class Tracing(Iterator[S], Generic[D, T, S]):
     """
 
     def __init__(
-        self, departures: Sequence[D], begin: Callable[[D, Any], T], resume: TracingState[S] | None = None
+        self, beginnings: Sequence[D], begin: Callable[[D, Any], T], resume: TracingState[S] | None = None
     ) -> None:
-        self._departures, self._begin = departures, begin
+        self._beginnings, self._begin = beginnings, begin
         self.traces: list[T] = []
         self.steps: list[list[S]] = []
         for state, end, steps in zip(resume.states, resume.ends, resume.steps, strict=True) if resume else ():
@@ -94,7 +94,7 @@ class Tracing(Iterator[S], Generic[D, T, S]):
                 try:
                     step = next(self.traces[-1])
                 except StopIteration:
-                    if self.traces[-1].is_closed or len(self.traces) == len(self._departures):
+                    if self.traces[-1].is_closed or len(self.traces) == len(self._beginnings):
                         raise
                 else:
                     self.steps[-1].append(step)
@@ -102,5 +102,5 @@ class Tracing(Iterator[S], Generic[D, T, S]):
             self._begin_next(None, ())
 
     def _begin_next(self, state: Any, steps: Sequence[S]) -> None:
-        self.traces.append(self._begin(self._departures[len(self.traces)], state))
+        self.traces.append(self._begin(self._beginnings[len(self.traces)], state))
         self.steps.append(list(steps))

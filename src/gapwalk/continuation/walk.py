@@ -14,13 +14,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, length_of
-from gapwalk.continuation.options import WalkOptions
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.parameter_range import Range
 from gapwalk.continuation.predictor import ahead
-from gapwalk.continuation.range import Range
-from gapwalk.continuation.step import next_step, shorter_step
-from gapwalk.orbit.equation import Equation
+from gapwalk.continuation.step_length import next_step, shorter_step
+from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.orbit.orbit_equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated

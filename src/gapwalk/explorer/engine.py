@@ -11,10 +11,10 @@ from multiprocessing import get_context
 from typing import Any
 
 from gapwalk.errors import GapwalkError, WorkError
-from gapwalk.explorer.leash import Leash, live_on_leash
 from gapwalk.explorer.news import Progress
+from gapwalk.explorer.process_control import ProcessControl, obey_control
 from gapwalk.explorer.task import Task, do
-from gapwalk.study.work.processes import undisturbed
+from gapwalk.parallel.processes import undisturbed
 
 _PATIENCE = 5.0  # seconds that a job has to end by itself once it is stopped
 
@@ -69,15 +69,15 @@ class Engine:
 
     def pause(self) -> None:
         """Hold the process, until `go_on`."""
-        self._leash.hold()
+        self._control.hold()
 
     def go_on(self) -> None:
         """Let a process that is held go on."""
-        self._leash.go_on()
+        self._control.go_on()
 
     def close(self) -> None:
         """End the process."""
-        self._leash.close()
+        self._control.close()
         self._process.join(_PATIENCE)
         if self._process.is_alive():
             self._process.kill()
@@ -85,8 +85,8 @@ class Engine:
         self._line.close()
 
     def _start(self) -> None:
-        held, leash = self._context.Pipe(duplex=False)
-        self._leash = Leash(leash)
+        held, control = self._context.Pipe(duplex=False)
+        self._control = ProcessControl(control)
         self._line, far = self._context.Pipe()
         self._count = 0
         self._process = self._context.Process(target=_work, args=(far, held), name="gapwalk-engine")
@@ -107,7 +107,7 @@ class Engine:
 
 def _work(line: Any, held: Any) -> None:
     """What the process does."""
-    live_on_leash(held)
+    obey_control(held)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:

@@ -12,8 +12,8 @@ from typing import TypeVar
 import numpy as np
 
 from gapwalk.errors import GapwalkError
+from gapwalk.flow.motion import integrate
 from gapwalk.model.system import System
-from gapwalk.motion.motion import integrate
 
 T = TypeVar("T")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from gapwalk.study.file import Study
+from gapwalk.studies.file import Study
 
 
 def mark_of(study: Study) -> str:

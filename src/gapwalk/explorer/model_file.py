@@ -7,9 +7,9 @@ import re
 import numpy as np
 
 from gapwalk.errors import ModelError
-from gapwalk.model.source import parse_source
+from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.study.file import Study, check_study
+from gapwalk.studies.file import Study, check_study
 
 _HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.diagram import Diagram, Limb
-from gapwalk.bifurcation.locus import Codim2Point, Locus, LocusPoint
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.study.map import Map, Section
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.studies.map import Map, Section
 
 SECONDS = 0.25
 """Between two reports of progress: a page that is told more often only works more."""
@@ -38,7 +38,7 @@ class Progress:
         Points of the branch or the locus that is being walked, each with the special points before it.
     kind, second
         What happens on the locus that is being walked, and its second parameter; None and empty for a branch.
-    limbs, loci
+    members, loci
         Branches and loci that were finished.
     done, total
         Parts of what has no branches, such as a search.
@@ -47,14 +47,14 @@ class Progress:
     steps: list[Step] = field(default_factory=list)
     kind: Kind | None = None
     second: str = ""
-    limbs: list[Limb] = field(default_factory=list)
+    members: list[DiagramBranch] = field(default_factory=list)
     loci: list[NamedLocus] = field(default_factory=list)
     done: int = 0
     total: int = 0
 
     def add(self, more: Progress) -> None:
         """Take in what came after."""
-        for name in ("steps", "limbs", "loci"):
+        for name in ("steps", "members", "loci"):
             getattr(self, name).extend(getattr(more, name))
         self.kind, self.second = more.kind or self.kind, more.second or self.second
         if more.total:
@@ -82,9 +82,9 @@ class News:
         """The points to come are those of a locus."""
         self._progress.kind, self._progress.second = kind, second
 
-    def limb(self, diagram: Diagram, limb: Limb) -> None:
+    def member(self, diagram: Diagram, member: DiagramBranch) -> None:
         """A new branch of a diagram."""
-        self._progress.limbs.append(limb)
+        self._progress.members.append(member)
         self._now_and_then()
 
     def chart(self, chart: Map, addition: Section | Locus) -> None:
@@ -93,7 +93,7 @@ class News:
             self._progress.loci.append(NamedLocus(chart.names[-1], addition))
         else:
             number = len(chart.sections)
-            self._progress.limbs += [Limb(f"S{number}-{name}", branch) for name, branch in addition.named]
+            self._progress.members += [DiagramBranch(f"S{number}-{name}", branch) for name, branch in addition.named]
         self._now_and_then()
 
     def part(self, *about: Any) -> None:

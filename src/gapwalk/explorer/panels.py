@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.section import strobe
-from gapwalk.attractor.settled import Settled
-from gapwalk.attractor.spectrum import spectrum
+from gapwalk.attractors.section import strobe
+from gapwalk.attractors.settled import Settled
+from gapwalk.attractors.spectrum import spectrum
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import Motion, force_of, signal_names
+from gapwalk.flow.signal import contact_to_show
+from gapwalk.flow.train_motion import train_signals
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import TrainAssembly
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.motion import Motion, force_of, signal_names
-from gapwalk.motion.signal import contact_to_show
-from gapwalk.motion.train import train_signals
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.words import order_words
 

@@ -7,28 +7,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from gapwalk.attractor.settled import Settled
+from gapwalk.attractors.settled import Settled
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.continuation.range import check_range
+from gapwalk.continuation.parameter_range import check_range
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
-from gapwalk.explorer.entry import Line
-from gapwalk.explorer.errands import LocusErrand, SearchErrand, SwitchErrand
+from gapwalk.explorer.follow_ups import LocusFollowUp, SearchFollowUp, SwitchFollowUp
+from gapwalk.explorer.page_result import Line
 from gapwalk.explorer.task import Task
 from gapwalk.model.system import System
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.words import pace_words, parameter_symbol
-from gapwalk.study.file import Study
-from gapwalk.study.map import KINDS
-from gapwalk.study.options import (
+from gapwalk.studies.file import Study
+from gapwalk.studies.map import KINDS
+from gapwalk.studies.options import (
     BranchOptions,
     DiagramStudyOptions,
     MapStudyOptions,
     ResponseOptions,
     SecondParameter,
 )
-from gapwalk.study.settle.study_options import SettleStudyOptions
+from gapwalk.studies.settle.study_options import SettleStudyOptions
 
 
 class Shown(Protocol):
@@ -170,7 +170,7 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
         method=method_of(orbit, origin),
     )
     title = f"from the {special.kind.value} of {line.name} at {parameter_symbol(parameter)} = {special.value:.6g}"
-    return title, Task(_study_of(orbit.system, options, title, origin), Path(), SwitchErrand(special))
+    return title, Task(_study_of(orbit.system, options, title, origin), Path(), SwitchFollowUp(special))
 
 
 def _search(action: Search, shown: Shown) -> tuple[str, Task]:
@@ -183,7 +183,7 @@ def _search(action: Search, shown: Shown) -> tuple[str, Task]:
     origin = shown.base() if action.start is None else shown.origin(action.start)
     options = _others_options(action, system, origin)
     title = f"others, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
-    return title, Task(_study_of(system, options, title, origin), Path(), SearchErrand(known))
+    return title, Task(_study_of(system, options, title, origin), Path(), SearchFollowUp(known))
 
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
@@ -235,7 +235,7 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
     )
     plane = f"{parameter_symbol(first)} and {parameter_symbol(second)}"
     title = f"locus of the {special.kind.value} of {line.name} at {special.value:.6g}, in {plane}"
-    return title, Task(_study_of(system, options, title, origin), Path(), LocusErrand(special))
+    return title, Task(_study_of(system, options, title, origin), Path(), LocusFollowUp(special))
 
 
 def locus_method(orbit: Orbit, origin: Study) -> Method:

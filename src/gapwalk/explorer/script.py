@@ -7,20 +7,20 @@ from pathlib import Path
 
 from gapwalk.errors import ModelError
 from gapwalk.explorer.action import Compute, FollowLocus, Place, Search, Settle, Switch, Walk
-from gapwalk.explorer.board import Board
-from gapwalk.explorer.entry import Entry, State
+from gapwalk.explorer.exploration import Exploration
+from gapwalk.explorer.page_result import Entry, State
 from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit_at, plan, search_system
 from gapwalk.explorer.workspace import RESULT
-from gapwalk.model.large import MATRICES
-from gapwalk.model.source import parse_source
+from gapwalk.model.large_files import MATRICES
+from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.study.diagram.diagram import DiagramOptions
-from gapwalk.study.options import DiagramStudyOptions
+from gapwalk.studies.diagram.diagram import DiagramOptions
+from gapwalk.studies.options import DiagramStudyOptions
 
 _MOST = 100  # results that one goes back to
 
 
-def script_of(board: Board, entry: Entry) -> str:
+def script_of(exploration: Exploration, entry: Entry) -> str:
     """A script that computes the branches of an entry again; it runs in the folder of the file that was opened.
 
     Raises
@@ -28,14 +28,14 @@ def script_of(board: Board, entry: Entry) -> str:
     ModelError
         If what it goes back to is not on the page any more.
     """
-    return _Script(board).text(entry)
+    return _Script(exploration).text(entry)
 
 
 class _Script:
     """The lines of a script while they are put together."""
 
-    def __init__(self, board: Board) -> None:
-        self.board = board
+    def __init__(self, exploration: Exploration) -> None:
+        self.exploration = exploration
         self.lines: list[str] = []
         self.names: dict[str, str] = {}
         self.imports: set[str] = set()
@@ -44,7 +44,7 @@ class _Script:
     def text(self, entry: Entry) -> str:
         name = self.repeat(entry)
         head = [
-            f'"""{_plain(entry.title)}: computed again, from {_plain(self.board.name)}."""',
+            f'"""{_plain(entry.title)}: computed again, from {_plain(self.exploration.name)}."""',
             "",
             *sorted(self.imports, reverse=True),  # `import gapwalk` stands after `from`
             "import gapwalk as gw",
@@ -78,11 +78,11 @@ class _Script:
 
     def _compute(self, entry: Entry, action: Compute | None) -> str:
         name = _name("branches", entry)
-        file = Path(self.board.name).name
+        file = Path(self.exploration.name).name
         self._comment(entry)
         if action is None:
             self.lines += self._lines_of(entry, name, f"gw.load({file!r})")
-        elif self.board.file.suffix == RESULT:
+        elif self.exploration.file.suffix == RESULT:
             changed = f"replace(study, system=study.system.at({dict(action.values)!r}))" if action.values else "study"
             if action.values:
                 self.imports.add("from dataclasses import replace")
@@ -105,7 +105,7 @@ class _Script:
 
     def _source(self, entry: Entry) -> str | None:
         """The model file of an entry as it was then, as an argument; None where its text does not hold all of it."""
-        study = self.board.base() if entry.result is None else entry.result.study
+        study = self.exploration.base() if entry.result is None else entry.result.study
         if entry.result is not None and not _is_whole(study.text):
             return None
         if study.text not in self.models:
@@ -137,15 +137,15 @@ class _Script:
         return name
 
     def _switch(self, entry: Entry, action: Switch) -> str:
-        parent = self.board.entry(action.start.result)
-        line, _ = self.board.special(action.start)
+        parent = self.exploration.entry(action.start.result)
+        line, _ = self.exploration.special(action.start)
         special, name = self._place(action.start), _name("branches", entry)
         self.imports.add("from gapwalk.bifurcation import walk_out")
         self._comment(entry)
         options, within = self._method(action.start), f"({action.low!r}, {action.high!r})"
         self.lines += [
-            f"departures = gw.switch({special}, {line.parameter!r}, {within}{options})",
-            f"{name} = (walk_out(departures),)",
+            f"beginnings = gw.switch({special}, {line.parameter!r}, {within}{options})",
+            f"{name} = (walk_out(beginnings),)",
             "",
         ]
         assert parent.key in self.names
@@ -153,13 +153,14 @@ class _Script:
 
     def _search(self, entry: Entry, action: Search) -> str:
         system = self._base_system(entry) if action.start is None else f"{self._motion(action.start)}.system"
-        searched = search_system(action, self.board) if entry.result is None else entry.result.study.system
+        searched = search_system(action, self.exploration) if entry.result is None else entry.result.study.system
         known = [
-            f"{self.repeat(self.board.entry(key))}[{n}]" for key, n in known_branches(action, self.board, searched)
+            f"{self.repeat(self.exploration.entry(key))}[{n}]"
+            for key, n in known_branches(action, self.exploration, searched)
         ]
         name = _name("branches", entry)
         self._comment(entry)
-        options = (plan(action, self.board)[1].study if entry.result is None else entry.result.study).options
+        options = (plan(action, self.exploration)[1].study if entry.result is None else entry.result.study).options
         assert isinstance(options, DiagramStudyOptions)
         changed = {
             field.name: value
@@ -178,12 +179,12 @@ class _Script:
         return name
 
     def _locus(self, entry: Entry, action: FollowLocus) -> str:
-        line, special = self.board.special(action.start)
+        line, special = self.exploration.special(action.start)
         place, name = self._place(action.start), _name("loci", entry)
         self._comment(entry)
         low, high = sorted((action.second_low, action.second_high))
         plane = f"{line.parameter!r}, {action.second!r}, {((action.low, action.high), (low, high))!r}"
-        options = _option(locus_method(special.orbit, self.board.origin(action.start)))
+        options = _option(locus_method(special.orbit, self.exploration.origin(action.start)))
         self.lines += [f"{name} = (gw.follow_locus({place}, {plane}{options}),)", ""]
         return name
 
@@ -204,8 +205,8 @@ class _Script:
 
     def _base_system(self, entry: Entry) -> str:
         """The system of the file that was opened, as it was when the entry was computed."""
-        if self.board.file.suffix == RESULT:
-            return f"gw.load({Path(self.board.name).name!r}).system"
+        if self.exploration.file.suffix == RESULT:
+            return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
         return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
 
@@ -215,7 +216,7 @@ class _Script:
 
     def _place(self, place: Place) -> str:
         """The orbit, or the special point, at a place."""
-        entry = self.board.entry(place.result)
+        entry = self.exploration.entry(place.result)
         name = self.repeat(entry)
         settled = entry.settled()
         if settled is not None:  # a motion without period has no orbit, but a system and a state like one
@@ -230,7 +231,7 @@ class _Script:
 
     def _method(self, place: Place) -> str:
         """How orbits are posed, if not as by default."""
-        return _option(method_of(orbit_at(place, self.board), self.board.origin(place)))
+        return _option(method_of(orbit_at(place, self.exploration), self.exploration.origin(place)))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")

@@ -11,10 +11,10 @@ from pathlib import Path
 import uvicorn
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.app import application
-from gapwalk.explorer.board import Board
-from gapwalk.explorer.desk import Desk
-from gapwalk.explorer.guard import is_loopback, new_token
+from gapwalk.explorer.exploration import Exploration
+from gapwalk.explorer.request_guard import is_loopback, new_token
+from gapwalk.explorer.session import Session
+from gapwalk.explorer.web_app import application
 from gapwalk.explorer.workspace import Workspace
 
 _GRACE = 1  # seconds that open connections have when the server ends
@@ -41,22 +41,22 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
     """
     root, name = _workspace(file)
     if name:
-        Board(Workspace(root), name)  # what is wrong with the file is told here rather than on a page
+        Exploration(Workspace(root), name)  # what is wrong with the file is told here rather than on a page
     with _listen(host, port) as listener:
         token = "" if is_loopback(host) else new_token()
-        desk = Desk(root, name)
+        session = Session(root, name)
         address = f"http://{_shown(host)}:{listener.getsockname()[1]}/{f'?token={token}' if token else ''}"
         config = uvicorn.Config(
-            application(desk, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
+            application(session, token), log_level="warning", timeout_graceful_shutdown=_GRACE, server_header=False
         )
 
         def tell() -> None:
-            print(f"the explorer of {desk.workspace.root} is at\n    {address}", flush=True)
+            print(f"the explorer of {session.workspace.root} is at\n    {address}", flush=True)
             print("Ctrl-C ends it; what is computed is kept", flush=True)
             if browser:
                 webbrowser.open(address)
 
-        asyncio.run(_Server(config, tell, desk.events.close).serve(sockets=[listener]))
+        asyncio.run(_Server(config, tell, session.events.close).serve(sockets=[listener]))
 
 
 class _Server(uvicorn.Server):

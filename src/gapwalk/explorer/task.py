@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Protocol
 
 from gapwalk.explorer.news import News, Progress
-from gapwalk.study.file import Study
-from gapwalk.study.interruption import found_by
-from gapwalk.study.run import run
+from gapwalk.studies.file import Study
+from gapwalk.studies.interruption import found_by
+from gapwalk.studies.run import run
 
 
-class Errand(Protocol):
-    """What is to be done where it is no study of a model file; see `gapwalk.explorer.errands`."""
+class FollowUp(Protocol):
+    """What is to be done where it is no study of a model file; see `gapwalk.explorer.follow_ups`."""
 
     def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
         """Do it, and write the result file; whether it was done to its end, False after Ctrl-C."""
@@ -29,10 +29,10 @@ class Task:
     Parameters
     ----------
     study
-        The study; of an errand, what its result is stored as.
+        The study; of an follow_up, what its result is stored as.
     output
         The result file.
-    errand
+    follow_up
         What to do if it is not the study itself.
     resume
         Whether to go on with an interrupted run; where it has left no result file, to begin.
@@ -40,7 +40,7 @@ class Task:
 
     study: Study
     output: Path
-    errand: Errand | None = None
+    follow_up: FollowUp | None = None
     resume: bool = False
 
 
@@ -52,16 +52,16 @@ def do(task: Task, tell: Callable[[Progress], object]) -> bool:
     """
     news = News(tell)
     try:
-        if task.errand is None:
+        if task.follow_up is None:
             return _run(task, news)
-        return task.errand.do(task.study, task.output, news, resume=task.resume)
+        return task.follow_up.do(task.study, task.output, news, resume=task.resume)
     finally:
         with suppress(OSError):  # nobody listens any more
             news.tell()
 
 
 def _run(task: Task, news: News) -> bool:
-    reports = {"response": news.point, "diagram": news.limb, "map": news.chart, "locus": news.chart}
+    reports = {"response": news.point, "diagram": news.member, "map": news.chart, "locus": news.chart}
     report = reports.get(task.study.options.kind, news.part)
     resume = task.resume and task.output.exists()
     return found_by(run, task.study, task.output, resume=resume, report=report).complete

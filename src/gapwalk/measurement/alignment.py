@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.agreement import Agreement, agreement
+from gapwalk.attractors.agreement import Agreement, agreement
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.signal import Signal, signal_of
+from gapwalk.measurement.measured_record import Record
 from gapwalk.measurement.misfit import Misfit
-from gapwalk.measurement.record import Record
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.signal import Signal, signal_of
 from gapwalk.orbit.orbit import Orbit
 
 _STEPS = 30  # most Gauss-Newton steps of the phase; from the grid three suffice

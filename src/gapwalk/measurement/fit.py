@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.alignment import Alignment, aligned, found_phase
-from gapwalk.measurement.descent import Descent, descend
 from gapwalk.measurement.estimate import Estimate, Verdict, judge
+from gapwalk.measurement.fit_path import Descent, descend
+from gapwalk.measurement.measured_record import Record
 from gapwalk.measurement.misfit import Misfit
-from gapwalk.measurement.record import Record
-from gapwalk.motion.signal import Signal, signal_of
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.orbit import Orbit
 

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractor.agreement import lines_of, orders_of
+from gapwalk.attractors.agreement import lines_of, orders_of
 from gapwalk.errors import ModelError
-from gapwalk.measurement.record import Record
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.signal import Signal
+from gapwalk.measurement.measured_record import Record
 from gapwalk.model.system import pace_text
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.signal import Signal
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity, signal_along
 

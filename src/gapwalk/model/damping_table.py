@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.fields import Matrix, NonNegative, Number
+from gapwalk.model.model_fields import Matrix, NonNegative, Number
 from gapwalk.model.schema import Part, by_shape, tagged
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gapwalk.model.drivetrain.train_assembly import of_angles
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import of_angles
 
 _NOTHING = 1e-12  # of the largest rate: a rate below is zero but for rounding
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.files import array_header, check_npz, open_file
-from gapwalk.model.fields import MAX_COORDINATES
-from gapwalk.model.problem import given
+from gapwalk.model.model_fields import MAX_COORDINATES
+from gapwalk.model.problems import given
 
 _MAX_BYTES = 200_000_000  # of a file, and of what is packed in one
 _MAX_LINE = 100 * MAX_COORDINATES  # characters in a line of CSV: a number takes some 25

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import did_you_mean
-from gapwalk.model.rest import Equilibrium
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly, of_angles
+from gapwalk.model.equilibria import Equilibrium
+from gapwalk.model.problems import did_you_mean
 from gapwalk.model.spring import springs_of
 from gapwalk.model.statics import tangent
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import TrainAssembly, of_angles
 from gapwalk.notebook.shown import Shown
 
 _Vibrations = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]

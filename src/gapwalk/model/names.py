@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import overload
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import near_names
+from gapwalk.model.problems import near_names
 from gapwalk.model.units.kind import PACES
 
 _SHOWN = 5  # names that are told where none is like the one that was asked for

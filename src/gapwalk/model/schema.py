@@ -10,8 +10,8 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Discriminator, Tag, ValidationError
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import Path, Problem, did_you_mean, given
-from gapwalk.model.source import Source
+from gapwalk.model.model_source import Source
+from gapwalk.model.problems import Path, Problem, did_you_mean, given
 from gapwalk.model.units.quantity import has_unit
 
 _TOP = "the top of the file, above the first table in brackets"

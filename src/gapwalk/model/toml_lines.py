@@ -7,7 +7,7 @@ import tomllib
 from bisect import bisect_left
 from contextlib import suppress
 
-from gapwalk.model.problem import Path
+from gapwalk.model.problems import Path
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gapwalk.model.problem import Path
+from gapwalk.model.problems import Path
 from gapwalk.model.toml_lines import STRING
 
 MAX_PARTS = 20

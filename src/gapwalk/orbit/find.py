@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.dissipation import dissipation_doubts
 from gapwalk.model.system import System, check_system
-from gapwalk.motion.flow import PERIOD, flow_of
-from gapwalk.motion.motion import check_state
-from gapwalk.motion.unit import magnitude
-from gapwalk.orbit.equation import OrbitEquation
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import OrbitEquation
+from gapwalk.orbit.other_starts import other_starts
 from gapwalk.orbit.shooting import ShootingEquation
-from gapwalk.orbit.starts import other_starts
 
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts

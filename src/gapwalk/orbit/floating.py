@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import TrainAssembly
 from gapwalk.orbit.orbit import Orbit
 
 _NOTHING = 1e-12  # share of the largest singular value of the stiffness below which one is zero up to rounding

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.unit import magnitude
 from gapwalk.orbit.orbit import Orbit
 
 SAME = 1e-6

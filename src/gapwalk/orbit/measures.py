@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import near_names
+from gapwalk.model.problems import near_names
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit

@@ -9,8 +9,8 @@ from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
     from gapwalk.model.system import System
-    from gapwalk.orbit.equation import OrbitEquation
     from gapwalk.orbit.orbit import Orbit
+    from gapwalk.orbit.orbit_equation import OrbitEquation
 
 
 class Method:
@@ -24,7 +24,7 @@ class Method:
     asks of an orbit stands there: `truncation`, `harmonics`. Three things have a form of their own for each method, and
     are registered by who adds one: the space in which orbits are told apart
     (`gapwalk.bifurcation.membership.space_of`), the plane in which loci are followed
-    (`gapwalk.bifurcation.locus.departure.plane_of`), and the lines that can be verified
+    (`gapwalk.bifurcation.loci.locus_start.plane_of`), and the lines that can be verified
     (`gapwalk.verification.balanced.imbalance`). What is there without that suits unknowns that are states at some
     angles, one after the other, the first at theta = 0.
 

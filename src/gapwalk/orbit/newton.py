@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError
-from gapwalk.motion.unit import smallness
-from gapwalk.orbit.equation import Equation, Evaluation
+from gapwalk.flow.length_unit import smallness
+from gapwalk.orbit.orbit_equation import Equation, Evaluation
 
 _RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped resonance
 

@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.motion import Motion, sample, switch_names
+from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, pace_text
-from gapwalk.motion.flow import PERIOD, flow_of
-from gapwalk.motion.motion import Motion, sample, switch_names
-from gapwalk.motion.switching import ContactEvent
 from gapwalk.notebook.shown import Shown
 from gapwalk.orbit.floquet import Instability, classify
 from gapwalk.orbit.measures import measure

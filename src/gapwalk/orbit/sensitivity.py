@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import PERIOD, Flow, flow_of
+from gapwalk.flow.motion import Motion, sample
+from gapwalk.flow.signal import Signal
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
-from gapwalk.motion.flow import PERIOD, Flow, flow_of
-from gapwalk.motion.motion import Motion, sample
-from gapwalk.motion.signal import Signal
 from gapwalk.orbit.orbit import Orbit
 
 _SINGULAR = 1e-11  # smallest relative singular value of ``Phi_x - I`` of an orbit that has derivatives

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
-from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.motion.switching import ContactEvent
-from gapwalk.orbit.equation import Evaluation, OrbitEquation, check_period
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, check_period
 
 if TYPE_CHECKING:
-    from gapwalk.orbit.touch import TouchEquation
+    from gapwalk.orbit.touch_equation import TouchEquation
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class ShootingEquation:
     @property
     def by_touches(self) -> Callable[..., TouchEquation]:
         """With a segment that begins just before each touch."""
-        from gapwalk.orbit.touch import TouchEquation
+        from gapwalk.orbit.touch_equation import TouchEquation
 
         return partial(TouchEquation, self)
 

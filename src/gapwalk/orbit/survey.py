@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.flow import PERIOD, Turn, flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.motion.flow import PERIOD, Turn, flow_of
 
 if TYPE_CHECKING:
     from gapwalk.orbit.orbit import Orbit

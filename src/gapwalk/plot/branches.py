@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, open_window, write_legend

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapwalk.attractor.basins import Basins
-from gapwalk.attractor.regimes import Regimes
-from gapwalk.attractor.settled import Settled
+from gapwalk.attractors.basins import Basins
+from gapwalk.attractors.regimes import Regimes
+from gapwalk.attractors.settled import Settled
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
-from gapwalk.bifurcation.compare import Comparison
+from gapwalk.bifurcation.branch_comparison import Comparison
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import GapwalkError
 from gapwalk.measurement.fit import Fit
@@ -24,10 +24,10 @@ from gapwalk.plot.picture import drawing_of
 from gapwalk.plot.sheet import new_sheet, png_bytes
 from gapwalk.plot.style import CARD, in_style, sized
 from gapwalk.plot.words import pace_words, parameter_symbol
-from gapwalk.study.family.record import Family
-from gapwalk.study.map.chart import Map
-from gapwalk.study.result import Result
-from gapwalk.study.sweep.record import Sweep
+from gapwalk.studies.family.record import Family
+from gapwalk.studies.map.chart import Map
+from gapwalk.studies.result import Result
+from gapwalk.studies.sweep.record import Sweep
 
 _CELL = "text-align: left; padding: 1px 12px 1px 0; background: none; vertical-align: top"
 _MOST = 12  # most rows of a table
@@ -174,10 +174,10 @@ def _(branch: Branch) -> Card:
 def _(diagram: Diagram) -> Card:
     low, high = diagram.within
     rows = [
-        (limb.name, f"{limb.branch.values.min():.6g} to {limb.branch.values.max():.6g}", _kinds([limb.branch]))
-        for limb in diagram.limbs
+        (member.name, f"{member.branch.values.min():.6g} to {member.branch.values.max():.6g}", _kinds([member.branch]))
+        for member in diagram.members
     ]
-    facts = [(diagram.parameter, f"{low:.8g} to {high:.8g}"), ("branches", str(len(diagram.limbs)))]
+    facts = [(diagram.parameter, f"{low:.8g} to {high:.8g}"), ("branches", str(len(diagram.members)))]
     return Card("Diagram", facts, ("branch", "from, to", "special points"), rows)
 
 

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import NDArray
 
-from gapwalk.attractor.attractor import AttractorKind
-from gapwalk.attractor.basins import Basins
-from gapwalk.attractor.regime import Regime, regime_word
-from gapwalk.attractor.regimes import Regimes
-from gapwalk.attractor.sorting import RUNAWAY, UNRESOLVED
-from gapwalk.bifurcation.locus import Locus
+from gapwalk.attractors.attractor import AttractorKind
+from gapwalk.attractors.basins import Basins
+from gapwalk.attractors.regime import Regime, regime_word
+from gapwalk.attractors.regimes import Regimes
+from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
-from gapwalk.motion.signal import contact_to_show
+from gapwalk.flow.signal import contact_to_show
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
 from gapwalk.plot.style import (
@@ -36,8 +36,8 @@ from gapwalk.plot.style import (
     symbols,
 )
 from gapwalk.plot.words import coordinate_words, parameter_words, state_words
-from gapwalk.study.sweep.options import Way
-from gapwalk.study.sweep.record import Sweep
+from gapwalk.studies.sweep.options import Way
+from gapwalk.studies.sweep.record import Sweep
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 

@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.attractor.agreement import LinePair
-from gapwalk.attractor.contrast import Contrast, SignalPair
+from gapwalk.attractors.agreement import LinePair
+from gapwalk.attractors.contrast import Contrast, SignalPair
 from gapwalk.bifurcation.branch import Kind
+from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
-from gapwalk.motion.flow import PERIOD
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import draws
@@ -37,8 +37,8 @@ from gapwalk.plot.style import (
     symbols,
 )
 from gapwalk.plot.words import full_measure, measure_words, order_words, pace_words, parameter_words
-from gapwalk.study.comparison import ResultComparison
-from gapwalk.study.result import Result
+from gapwalk.studies.comparison import ResultComparison
+from gapwalk.studies.result import Result
 
 _DEPTH = 1e-3  # smallest line that is shown, relative to the largest
 _SHIFT, _WIDEST = 0.007, 0.16  # half the distance of paired lines: relative to the picture; at most, to their order

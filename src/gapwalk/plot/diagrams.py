@@ -15,10 +15,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.diagram import Diagram, Limb
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.model.problem import did_you_mean
+from gapwalk.model.problems import did_you_mean
 from gapwalk.orbit.identity import stroboscopic
 from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, joined, unexplained_entries
 from gapwalk.plot.branches import unexplained_places as places_of
@@ -46,10 +46,10 @@ class Birth(NamedTuple):
 
 def births_of(diagram: Diagram) -> Iterator[Birth]:
     """Yield the special points of a diagram at which other branches begin or end."""
-    for limb in diagram.limbs:
-        for index, special in enumerate(limb.branch.special_points):
-            if diagram.attached(limb.name, index):
-                yield Birth(special.value, special.point, limb.period)
+    for member in diagram.members:
+        for index, special in enumerate(member.branch.special_points):
+            if diagram.attached(member.name, index):
+                yield Birth(special.value, special.point, member.period)
 
 
 def crowded_range(values: Sequence[float], within: Range) -> Range | None:
@@ -108,11 +108,11 @@ def draw_diagram(
     title
         Title above the picture.
     """
-    if not diagram.limbs:
+    if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     measure = full_measure(measure, diagram.branches[0].system.coordinates)
-    shortest = min(limb.period for limb in diagram.limbs)
-    first = [limb.branch for limb in diagram.limbs if limb.period == shortest]
+    shortest = min(member.period for member in diagram.members)
+    first = [member.branch for member in diagram.members if member.period == shortest]
     crowd = _closeup(diagram, closeup)
     strobes = Strobes(diagram, measure.partition(".")[2])
     panels = figure.subplots(3 if crowd else 2, 1, height_ratios=[1.0] + [1.25] * (2 if crowd else 1))
@@ -169,7 +169,7 @@ def draw_strobes(
     within
         Range of the parameter that is shown; by default that of the diagram.
     """
-    if not diagram.limbs:
+    if not diagram.members:
         raise ModelError("the diagram has no branches yet, so there is nothing to draw")
     coordinates = diagram.branches[0].system.coordinates
     coordinate = full_measure(measure, coordinates).partition(".")[2] or measure
@@ -201,9 +201,11 @@ class Strobes:
         self.system = diagram.branches[0].system
         names = self.system.coordinates
         self.diagram, self.coordinate = diagram, coordinate if coordinate in names else names[0]
-        self.periods = sorted({limb.period for limb in diagram.limbs})
+        self.periods = sorted({member.period for member in diagram.members})
         self._place = names.index(self.coordinate)
-        self.pieces: list[tuple[Limb, list[Piece]]] = [(limb, cut(limb.branch, self._states)) for limb in diagram.limbs]
+        self.pieces: list[tuple[DiagramBranch, list[Piece]]] = [
+            (member, cut(member.branch, self._states)) for member in diagram.members
+        ]
         self.births = list(births_of(diagram))
 
     def draw(self, ax: Axes) -> None:
@@ -212,10 +214,10 @@ class Strobes:
             for stable in (False, True):
                 curves = [
                     (piece.x, y)
-                    for limb, pieces in self.pieces
+                    for member, pieces in self.pieces
                     for piece in pieces
                     for y in piece.y.T
-                    if limb.period == period and (piece.label == "stable") == stable
+                    if member.period == period and (piece.label == "stable") == stable
                 ]
                 if curves:
                     options = period_options(rank, stable)
@@ -225,8 +227,8 @@ class Strobes:
                 values = np.repeat([birth.value for birth in births], period)
                 states = np.concatenate([self._states(birth.point) for birth in births])
                 ax.plot(values, states, zorder=5 - 0.1 * rank, **birth_options(rank))
-        for limb in self.diagram.limbs:
-            draw_unexplained(ax, places_of(limb.branch, self._states))
+        for member in self.diagram.members:
+            draw_unexplained(ax, places_of(member.branch, self._states))
         ax.set_xlabel(parameter_words(self.diagram.parameter, self.system.units))
         ax.set_ylabel(broken(state_words(self.coordinate, self.system.units)))
 
@@ -234,9 +236,9 @@ class Strobes:
         """Write a legend of the colours of periods above the axes, up to the longest period within a range."""
         low, high = within or (-math.inf, math.inf)
         periods = {
-            limb.period
-            for limb in self.diagram.limbs
-            if ((limb.branch.values >= low) & (limb.branch.values <= high)).any()
+            member.period
+            for member in self.diagram.members
+            if ((member.branch.values >= low) & (member.branch.values <= high)).any()
         }
         shown = [period for period in self.periods if period <= max(periods, default=0)]
         entries = [(f"period {period}", period_options(rank, stable=True)) for rank, period in enumerate(shown)]
@@ -248,12 +250,12 @@ class Strobes:
 
     def draw_names(self, ax: Axes, without: Range | None = None) -> None:
         """Write names next to the branches of the two shortest periods, outside of a given range of the parameter."""
-        counts = Counter(limb.period for limb in self.diagram.limbs)
+        counts = Counter(member.period for member in self.diagram.members)
         named = [period for period in self.periods[:2] if counts[period] > 1 or period != self.periods[0]]
         labels = [
             label
-            for limb, pieces in self.pieces
-            if limb.period in named and (label := self._label(limb, pieces, ax.get_xlim(), without))
+            for member, pieces in self.pieces
+            if member.period in named and (label := self._label(member, pieces, ax.get_xlim(), without))
         ]
         if 0 < len(labels) <= _NAMED:
             place_labels(ax, labels, self._curve, np.empty((0, 2)))
@@ -271,7 +273,9 @@ class Strobes:
         curves = [(piece.x, y) for _, pieces in self.pieces for piece in pieces for y in piece.y.T]
         return np.column_stack(joined(curves))
 
-    def _label(self, limb: Limb, pieces: Sequence[Piece], shown: Range, without: Range | None) -> Label | None:
+    def _label(
+        self, member: DiagramBranch, pieces: Sequence[Piece], shown: Range, without: Range | None
+    ) -> Label | None:
         """Return the name of a branch at its point farthest from the other curves; None if that is not shown."""
         x, y = (np.concatenate(parts) for parts in zip(*((piece.x, piece.y[:, 0]) for piece in pieces), strict=True))
         inside = (x >= shown[0]) & (x <= shown[1])
@@ -281,7 +285,7 @@ class Strobes:
             return None
         middle = float(np.nanmedian(self._curve[:, 1]))
         best = int(np.argmax(np.where(inside, np.abs(y - middle), -1.0)))
-        return Label(limb.name, float(x[best]), float(y[best]))
+        return Label(member.name, float(x[best]), float(y[best]))
 
     def _states(self, point: BranchPoint) -> NDArray[np.float64]:
         return stroboscopic(point.orbit)[:, self._place]

@@ -15,7 +15,7 @@ from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.bifurcation.locus import Codim2, Codim2Point, Locus
+from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places
@@ -37,9 +37,9 @@ from gapwalk.plot.style import (
     symbols,
 )
 from gapwalk.plot.words import full_measure, measure_words, parameter_words
-from gapwalk.study.family.joint import Fate, Joint
-from gapwalk.study.family.record import Family
-from gapwalk.study.map import Map
+from gapwalk.studies.family.connection import Connection, Fate
+from gapwalk.studies.family.record import Family
+from gapwalk.studies.map import Map
 
 _ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
 
@@ -199,7 +199,7 @@ def draw_family(
     panels[0].set_title(title, wrap=True)
     panels[0].set_xlabel("")
     panels[0].tick_params(labelbottom=True)
-    _draw_joints(panels[1], family)
+    _draw_connections(panels[1], family)
     panels[1].set(xlabel=parameter_words(family.parameter), ylabel=parameter_words(family.over.name))
     panels[1].set_xlim(*family.within)
     panels[1].margins(y=0.05)
@@ -250,7 +250,7 @@ def _height(measure: str, point: Any) -> NDArray[np.float64]:
     return np.array([point.measure(measure)])
 
 
-def _draw_joints(ax: Axes, family: Family) -> None:
+def _draw_connections(ax: Axes, family: Family) -> None:
     """Draw the curves of special points from member to member, and the events along them."""
     ranks = _ranks(family)
     for member in family.members:
@@ -258,29 +258,37 @@ def _draw_joints(ax: Axes, family: Family) -> None:
         for _, special in member.special_points:
             ax.plot(special.value, member.value, zorder=4, **_small(special.kind))
         draw_unexplained(ax, _unexplained(member.branches, member.value))
-    for joint in _joints(family):
-        if joint.curve:
-            options = _GUESS.options() if joint.fate is Fate.NEAR else locus_options(joint.kind, ranks[joint.period])
-            ax.plot(*np.array(joint.curve).T, zorder=2.5 if joint.kind is Kind.GRAZING else 3.0, **options)
-        for passage in joint.passages:
+    for connection in _connections(family):
+        if connection.curve:
+            options = (
+                _GUESS.options()
+                if connection.fate is Fate.NEAR
+                else locus_options(connection.kind, ranks[connection.period])
+            )
+            ax.plot(*np.array(connection.curve).T, zorder=2.5 if connection.kind is Kind.GRAZING else 3.0, **options)
+        for passage in connection.passages:
             style = CODIM2[Codim2(passage.kind)]
             if style.label:
                 ax.plot(passage.first, passage.value, zorder=6, **style.options())
-        if joint.at is not None and _leads_nowhere(joint):
-            ax.plot(*(joint.at if joint.fate is Fate.OUTSIDE else joint.curve[-1]), zorder=5, **_NOWHERE.options())
-        if joint.at is not None and _turns(joint):
-            ax.plot(*joint.at, zorder=5, **_TURN.options())
+        if connection.at is not None and _leads_nowhere(connection):
+            ax.plot(
+                *(connection.at if connection.fate is Fate.OUTSIDE else connection.curve[-1]),
+                zorder=5,
+                **_NOWHERE.options(),
+            )
+        if connection.at is not None and _turns(connection):
+            ax.plot(*connection.at, zorder=5, **_TURN.options())
 
 
-def _leads_nowhere(joint: Joint) -> bool:
+def _leads_nowhere(connection: Connection) -> bool:
     """Return True if a curve leads to a member, but to none of its known branches."""
-    return joint.fate is Fate.OUTSIDE or (joint.fate is Fate.MET and joint.end is None)
+    return connection.fate is Fate.OUTSIDE or (connection.fate is Fate.MET and connection.end is None)
 
 
-def _turns(joint: Joint) -> bool:
+def _turns(connection: Connection) -> bool:
     """Return True if two special points meet in an event without a symbol of its own."""
-    known = joint.event in list(Codim2) and bool(CODIM2[Codim2(joint.event)].label)
-    return joint.fate is Fate.MET and not known
+    known = connection.event in list(Codim2) and bool(CODIM2[Codim2(connection.event)].label)
+    return connection.fate is Fate.MET and not known
 
 
 def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -296,16 +304,16 @@ def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
             if (kind, period) in kinds:
                 line = locus_options(kind, rank) if kind in LOCI else {}
                 yield style.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
-    joints = list(_joints(family))
-    events = {passage.kind for joint in joints for passage in joint.passages}
-    events |= {joint.event for joint in joints if joint.fate is Fate.MET}
+    connections = list(_connections(family))
+    events = {passage.kind for connection in connections for passage in connection.passages}
+    events |= {connection.event for connection in connections if connection.fate is Fate.MET}
     shown = [style for kind, style in CODIM2.items() if kind.value in events and style.label]
     yield from (style.entry for style in shown)
-    if any(map(_turns, joints)):
+    if any(map(_turns, connections)):
         yield _TURN.entry
-    if any(map(_leads_nowhere, joints)):
+    if any(map(_leads_nowhere, connections)):
         yield _NOWHERE.entry
-    if any(joint.fate is Fate.NEAR for joint in joints):
+    if any(connection.fate is Fate.NEAR for connection in connections):
         yield _GUESS.entry
     yield from unexplained_entries(family.branches)
 
@@ -319,6 +327,6 @@ def _ranks(family: Family) -> dict[int, int]:
     return {period: rank for rank, period in enumerate(sorted({branch.period for branch in family.branches}))}
 
 
-def _joints(family: Family) -> Iterator[Joint]:
-    for joints in (family.joints or {}).values():
-        yield from joints
+def _connections(family: Family) -> Iterator[Connection]:
+    for connections in (family.connections or {}).values():
+        yield from connections

@@ -15,21 +15,21 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from gapwalk.attractor.attractor import Attractor
-from gapwalk.attractor.section import Section, strobe
-from gapwalk.attractor.settled import Settled
-from gapwalk.attractor.spectrum import Spectrum, SpectrumOptions, spectrum
-from gapwalk.attractor.waterfall import Waterfall
+from gapwalk.attractors.attractor import Attractor
+from gapwalk.attractors.section import Section, strobe
+from gapwalk.attractors.settled import Settled
+from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, spectrum
+from gapwalk.attractors.waterfall import Waterfall
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.hysteresis import Hysteresis
+from gapwalk.flow.motion import Motion, integrate
+from gapwalk.flow.signal import contact_to_show
+from gapwalk.model.drivetrain import geometry
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
-from gapwalk.model.train import geometry
-from gapwalk.model.train.assembly import TrainAssembly
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.hysteresis import Hysteresis
-from gapwalk.motion.motion import Motion, integrate
-from gapwalk.motion.signal import contact_to_show
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws

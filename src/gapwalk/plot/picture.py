@@ -30,8 +30,8 @@ from gapwalk.plot.sheet import (
     write_heading,
 )
 from gapwalk.plot.style import SizeName, in_style, sized
-from gapwalk.study.export import write_whole
-from gapwalk.study.result import Result
+from gapwalk.studies.export import write_whole
+from gapwalk.studies.result import Result
 
 Finish = Callable[[], None] | None
 """Function that draws what needs the final layout (labels, close-ups); None if there is nothing."""

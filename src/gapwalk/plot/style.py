@@ -18,9 +18,9 @@ from typing import Any, Literal
 import matplotlib as mpl
 from matplotlib.colors import to_hex
 
-from gapwalk.attractor.regime import Regime
+from gapwalk.attractors.regime import Regime
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.locus import Codim2
+from gapwalk.bifurcation.loci import Codim2
 from gapwalk.errors import ModelError
 
 BLACK, GREY, SHADE = "#000000", "#6f6f6f", "#f1eee6"

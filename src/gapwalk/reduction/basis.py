@@ -23,8 +23,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from gapwalk.reduction.interior import Interior
-from gapwalk.reduction.kept import Kept
-from gapwalk.reduction.matrices import Matrices
+from gapwalk.reduction.retained import Kept
+from gapwalk.reduction.sparse_matrices import Matrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.orbit.balance import Balance
-from gapwalk.reduction.pair import Pair, method_for
-from gapwalk.reduction.twin import Twin, find_special, test_of
+from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.reduction.paired_branch import PairedBranch, find_special, test_of
+from gapwalk.reduction.paired_equations import Pair, method_for
 
 if TYPE_CHECKING:
     from gapwalk.reduction.reduction import Reduction
@@ -103,39 +103,39 @@ def check_branch(reduction: Reduction, branch: Branch, method: Balance | None = 
     first = branch.points[0].orbit
     pair = Pair(reduction, first.system, branch.parameter, branch.period, method_for(first, method))
     width = float(np.ptp(branch.values)) or abs(branch.values[0]) or 1.0
-    twin = Twin(pair, first, width)
-    _ = twin.offset  # raises an error if the system is not the reduced one
+    paired = PairedBranch(pair, first, width)
+    _ = paired.offset  # raises an error if the system is not the reduced one
     chosen = np.unique(np.linspace(0, len(branch.points) - 1, _POINTS).astype(int))
-    motions = tuple(_motion(twin, branch.points[place]) for place in chosen.tolist())
-    special = tuple(_special(twin, each) for each in branch.special_points)
+    motions = tuple(_motion(paired, branch.points[place]) for place in chosen.tolist())
+    special = tuple(_special(paired, each) for each in branch.special_points)
     return BranchCheck(branch, special, motions, pair.full.harmonics)
 
 
-def _motion(twin: Twin, point: BranchPoint) -> float:
+def _motion(paired: PairedBranch, point: BranchPoint) -> float:
     """Return the error of the motion at one point."""
-    start = twin.start(point.orbit, point)
-    image = None if start is None else twin.image(start)
+    start = paired.start(point.orbit, point)
+    image = None if start is None else paired.image(start)
     if start is None or image is None:
         return float("inf")
-    return _MARGIN * twin.change(start, image)
+    return _MARGIN * paired.change(start, image)
 
 
-def _special(twin: Twin, special: SpecialPoint) -> SpecialCheck:
+def _special(paired: PairedBranch, special: SpecialPoint) -> SpecialCheck:
     lost = SpecialCheck(special, float("nan"), float("inf"), float("inf"))
-    start = twin.start(special.orbit, special.point)
+    start = paired.start(special.orbit, special.point)
     test = None if start is None else test_of(special, start)
     if start is None or test is None:
         return lost
-    ours = find_special(twin.reduced, start.x, start.tangent, test, special.kind)
+    ours = find_special(paired.reduced, start.x, start.tangent, test, special.kind)
     if ours is None:
         return lost
-    theirs = find_special(twin.full, twin.shifted(ours[0].x), start.tangent, test, special.kind)
+    theirs = find_special(paired.full, paired.shifted(ours[0].x), start.tangent, test, special.kind)
     if theirs is None:
         return lost
-    shift = theirs[0].value - twin.offset - ours[0].value
-    motion = _MARGIN * twin.change(ours[0], theirs[0])
+    shift = theirs[0].value - paired.offset - ours[0].value
+    motion = _MARGIN * paired.change(ours[0], theirs[0])
     if motion > _OTHER:
         return lost
     # Both are located again, and the truncation is common to both, so the error of the point itself does not enter.
-    rest = (_ROUNDING + ours[1] + theirs[1]) * float(twin.scales[-1])
+    rest = (_ROUNDING + ours[1] + theirs[1]) * float(paired.scales[-1])
     return SpecialCheck(special, shift, _MARGIN * abs(shift) + rest, motion)

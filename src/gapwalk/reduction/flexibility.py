@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from gapwalk.reduction.matrices import Matrices
+from gapwalk.reduction.sparse_matrices import Matrices
 
 _SMALL = 60  # degrees of freedom up to which matrices are factored as dense ones
 _AT_ONCE = 1_000_000  # entries of matrices that are factored together

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh, splu
 
-from gapwalk.reduction.matrices import Matrices
+from gapwalk.reduction.sparse_matrices import Matrices
 
 _DENSE = 1500  # degrees of freedom up to which all modes are computed at once
 _LOOSE = 1e-12  # square of a frequency, relative to the largest, that counts as zero

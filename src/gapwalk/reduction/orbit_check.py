@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.balance import Balance
+from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.newton import solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.reduction.pair import Pair, method_for
+from gapwalk.reduction.paired_equations import Pair, method_for
 
 if TYPE_CHECKING:
     from gapwalk.reduction.reduction import Reduction

@@ -10,9 +10,9 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.reduction.basis import Bases, Basis
 from gapwalk.reduction.flexibility import HARMONICS, Accuracy, resonances_of
-from gapwalk.reduction.kept import kept_of
-from gapwalk.reduction.matrices import Matrices, matrices_of
 from gapwalk.reduction.reduction import Reduction
+from gapwalk.reduction.retained import kept_of
+from gapwalk.reduction.sparse_matrices import Matrices, matrices_of
 from gapwalk.reduction.translation import reduced_system
 
 _ERROR = 1e-2

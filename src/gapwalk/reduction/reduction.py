@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
-from gapwalk.motion.motion import Motion
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.reduction.basis import Basis
 from gapwalk.reduction.translation import Translation
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch import Branch
-    from gapwalk.orbit.balance import Balance
+    from gapwalk.orbit.harmonic_balance import Balance
     from gapwalk.reduction.branch_check import BranchCheck
     from gapwalk.reduction.orbit_check import OrbitCheck
 

@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.reduction.basis import Basis
-from gapwalk.reduction.matrices import Matrices
+from gapwalk.reduction.sparse_matrices import Matrices
 
 _MODES = "mode"
 _ROUNDING = 1e-13  # relative change of a parameter below which it is only rounding

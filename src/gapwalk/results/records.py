@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kinds import Kind
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
 from gapwalk.model.structure import ContactForm, HarmonicForm, Structure
 from gapwalk.model.system import System
-from gapwalk.model.train.assembly import TrainAssembly, structure_of
-from gapwalk.orbit.balance.orbit import BalancedOrbit
+from gapwalk.orbit.harmonic_balance.balanced_orbit import BalancedOrbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.arrays import Node, Reader, Writer

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.balance import BalancedOrbit
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import is_on_border
+from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.verification.equations import Equations
-from gapwalk.verification.track import Track
+from gapwalk.verification.independent_equations import Equations
 from gapwalk.verification.verification import Check, Ledger, Spot
+from gapwalk.verification.walk_again import Track
 
 _PERIOD = 2.0 * math.pi
 _NODES, _WEIGHTS = leggauss(8)
@@ -65,7 +65,7 @@ class Imbalance(NamedTuple):
     lines
         Residual of its lines in the equations of motion, relative to the largest term of these.
     astray
-        Error at the breakpoints; see `gapwalk.verification.carry.Round`.
+        Error at the breakpoints; see `gapwalk.verification.dop853.Round`.
     """
 
     lines: float

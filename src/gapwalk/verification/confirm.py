@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import VerificationError
-from gapwalk.verification.branch import verify_branches
 from gapwalk.verification.verification import Ledger
+from gapwalk.verification.verify_branch import verify_branches
 
 
 def confirm(branch: Branch) -> None:

@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.departure import lift
+from gapwalk.bifurcation.branch_start import lift
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import length_of
-from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.predictor import hermite
 from gapwalk.errors import NumericalError
-from gapwalk.verification.track import Track
+from gapwalk.verification.walk_again import Track
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians

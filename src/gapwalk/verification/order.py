@@ -10,12 +10,12 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.doubling import halves_apart
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import length_of
-from gapwalk.continuation.point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.errors import NumericalError
-from gapwalk.verification.track import CROSSING, Track
 from gapwalk.verification.verification import Check, Ledger, Spot
+from gapwalk.verification.walk_again import CROSSING, Track
 
 _SAME = 1e-9  # relative difference below which two values of the parameter are equal
 _CLOSED = 1e-5  # largest distance between the first and the last point of a closed branch

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
+from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.motion.forces import accelerations
 from reproductions.padmanabhan_singh_1995.claims import CLAIMS
 from reproductions.padmanabhan_singh_1995.figures import FIGURES, find_figure
 from reproductions.padmanabhan_singh_1995.jobs import AS_PRINTED, JOBS, LITERAL, USUAL, Reading

@@ -48,7 +48,7 @@ def test_figure_13_has_the_paper_s_panels(results) -> None:
 
 def test_a_loop_lies_on_the_orbits_of_the_result(results) -> None:
     """Both states of each orbit of period 2 lie on the curves of panel b."""
-    (loop,) = [limb.branch for limb in results["13"].diagram.limbs if limb.name == "P2-1"]
+    (loop,) = [member.branch for member in results["13"].diagram.members if member.name == "P2-1"]
     ax = find_figure("13").draw(results).axes[1]
     drawn = np.vstack([line.get_xydata() for line in ax.lines if len(line.get_xdata()) > 2])
     for point in loop.points[::7]:

@@ -35,8 +35,8 @@ def never(monkeypatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("it was computed again")
 
-    monkeypatch.setattr("gapwalk.study.diagram.study._grow", fail)
-    monkeypatch.setattr("gapwalk.study.settle.study.settle", fail)
+    monkeypatch.setattr("gapwalk.studies.diagram.study._grow", fail)
+    monkeypatch.setattr("gapwalk.studies.settle.study.settle", fail)
 
 
 @pytest.mark.usefixtures("never")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.departure import Departure
+from gapwalk.bifurcation.branch_start import BranchStart
+from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.kind import Kind, Symbol
-from gapwalk.bifurcation.kinds.search import Search, Zero
-from gapwalk.bifurcation.second import ROUNDING, SAFETY, SecondOpinion
+from gapwalk.bifurcation.kinds.zero_search import Search, Zero
 from gapwalk.bifurcation.switch import from_crossing
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.range import Range
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.parameter_range import Range
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.method import Method
 
@@ -44,9 +44,9 @@ class BranchPointKind(Kind):
         crossing = search.crossing(a, b)
         if crossing is None:
             return None
-        return Zero(self, search.stretch.at(crossing.arclength), crossing.spread, self.at)
+        return Zero(self, search.interval.at(crossing.arclength), crossing.spread, self.at)
 
-    def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from the bracket, and from the shift of the crossing in a second computation."""
         point, scale = zero.point, float(search.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (search.first, search.last)]
@@ -60,7 +60,7 @@ class BranchPointKind(Kind):
         bracket = abs(float(point.tangent[-1])) * scale * zero.spread
         return float(bracket + SAFETY * off + ROUNDING * (abs(point.value) + scale))
 
-    def departures(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+    def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return two beginnings, in both directions of the crossing branch."""
         return from_crossing(special, parameter, within, method)
 
@@ -73,7 +73,7 @@ class BranchPointKind(Kind):
         )
 
 
-def _crossed(second: SecondOpinion, point: BranchPoint, reach: float) -> float:
+def _crossed(second: ErrorEstimator, point: BranchPoint, reach: float) -> float:
     """Return the crossing by a second computation; infinite if the branch is not smooth within that reach."""
     try:
         return second.crossing(point, reach)

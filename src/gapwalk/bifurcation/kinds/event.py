@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from gapwalk.bifurcation.kind import Kind
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit
 

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.departure import Departure
+from gapwalk.bifurcation.branch_start import BranchStart
+from gapwalk.bifurcation.criticality import with_nature
 from gapwalk.bifurcation.kind import Kind, Symbol
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
 from gapwalk.bifurcation.kinds.product import bounded_product, nearest
-from gapwalk.bifurcation.nature import with_nature
 from gapwalk.bifurcation.switch import from_flip
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.continuation.range import Range
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.parameter_range import Range
 from gapwalk.orbit.method import Method
 
 
@@ -30,10 +30,10 @@ class Flip(Kind):
         return bounded_product(nearest(point.orbit.multipliers + 1.0))
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """Return the flip with its criticality; see `gapwalk.bifurcation.nature.with_nature`."""
+        """Return the flip with its criticality; see `gapwalk.bifurcation.criticality.with_nature`."""
         return with_nature(special, parameter, method)
 
-    def departures(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[Departure]:
+    def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return one beginning, on the branch of twice the period: the other direction gives the same motions."""
         return [from_flip(special, parameter, within, method)]
 

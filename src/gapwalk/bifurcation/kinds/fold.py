@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.kind import Kind, Symbol
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
-from gapwalk.bifurcation.kinds.search import Search, Zero
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.bifurcation.kinds.zero_search import Search, Zero
+from gapwalk.continuation.branch_point import BranchPoint
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex
 
@@ -34,7 +34,7 @@ class Fold(Kind):
         corrected, and a fold is a separate one however near it is: if a contact grazes near the vertex, the branch may
         turn back again at once.
         """
-        crossings = search.stretch.crossings
+        crossings = search.interval.crossings
         return [
             zero
             for zero in search.zeros(self)

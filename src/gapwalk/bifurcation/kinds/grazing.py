@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
 from gapwalk.bifurcation.kind import Kind, Symbol
-from gapwalk.bifurcation.kinds.search import Search, Zero
-from gapwalk.bifurcation.second import SecondOpinion, location_error
-from gapwalk.bifurcation.stretch import Stretch
-from gapwalk.continuation.point import BranchPoint
-from gapwalk.motion.flow import PERIOD
-from gapwalk.motion.motion import switch_names
+from gapwalk.bifurcation.kinds.zero_search import Search, Zero
+from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import switch_names
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.survey import Turns, apart
 
@@ -36,7 +36,7 @@ class Grazing(Kind):
     turn = 0
     symbol = Symbol("grazing", "", "|", 7.0, "grey", (0.0, (1.2, 1.6)), 1.0)
 
-    def error(self, search: Search, zero: Zero, second: SecondOpinion) -> float:
+    def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from both sides: the depth may rise on one side and stay almost zero on the other."""
         return location_error(zero, second, [search.near(zero.point), *search.known_sides(zero.point)])
 
@@ -56,7 +56,7 @@ class Grazing(Kind):
                 describe_switch(graze.point.orbit, graze.switch),
                 _EPS * float(np.abs(graze.point.orbit.extremes[:, :2]).max()),
             )
-            for graze in find_grazing(search.stretch, search.before, search.first, search.last)
+            for graze in find_grazing(search.interval, search.before, search.first, search.last)
         ]
 
 
@@ -69,7 +69,9 @@ class Graze(NamedTuple):
     spread: float
 
 
-def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> list[Graze]:
+def find_grazing(
+    interval: StepInterval, before: BranchPoint | None, first: BranchPoint, last: BranchPoint
+) -> list[Graze]:
     """Find all grazing points between two neighbouring points of a walk, in order; `before` is the point before them.
 
     A step with a change of the pattern is halved until it contains one grazing point, which can then be located. Two
@@ -84,15 +86,15 @@ def find_grazing(stretch: Stretch, before: BranchPoint | None, first: BranchPoin
     length = last.arclength - first.arclength
     if number and length < _SMALLEST:
         return [Graze(last, switch, _touch(last.orbit, switch), length) for switch in np.flatnonzero(changes).tolist()]
-    is_doubtful = length > stretch.finest and _is_doubtful(before, first, last, changes)
+    is_doubtful = length > interval.finest and _is_doubtful(before, first, last, changes)
     if number < 2 and not is_doubtful:
         if not number:
             return []
-        graze = _locate(stretch, first, last, int(np.flatnonzero(changes)[0]))
+        graze = _locate(interval, first, last, int(np.flatnonzero(changes)[0]))
         if graze is not None:
             return [graze]
-    middle = stretch.middle(first, last)
-    return find_grazing(stretch, before, first, middle) + find_grazing(stretch, first, middle, last)
+    middle = interval.middle(first, last)
+    return find_grazing(interval, before, first, middle) + find_grazing(interval, first, middle, last)
 
 
 def _is_doubtful(before: BranchPoint | None, first: BranchPoint, last: BranchPoint, changes: list[int]) -> bool:
@@ -181,7 +183,7 @@ def describe_switch(orbit: Orbit, switch: int) -> str:
     return f"{contact}{'.' + stage if stage else ''} {'+' if side > 0 else '-'}"
 
 
-def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
+def _locate(interval: StepInterval, first: BranchPoint, last: BranchPoint, switch: int) -> Graze | None:
     """Locate the point between `first` and `last` where the deflection just reaches the breakpoint of a switch.
 
     Return None if the extremum that reaches it cannot be tracked, because it may have appeared in between.
@@ -194,7 +196,7 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
     def depth(arclength: float) -> float:
         if arclength not in tracked:
             nearest = min(tracked, key=lambda known: abs(known - arclength))
-            tracked[arclength] = _extremum(stretch.at(arclength).orbit, switch, tracked[nearest][0])
+            tracked[arclength] = _extremum(interval.at(arclength).orbit, switch, tracked[nearest][0])
         return tracked[arclength][1]
 
     ends = depth(richer.arclength), depth(fewer.arclength)
@@ -203,7 +205,7 @@ def _locate(stretch: Stretch, first: BranchPoint, last: BranchPoint, switch: int
     root = float(brentq(depth, first.arclength, last.arclength, xtol=1e-13, rtol=1e-14))
     if abs(depth(root)) > _TOUCH * max(map(abs, ends)):
         return None
-    point = stretch.at(root)
+    point = interval.at(root)
     return Graze(point, switch, tracked[root][0], 1e-12)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kind import Kind, Symbol
 from gapwalk.bifurcation.kinds.condition import Criticality, critical_pair, pair_on_circle
 from gapwalk.bifurcation.kinds.product import bounded_product, pair_factors
-from gapwalk.continuation.point import BranchPoint
+from gapwalk.continuation.branch_point import BranchPoint
 
 _COMPLEX = 1e-6  # relative imaginary part beyond which multipliers count as a complex pair
 

@@ -47,7 +47,7 @@ def measure(
     """
 
     def job() -> int:
-        from gapwalk.cli.measure import measure_file
+        from gapwalk.cli.measure_command import measure_file
 
         return measure_file(file, record, fit or [], changes or [], output, json=json)
 

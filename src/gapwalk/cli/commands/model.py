@@ -21,7 +21,7 @@ def new(file: Path, /, *, debug: Flag = False) -> int:
     """
 
     def job() -> int:
-        from gapwalk.cli.files import new_file
+        from gapwalk.cli.file_commands import new_file
 
         return new_file(file)
 
@@ -45,7 +45,7 @@ def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: 
     """
 
     def job() -> int:
-        from gapwalk.cli.files import check_file
+        from gapwalk.cli.file_commands import check_file
 
         return check_file(file, changes or [], json=json)
 
@@ -79,7 +79,7 @@ def modes(
     """
 
     def job() -> int:
-        from gapwalk.cli.modes import show_modes
+        from gapwalk.cli.print_modes import show_modes
 
         return show_modes(file, changes or [], picture, json=json)
 

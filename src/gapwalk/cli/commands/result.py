@@ -26,7 +26,7 @@ def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Fl
     """
 
     def job() -> int:
-        from gapwalk.cli.files import show_result
+        from gapwalk.cli.file_commands import show_result
 
         return show_result(result, points=points, json=json)
 
@@ -67,7 +67,7 @@ def export(
     """
 
     def job() -> int:
-        from gapwalk.cli.files import export_result
+        from gapwalk.cli.file_commands import export_result
 
         return export_result(result, format, output, measure, size)
 
@@ -111,7 +111,7 @@ def compare(
     """
 
     def job() -> int:
-        from gapwalk.cli.compare import compare_files
+        from gapwalk.cli.compare_results import compare_files
 
         options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
         return compare_files(first, second, tolerance, **options)
@@ -136,7 +136,7 @@ def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
     """
 
     def job() -> int:
-        from gapwalk.cli.verify import verify_file
+        from gapwalk.cli.verify_command import verify_file
 
         return verify_file(result, json=json)
 

@@ -59,7 +59,7 @@ def run(
     """
 
     def job() -> int:
-        from gapwalk.cli.run import run_file
+        from gapwalk.cli.run_command import run_file
 
         how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
         return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)

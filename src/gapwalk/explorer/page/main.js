@@ -296,12 +296,12 @@ async function actOn(word, result) {
 function connect() {
   const events = new EventSource("/api/events");
   events.onmessage = (event) => {
-    const { server, boards } = JSON.parse(event.data), { about } = page;
+    const { server, explorations } = JSON.parse(event.data), { about } = page;
     if (!about) return;
-    const board = boards[about.file];
+    const exploration = explorations[about.file];
     // a server that was started again does not know the file yet
-    if (server !== about.server || (board && board.stamp !== about.stamp)) refreshOnce();
-    else if (board) show(board.results);
+    if (server !== about.server || (exploration && exploration.stamp !== about.stamp)) refreshOnce();
+    else if (exploration) show(exploration.results);
   };
   events.onerror = () => { $("status").textContent = "The server does not answer; waiting for it."; };
   events.onopen = () => { $("status").textContent = ""; };

@@ -12,7 +12,7 @@ from functools import lru_cache
 from threading import Lock
 from typing import Any
 
-from gapwalk.model.problem import given
+from gapwalk.model.problems import given
 from gapwalk.model.units.kind import QuantityKind
 
 _reading = Lock()  # units of two registries do not go together, and pint does not say that threads may share one

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.problem import given
+from gapwalk.model.problems import given
 from gapwalk.model.units.kind import QuantityKind, kind_of
 from gapwalk.model.units.quantity import Quantity, read_quantity
 

@@ -1,0 +1,288 @@
+"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.attractor import Attractor, AttractorKind
+from gapwalk.attractors.box import Box, Window
+from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
+
+_ORDER = tuple(AttractorKind)
+_LETTERS = "abcdefghijklmnopqrstuvwxyz"
+
+
+@dataclass(frozen=True)
+class Check:
+    """Accuracy of the labels: cells that were checked with the exact flow and corrected where they were wrong.
+
+    Attributes
+    ----------
+    cells, borders
+        Number of cells in the plane (or random starts); number of them whose label differs from that of a neighbour,
+        or that have a neighbour whose label was wrong.
+    border_checked, border_wrong
+        Border cells that were checked, and those of them whose label had been wrong.
+    inner_checked, inner_wrong
+        Random other cells that were checked, and those of them whose label had been wrong.
+    shifted, shifted_wrong
+        Checked cells that were followed again from a state shifted by 1e-15 of its size, and those of them that then
+        got another label: rounding decides their label.
+    """
+
+    cells: int
+    borders: int = 0
+    border_checked: int = 0
+    border_wrong: int = 0
+    inner_checked: int = 0
+    inner_wrong: int = 0
+    shifted: int = 0
+    shifted_wrong: int = 0
+
+    @property
+    def share(self) -> float:
+        """Estimated fraction of the cells whose label is still wrong, or decided by rounding."""
+        return self._still_wrong(_ratio)
+
+    @property
+    def limit(self) -> float:
+        """Upper limit of that fraction: each group of cells at its 97.5 % limit (Clopper and Pearson)."""
+        return self._still_wrong(_upper)
+
+    @property
+    def text(self) -> str:
+        """The accuracy of the labels, in one line."""
+        if not self.border_checked + self.inner_checked:
+            return "not checked with the exact flow"
+        text = f"{self.inner_wrong} of {self.inner_checked} cells differed from the exact flow"
+        if self.borders == self.border_checked:
+            text = f"exact at all borders; elsewhere {text}"
+        else:
+            text = f"{self.border_wrong} of {self.border_checked} cells at borders and elsewhere {text}"
+        return f"{text}; rounding decides {self.shifted_wrong} of {self.shifted}" if self.shifted_wrong else text
+
+    def _still_wrong(self, rate: Callable[[int, int], float]) -> float:
+        exact = self.border_checked + self.inner_checked
+        groups = [
+            (self.borders - self.border_checked, self.border_wrong, self.border_checked),
+            (self.cells - self.borders - self.inner_checked, self.inner_wrong, self.inner_checked),
+        ]
+        if self.shifted:  # older results have no shifted cells
+            groups.append((exact - self.shifted, self.shifted_wrong, self.shifted))
+        wrong = sum(others * rate(wrong, checked) for others, wrong, checked in groups if others)
+        return (wrong + self.shifted_wrong) / self.cells
+
+
+@dataclass(frozen=True, eq=False)
+class Basins(Shown):
+    """Basins of attraction in a plane of initial states at theta = 0.
+
+    Attributes
+    ----------
+    system
+        The system.
+    window
+        The part of the plane.
+    labels : shape (rows, columns)
+        Label of each cell, from the state at its centre: an index into `attractors`, or -1 (unresolved) or -2 (the
+        motion diverges). The first row is the lowest.
+    attractors
+        The attractors: periodic ones first, by period, then the others; those of equal kind by size of their basins.
+    check
+        Accuracy of the labels.
+    error
+        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+        flow; 0 if only the exact flow was used.
+    complete
+        False if the computation was stopped before its end; the remaining cells are unresolved.
+    notes
+        Sentences on what could not be computed.
+    """
+
+    system: System
+    window: Window
+    labels: NDArray[np.int_]
+    attractors: tuple[Attractor, ...]
+    check: Check
+    error: float = 0.0
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        labels, count = self.labels, len(self.attractors)
+        if labels.ndim != 2 or not labels.size or labels.min() < RUNAWAY or labels.max() >= count:
+            raise ValueError(f"its labels are none of {count} attractors")
+        if not np.isfinite(self.axes[0]).all():
+            raise ValueError("its axes are no numbers")
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Columns and rows."""
+        rows, columns = self.labels.shape
+        return columns, rows
+
+    @property
+    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres of the cells along the two axes."""
+        return self.window.centres(self.resolution)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the attractors; letters distinguish several of the same kind."""
+        return attractor_names(self.attractors)
+
+    @property
+    def cells(self) -> dict[str, int]:
+        """Number of cells that lead to each attractor, by its name."""
+        counts = Counter(self.labels.ravel().tolist())
+        return {name: counts[index] for index, name in enumerate(self.names)}
+
+    @property
+    def unresolved(self) -> int:
+        """Number of cells that lead to no known attractor."""
+        return int(np.sum(self.labels == UNRESOLVED))
+
+    @property
+    def runaway(self) -> int:
+        """Number of cells from which the motion diverges."""
+        return int(np.sum(self.labels == RUNAWAY))
+
+    def plot(self, title: str = "", **options: Any):
+        """Draw the basins in their plane; options as in `gapwalk.plot.cells.draw_basins`. Return the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, title=title, **options)
+
+    def __repr__(self) -> str:
+        columns, rows = self.resolution
+        parts = [f"{name}: {count}" for name, count in self.cells.items()]
+        parts += [f"{text}: {n}" for text, n in (("runs away", self.runaway), ("unresolved", self.unresolved)) if n]
+        return f"Basins({self.window.across}, {self.window.up}; {columns} x {rows} cells; {', '.join(parts)})"
+
+
+@dataclass(frozen=True)
+class Share:
+    """The fraction of random starts that lead to one attractor.
+
+    Attributes
+    ----------
+    name
+        Name of the attractor.
+    starts
+        Number of starts that lead to it.
+    share
+        Fraction of the starts that lead to it.
+    low, high
+        Confidence limits of the fraction of the whole box (Clopper and Pearson 1934, Biometrika 26, 404-413).
+    """
+
+    name: str
+    starts: int
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class BasinShares:
+    """Fractions of a box of initial states that lead to each attractor, estimated from random starts.
+
+    Attributes
+    ----------
+    system
+        The system.
+    box
+        The box.
+    starts : shape (count, 2n)
+        The random states.
+    labels : shape (count,)
+        As in `Basins`.
+    attractors
+        As in `Basins`.
+    confidence
+        Confidence level of the limits, for each fraction separately.
+    complete, notes
+        As in `Basins`.
+    check
+        Accuracy of the labels.
+    error
+        As in `Basins`.
+    """
+
+    system: System
+    box: Box
+    starts: NDArray[np.float64]
+    labels: NDArray[np.int_]
+    attractors: tuple[Attractor, ...]
+    confidence: float
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    check: Check = Check(0)
+    error: float = 0.0
+
+    @property
+    def shares(self) -> tuple[Share, ...]:
+        """The share of each attractor, then of diverging motions and of unresolved ones if there are any."""
+        names = dict(enumerate(attractor_names(self.attractors)))
+        others = {RUNAWAY: "runs away", UNRESOLVED: "unresolved"}
+        names |= {label: name for label, name in others.items() if np.any(self.labels == label)}
+        return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
+
+    def _share(self, name: str, count: int) -> Share:
+        from scipy.stats import binomtest  # imported late: it takes long
+
+        interval = binomtest(count, len(self.labels)).proportion_ci(self.confidence, method="exact")
+        return Share(name, count, count / len(self.labels), float(interval.low), float(interval.high))
+
+    def __repr__(self) -> str:
+        parts = [f"{each.name} {each.share:.4f} ({each.low:.4f} to {each.high:.4f})" for each in self.shares]
+        told = f"{', '.join(parts)}; confidence {self.confidence:g}; labels: {self.check.text}"
+        return f"BasinShares({len(self.labels)} starts; {told})"
+
+
+def attractor_names(attractors: Sequence[Attractor]) -> tuple[str, ...]:
+    """Return names such as ``period 3``, ``quasi-periodic``, ``chaotic``; a letter is added to equal names."""
+    plain = [f"period {each.period}" if each.kind is AttractorKind.PERIODIC else each.kind.value for each in attractors]
+    counts, seen, names = Counter(plain), Counter(), []
+    for name in plain:
+        letter = _LETTERS[seen[name]] if seen[name] < len(_LETTERS) else str(seen[name] + 1)
+        names.append(name if counts[name] == 1 else f"{name}{'' if name[-1].isdigit() else ' '}{letter}")
+        seen[name] += 1
+    return tuple(names)
+
+
+def in_order(
+    attractors: Sequence[Attractor], labels: NDArray[np.int_]
+) -> tuple[tuple[Attractor, ...], NDArray[np.int_]]:
+    """Sort attractors into the order of a record, independent of which was found first; renumber the labels."""
+    counts = Counter(labels.ravel().tolist())
+    order = sorted(
+        range(len(attractors)),
+        key=lambda k: (_ORDER.index(attractors[k].kind), attractors[k].period, -counts[k]),
+    )
+    places = np.empty(len(order) + 2, dtype=int)
+    places[order] = np.arange(len(order))
+    places[[RUNAWAY, UNRESOLVED]] = RUNAWAY, UNRESOLVED  # these negative labels index the last two entries
+    return tuple(attractors[k] for k in order), places[labels]
+
+
+def _ratio(wrong: int, checked: int) -> float:
+    return wrong / checked if checked else 0.0
+
+
+def _upper(wrong: int, checked: int) -> float:
+    """Return the 97.5 per cent upper limit; 1 if nothing was checked."""
+    if not checked:
+        return 1.0
+    from scipy.stats import binomtest  # imported late: it takes long
+
+    return float(binomtest(wrong, checked).proportion_ci(0.95, method="exact").high)

@@ -1,0 +1,146 @@
+"""Boxes of initial states: a range or a fixed value for each coordinate and velocity, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.system import System
+
+Range = Sequence[float] | float
+"""The two ends of a range, or one number for a fixed component."""
+
+
+def state_names(coordinates: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the components of a state: the coordinates, then their velocities (``q1'``)."""
+    return (*coordinates, *(f"{name}'" for name in coordinates))
+
+
+@dataclass(frozen=True)
+class Box:
+    """Initial states at theta = 0, each component within a range; a component with equal ends is fixed.
+
+    Attributes
+    ----------
+    names
+        Names of the components: coordinates, then velocities.
+    low, high
+        The ends of the ranges, in the order of the names.
+    """
+
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @classmethod
+    def of(cls, system: System, ranges: Mapping[str, Range]) -> Box:
+        """Create a box from ranges (two numbers) or fixed values (one number) by name; all others are 0.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name or an empty range.
+        """
+        names = state_names(system.coordinates)
+        low, high = np.zeros(len(names)), np.zeros(len(names))
+        for name, given in ranges.items():
+            if name not in names:
+                raise ModelError(f"there is no coordinate or velocity {name!r}; {did_you_mean(name, names)}")
+            place = names.index(name)
+            low[place], high[place] = _ends(name, given)
+        return cls(names, tuple(low.tolist()), tuple(high.tolist()))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the components that are not fixed."""
+        return tuple(name for name, a, b in zip(self.names, self.low, self.high, strict=True) if a < b)
+
+    def draw(self, count: int, seed: int) -> NDArray[np.float64]:
+        """Draw random states, uniformly distributed over the box and repeatable, shape (count, 2n)."""
+        random = np.random.default_rng(seed)
+        return random.uniform(self.low, self.high, (count, len(self.names)))
+
+
+@dataclass(frozen=True)
+class Window:
+    """A window on a plane of initial states: a box with two free components.
+
+    Attributes
+    ----------
+    box
+        The box.
+    across, up
+        Names of the components along the two axes.
+    """
+
+    box: Box
+    across: str
+    up: str
+
+    @classmethod
+    def of(cls, system: System, ranges: Mapping[str, Sequence[float]], fixed: Mapping[str, float]) -> Window:
+        """Create the window on two components with their ranges, the horizontal one first; others are fixed or 0.
+
+        Raises
+        ------
+        ModelError
+            Unless there are exactly two different ranges and all names belong to the system.
+        """
+        if len(ranges) != 2:
+            raise ModelError(
+                f"a plane has two axes, but {len(ranges)} ranges were given ({', '.join(ranges) or 'none'}); write "
+                '{"q1": (-4, 4), "q1\'": (-4, 4)}'
+            )
+        both = [name for name in ranges if name in fixed]
+        if both:
+            raise ModelError(f"{both[0]} is both an axis of the plane and fixed; remove it from the fixed ones")
+        for name, given in ranges.items():
+            if isinstance(given, int | float):
+                raise ModelError(f"{name} is {given}; an axis of the plane needs a range such as (-4, 4)")
+        for name, given in fixed.items():
+            if not isinstance(given, int | float | np.floating | np.integer):
+                raise ModelError(f"{name} is fixed at {given!r}; it must be one number")
+        across, up = ranges
+        return cls(Box.of(system, {**fixed, **ranges}), across, up)
+
+    @property
+    def within(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The ranges of the two axes."""
+        first, second = (self.box.names.index(name) for name in (self.across, self.up))
+        return (self.box.low[first], self.box.high[first]), (self.box.low[second], self.box.high[second])
+
+    def centres(self, resolution: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the centres of `resolution` cells (columns, rows) along the two axes."""
+        across, up = (centres(ends, count) for ends, count in zip(self.within, resolution, strict=True))
+        return across, up
+
+    def states(self, resolution: tuple[int, int]) -> NDArray[np.float64]:
+        """Return the states at the centres of all cells, row by row from the bottom, shape (rows * columns, 2n)."""
+        across, up = self.centres(resolution)
+        states = np.tile(self.box.low, (len(across) * len(up), 1))
+        states[:, self.box.names.index(self.across)] = np.tile(across, len(up))
+        states[:, self.box.names.index(self.up)] = np.repeat(up, len(across))
+        return states
+
+
+def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
+    """Return the centres of `count` cells that divide a range evenly."""
+    low, high = within
+    return low + (high - low) * (np.arange(count) + 0.5) / count
+
+
+def _ends(name: str, given: Range) -> tuple[float, float]:
+    try:
+        ends = np.atleast_1d(np.asarray(given, dtype=float))
+    except (TypeError, ValueError):
+        ends = np.array([np.nan])
+    if ends.shape not in {(1,), (2,)} or not np.isfinite(ends).all():
+        raise ModelError(f"the range of {name} is {given!r}; write two finite numbers (low, high), or one to fix it")
+    if len(ends) == 2 and not ends[0] < ends[1]:
+        raise ModelError(f"the range of {name} is from {ends[0]:g} to {ends[1]:g}: it is empty; write (low, high)")
+    return float(ends[0]), float(ends[-1])

@@ -1,0 +1,197 @@
+"""Lyapunov exponents from the exact sensitivities: rates at which neighbouring motions separate, with errors.
+
+The transition matrix of each forcing period is factorised by QR. The exponents are the averages of the logarithms of
+the diagonal of R along the motion (Benettin, Galgani, Giorgilli and Strelcyn 1980, Meccanica 15, 9-20 and 21-30).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from gapwalk.attractors.average import Average, average
+from gapwalk.attractors.strobe import check_count
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.motion import check_state
+from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.system import System
+
+_FIRST = 1024  # forcing periods after which the errors are first estimated
+_RESOLVED = -14.0  # logarithm of the stretching over a segment below which rounding errors dominate
+_MOST_SEGMENTS = 64
+_ROUNDING = 1e-9  # spread of averages per forcing period that is within rounding
+_ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are still aligning
+
+
+@dataclass(frozen=True, slots=True)
+class LyapunovOptions:
+    """Options of the averages of Lyapunov exponents.
+
+    Parameters
+    ----------
+    max_periods
+        The most forcing periods.
+    relative, absolute
+        The averages end when the standard error of each exponent is below `relative` times the exponent, or below
+        `absolute` per forcing period.
+    """
+
+    max_periods: int = 16_384
+    relative: float = 0.02
+    absolute: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_count("max_periods", self.max_periods, 256)
+        for name in ("relative", "absolute"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Lyapunov:
+    """Lyapunov exponents of a motion.
+
+    Attributes
+    ----------
+    exponents, errors : shape (2n,)
+        Exponents per unit of time, in descending order, and their standard errors.
+    periods
+        Number of forcing periods in the averages; 0 for an orbit, whose exponents follow from its multipliers.
+    frequency
+        Excitation frequency W, which converts them into rates per forcing period.
+    regular
+        True if the weighted averages converge as they do for periodic and quasi-periodic motion.
+    converged
+        True if the errors reached the required size.
+    """
+
+    exponents: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    periods: int
+    frequency: float
+    regular: bool
+    converged: bool
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.exponents.ndim != 1 or self.exponents.shape != self.errors.shape or not self.frequency > 0.0:
+            raise ValueError("Lyapunov exponents are not as many as their errors")
+
+    @property
+    def per_period(self) -> NDArray[np.float64]:
+        """The exponents per forcing period, shape (2n,)."""
+        return self.exponents * (PERIOD / self.frequency)
+
+    @property
+    def errors_per_period(self) -> NDArray[np.float64]:
+        """The errors per forcing period, shape (2n,)."""
+        return self.errors * (PERIOD / self.frequency)
+
+    @cached_property
+    def dimension(self) -> float:
+        """Dimension of the attractor's section (Kaplan and Yorke 1979): 0 for an orbit, 1 for a torus, more for chaos.
+
+        Exponents within three errors of zero count as zero.
+        """
+        values = np.where(np.abs(self.exponents) <= 3.0 * self.errors, 0.0, self.exponents)
+        sums = np.cumsum(values)
+        if values[0] < 0.0:
+            return 0.0
+        full = int(np.flatnonzero(sums >= 0.0)[-1]) + 1
+        return float(full) if full == len(values) else float(full + sums[full - 1] / abs(values[full]))
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{x:.5g} +- {e:.1g}" for x, e in zip(self.exponents, self.errors, strict=True))
+        return f"Lyapunov({values}; {self.periods} forcing periods)"
+
+
+def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
+    """Compute the Lyapunov exponents of the motion from a settled state at theta = 0.
+
+    Raises
+    ------
+    ModelError
+        If the state has the wrong length.
+    FlowError
+        If the motion diverges.
+    """
+    return lyapunov_run(system, state, options)[0]
+
+
+def lyapunov_run(
+    system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None
+) -> tuple[Lyapunov, NDArray[np.float64]]:
+    """Compute the exponents; also return the strobes over which they were averaged, shape (periods, 2n)."""
+    options = options or LyapunovOptions()
+    stretching = _Stretching(system, check_state(system, state))
+    length = min(_FIRST, options.max_periods)
+    while True:
+        stretching.extend(length)
+        logs = stretching.logs[length // _ALIGNING :]
+        found = average(logs)
+        order = np.argsort(-found.mean)
+        value, error = found.mean[order], found.error[order]
+        good = bool(np.all(error <= np.maximum(options.relative * np.abs(value), options.absolute)))
+        if good or length >= options.max_periods:
+            return _record(system, Average(*(each[order] for each in found)), len(logs), good), stretching.strobes
+        length = min(2 * length, options.max_periods)
+
+
+def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
+    """Compute the exponents of an orbit: ``log |mu| / (m T)``."""
+    span = PERIOD * period / system.frequency
+    values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
+    return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)
+
+
+def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
+    rate = system.frequency / PERIOD
+    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
+    return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
+
+
+class _Stretching:
+    """The logarithms of the stretching of an orthonormal frame, one forcing period after the other."""
+
+    def __init__(self, system: System, state: NDArray[np.float64]) -> None:
+        self._flow, self._coefficients = flow_of(system, transition=True), coefficients_of(system)
+        self._state, self._frame = state, np.eye(len(state))
+        self._segments = 1
+        self._logs: list[NDArray[np.float64]] = []
+        self._strobes: list[NDArray[np.float64]] = []
+
+    @property
+    def logs(self) -> NDArray[np.float64]:
+        return np.array(self._logs)
+
+    @property
+    def strobes(self) -> NDArray[np.float64]:
+        return np.array(self._strobes)
+
+    def extend(self, length: int) -> None:
+        """Continue until `length` periods have been evaluated."""
+        while len(self._logs) < length:
+            state, frame, logs = self._period()
+            while logs.min() < _RESOLVED and self._segments < _MOST_SEGMENTS:
+                self._segments *= 2  # fast contraction is lost to rounding: factorise more often
+                state, frame, logs = self._period()
+            self._state, self._frame = state, frame
+            self._logs.append(logs.sum(axis=0))
+            self._strobes.append(state)
+
+    def _period(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return state and frame after one period, and the logarithms of each segment of it, shape (segments, 2n)."""
+        state, frame, logs = self._state, self._frame, []
+        for start, stop in pairwise([PERIOD * k / self._segments for k in range(self._segments + 1)]):
+            arc = self._flow.integrate(self._coefficients, state, start, stop)
+            assert arc.transition is not None
+            factors, scales, _, _ = lapack.dgeqrf(arc.transition @ frame)
+            frame, state = lapack.dorgqr(factors, scales)[0], arc.state
+            logs.append(np.log(np.maximum(np.abs(factors.diagonal()), np.finfo(float).tiny)))
+        return state, frame, np.array(logs)

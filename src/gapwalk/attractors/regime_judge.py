@@ -1,0 +1,222 @@
+"""Classification of many motions at once: periodic (with its period), quasi-periodic or chaotic, and contact figures.
+
+A motion is periodic if it returns after m forcing periods and if the returns, extrapolated, end nearby: a slow
+transient near a fold returns just as closely, but each time with the same error. A motion that does not return within
+`RegimeOptions.longest` is classified by its largest Lyapunov exponent: a second motion starts close by and is reset to
+that distance again and again (Benettin, Galgani and Strelcyn 1976, Phys. Rev. A 14, 2338-2345). On a torus the
+distance grows by a bounded factor only, however long the average; this distinguishes a torus from chaos.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.many_motions import ManyMotions
+from gapwalk.attractors.regime import Regime
+from gapwalk.attractors.strobe import check_count
+from gapwalk.errors import ModelError
+
+_FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
+_RETURNED = 1e-6  # change over one return, relative to the size of the motion, below which it may have converged
+_ARRIVED = 1e-4  # distance from the extrapolated end of all returns below which a motion counts as periodic
+_EXACT = 1e-11  # change over one return below which only rounding is left
+_CLEAR = 1e3  # a motion must have been this many times farther away between two returns than it still has to move
+LONGEST_RETURN = 128  # longest period in forcing periods that is tried for a contracting motion
+_APART = 1e-9  # distance of the second motion, relative to the size of the motion
+_STRETCH = 16  # forcing periods after which the second motion is reset to that distance
+_LOOKS = (1024, 3072)  # forcing periods over which an exponent is averaged: most chaotic motions need the first only
+_FOLDS = (20.0, 12.0)  # logarithm of the growth above which each of these averages decides
+_ERRORS = 4.0  # standard errors from zero of an exponent that decides
+_BLOCKS = 16  # parts of the average, from which its error is estimated
+_SEED = 1976
+_FORCES = 256  # forcing periods over which the contact forces of a motion that is not periodic are evaluated
+
+
+@dataclass(frozen=True, slots=True)
+class RegimeOptions:
+    """Options of the classification of regimes.
+
+    Parameters
+    ----------
+    longest
+        The most forcing periods in which a motion may become periodic; after them it is classified by its exponent.
+    max_period
+        The longest period m that is searched for at once; longer ones are found only where the exponent is negative.
+    forces
+        True if peak forces and impacts are computed.
+    """
+
+    longest: int = 3000
+    max_period: int = 16
+    forces: bool = True
+
+    def __post_init__(self) -> None:
+        check_count("longest", self.longest)
+        check_count("max_period", self.max_period)
+        if self.max_period > LONGEST_RETURN:
+            raise ModelError(f"max_period is {self.max_period}; it must be at most {LONGEST_RETURN}")
+
+
+class Verdicts(NamedTuple):
+    """The regimes of many motions.
+
+    Attributes
+    ----------
+    regimes : shape (count,)
+        Values of `Regime`.
+    periods : shape (count,)
+        m of the periodic ones; 0 for the others.
+    exponents : shape (count,)
+        The largest Lyapunov exponent per forcing period, if it was needed; otherwise nan.
+    peaks, impacts : shape (count, contacts)
+        Largest magnitude of each contact force, and impacts per forcing period; nan if they were not requested.
+    states : shape (count, 2n)
+        Last states of the motions.
+    """
+
+    regimes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    exponents: NDArray[np.float64]
+    peaks: NDArray[np.float64]
+    impacts: NDArray[np.float64]
+    states: NDArray[np.float64]
+
+    def copy(self) -> Verdicts:
+        """Return a copy with its own arrays."""
+        regimes, periods = self.regimes.copy(), self.periods.copy()
+        return Verdicts(regimes, periods, *(part.copy() for part in self[2:]))
+
+
+def judge(
+    motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray[np.float64], options: RegimeOptions
+) -> Verdicts:
+    """Classify motions from states at theta = 0, shape (count, 2n), at excitation frequencies of shape (count,)."""
+    regime_judge = _RegimeJudge(motions, states, frequencies, options)
+    regime_judge.wait_for_returns()
+    regime_judge.measure_growth()
+    regime_judge.look_at_contacts()
+    return regime_judge.verdicts()
+
+
+class _RegimeJudge:
+    """Classifies many motions."""
+
+    def __init__(
+        self, motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray, options: RegimeOptions
+    ) -> None:
+        self.motions, self.options = motions, options
+        self.states = np.array(states, dtype=float)
+        self.weights = np.ones_like(self.states)  # velocities become derivatives over theta
+        self.weights[:, self.states.shape[1] // 2 :] = 1.0 / frequencies[:, None]
+        count = len(states)
+        self.regimes = np.full(count, int(Regime.UNDECIDED))
+        self.periods = np.zeros(count, dtype=int)
+        self.exponents = np.full(count, np.nan)
+        self.peaks = self.impacts = np.empty((count, 0))
+
+    def verdicts(self) -> Verdicts:
+        return Verdicts(self.regimes, self.periods, self.exponents, self.peaks, self.impacts, self.states)
+
+    def wait_for_returns(self) -> None:
+        """Follow each motion until it is periodic, or up to the allowed number of forcing periods."""
+        rest, total = np.arange(len(self.states)), 0
+        while len(rest) and total < self.options.longest:
+            step = min(max(_FIRST, total // 2), self.options.longest - total)
+            rest = self._find_returns(rest, self.options.max_period, step)
+            total += step + 2 * self.options.max_period + 1
+
+    def measure_growth(self) -> None:
+        """Classify the motions that are not periodic by their largest exponent."""
+        rest = np.flatnonzero(self.regimes == Regime.UNDECIDED)
+        for periods, folds in zip(_LOOKS, _FOLDS, strict=True):
+            if not len(rest):
+                return
+            mean, error = self._exponents(rest, periods)
+            self.exponents[rest] = mean
+            is_sure = (np.abs(mean) > _ERRORS * error) & (np.abs(mean) * periods > folds)
+            self.regimes[rest[is_sure & (mean > 0)]] = Regime.CHAOTIC
+            self._find_returns(rest[is_sure & (mean < 0)], LONGEST_RETURN)
+            rest = rest[~is_sure]
+        rest = self._find_returns(rest, self.options.max_period)  # a slow transient may have ended meanwhile
+        is_bounded = np.abs(self.exponents[rest]) * _LOOKS[-1] <= _FOLDS[-1]
+        self.regimes[rest[is_bounded]] = Regime.QUASI_PERIODIC
+
+    def look_at_contacts(self) -> None:
+        """Compute peak forces and impacts, over whole periods for the periodic motions."""
+        if not self.options.forces:
+            return
+        lengths = np.where(self.periods > 0, self.periods, _FORCES)
+        for length in np.unique(lengths):
+            which = np.flatnonzero(lengths == length)
+            found = self.motions.part(which).contacts(self.states[which], int(length))
+            if not self.peaks.size:
+                self.peaks = np.full((len(self.states), found.peaks.shape[1]), np.nan)
+                self.impacts = self.peaks.copy()
+            self.states[which] = found.states
+            self.peaks[which], self.impacts[which] = found.peaks, found.impacts
+
+    def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:
+        """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
+        if not len(which):
+            return which
+        track = self.motions.part(which).strobes(self.states[which], 2 * longest + 1, after)
+        self.states[which] = track[-1]
+        is_lost = ~np.isfinite(track).all(axis=(0, 2))
+        self.regimes[which[is_lost]] = Regime.RUNAWAY
+        which = which[~is_lost]
+        periods = _periods(track[:, ~is_lost] * self.weights[which], longest)
+        returned = which[periods > 0]
+        self.periods[returned], self.regimes[returned] = periods[periods > 0], Regime.PERIODIC
+        return which[periods == 0]
+
+    def _exponents(self, which: NDArray[np.intp], periods: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute the largest exponent of motions per forcing period, and its standard error."""
+        state, weights = self.states[which], self.weights[which]
+        pairs = self.motions.part(np.concatenate((which, which)))
+        apart = _APART * np.abs(state * weights).max(axis=1, keepdims=True)
+        direction = np.random.default_rng(_SEED).normal(size=state.shape[1])
+        direction = np.tile(direction / np.linalg.norm(direction), (len(which), 1))
+        logs = np.empty((periods // _STRETCH, len(which)))
+        for row in logs:
+            both = pairs.advance(np.concatenate((state, state + apart * direction / weights)), _STRETCH)
+            state, other = both[: len(which)], both[len(which) :]
+            offset = (other - state) * weights / apart
+            growth = np.linalg.norm(offset, axis=1)
+            grown = growth > np.finfo(float).eps / _APART  # else only rounding is left: use the previous direction
+            row[:] = np.log(np.where(grown, growth, np.finfo(float).eps / _APART))
+            direction = np.where(grown[:, None], offset / np.where(grown, growth, 1.0)[:, None], direction)
+        self.states[which] = state
+        logs = logs[len(logs) // 8 :] / _STRETCH  # omit the start, before the directions have aligned
+        blocks = np.array([block.mean(axis=0) for block in np.array_split(logs, _BLOCKS)])
+        return logs.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
+
+
+def _periods(track: NDArray[np.float64], longest: int) -> NDArray[np.int_]:
+    """Return the number of forcing periods after which motions return, at most `longest`; 0 if they do not.
+
+    With d1 and d2 the changes over two successive returns, all further changes add up to ``d2^2 / (d1 - d2)``. A motion
+    that spirals into an orbit also returns by chance after longer times, so it must have been far away in between.
+
+    Parameters
+    ----------
+    track : shape (2 longest + 1, count, 2n)
+        Strobes of the motions, weighted.
+    longest
+        The longest period.
+    """
+    sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+    periods, nearest = np.zeros(track.shape[1], dtype=int), np.full(track.shape[1], np.inf)
+    for m in range(1, longest + 1):
+        first = np.abs(track[m] - track[0]).max(axis=1) / sizes
+        second = np.abs(track[2 * m] - track[m]).max(axis=1) / sizes
+        with np.errstate(divide="ignore", invalid="ignore"):  # where it does not shrink
+            missing = np.where(second < first, second + second**2 / (first - second), np.inf)
+        missing[second <= _EXACT] = _EXACT
+        ends = (second <= _RETURNED) & (missing <= _ARRIVED) & (nearest > _CLEAR * missing)
+        periods[ends & (periods == 0)] = m
+        nearest = np.minimum(nearest, first)
+    return periods

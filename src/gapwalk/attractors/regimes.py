@@ -1,0 +1,140 @@
+"""The record of a regime map: the kind of motion at each cell of a plane of two parameters."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.box import centres
+from gapwalk.attractors.regime import regime_word
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.notebook.shown import Shown
+
+_SHORT = 8  # longest period that a short summary lists separately
+
+
+@dataclass(frozen=True)
+class RegimeCheck:
+    """Accuracy of the regimes of a map.
+
+    Attributes
+    ----------
+    checked
+        Number of random cells whose motion was settled further and classified with the exact flow.
+    different
+        One sentence for each of them that then got another regime or period.
+    """
+
+    checked: int = 0
+    different: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Regimes(Shown):
+    """The regimes in the plane of two parameters, cell by cell; the first row of each array is the lowest.
+
+    Attributes
+    ----------
+    system
+        The system, with the values of the other parameters.
+    first, second
+        Names of the parameters: horizontal, and vertical.
+    within
+        The range of each parameter. A cell is evaluated at its centre.
+    regimes : shape (rows, columns)
+        Values of `Regime`.
+    periods : shape (rows, columns)
+        Period m of the periodic motions; 0 for the others.
+    exponents : shape (rows, columns)
+        Largest Lyapunov exponent per forcing period of motions that were not found to be periodic at once; else nan.
+    peak_force, impacts : shape (rows, columns, contacts)
+        Largest magnitude of each contact force, and impacts per forcing period; shape (rows, columns, 0) if not
+        requested.
+    states : shape (rows, columns, 2n)
+        A state of the motion at theta = 0.
+    check
+        Accuracy of the regimes.
+    error
+        Error of the fast flow over one forcing period, relative to the size of the motion, measured against the exact
+        flow; 0 if only the exact flow was used.
+    complete
+        False if the computation was stopped before its end; the remaining cells are undecided.
+    notes
+        Sentences on what could not be computed.
+    """
+
+    system: System
+    first: str
+    second: str
+    within: tuple[tuple[float, float], tuple[float, float]]
+    regimes: NDArray[np.int_]
+    periods: NDArray[np.int_]
+    exponents: NDArray[np.float64]
+    peak_force: NDArray[np.float64]
+    impacts: NDArray[np.float64]
+    states: NDArray[np.float64]
+    check: RegimeCheck = RegimeCheck()
+    error: float = 0.0
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        parts = (self.regimes, self.periods, self.exponents, self.peak_force, self.impacts, self.states)
+        if self.regimes.ndim != 2 or any(part.shape[:2] != self.regimes.shape for part in parts):
+            raise ValueError(f"its parts have the shapes {', '.join(str(part.shape) for part in parts)}")
+        if self.impacts.ndim != 3 or self.peak_force.shape != self.impacts.shape:
+            raise ValueError("its forces and impacts are not those of the same contacts")
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Columns and rows."""
+        rows, columns = self.regimes.shape
+        return columns, rows
+
+    @property
+    def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The values of the parameters at the centres of the cells."""
+        first, second = (centres(ends, count) for ends, count in zip(self.within, self.resolution, strict=True))
+        return first, second
+
+    @property
+    def cells(self) -> dict[str, int]:
+        """Number of cells of each regime, by its name: ``period 1``, ..., ``quasi-periodic``, ``chaotic``, ..."""
+        words = Counter(zip(self.regimes.ravel().tolist(), self.periods.ravel().tolist(), strict=True))
+        order = sorted(words, key=lambda key: (key[0] < 0, key))
+        return {regime_word(*key): words[key] for key in order}
+
+    def at(self, first: float, second: float) -> str:
+        """Return the regime of the cell that contains two parameter values."""
+        place = []
+        for value, (low, high), count in zip((first, second), self.within, self.resolution, strict=True):
+            if not low <= value <= high:
+                raise ModelError(f"({first:g}, {second:g}) lies outside the map, which is over {self.within}")
+            place.append(min(int((value - low) / (high - low) * count), count - 1))
+        column, row = place
+        return regime_word(int(self.regimes[row, column]), int(self.periods[row, column]))
+
+    def plot(self, title: str = "", **options: Any):
+        """Draw the map; options as in `gapwalk.plot.cells.draw_regimes`. Return the figure."""
+        from gapwalk.plot import draw
+
+        return draw(self, title=title, **options)
+
+    def _groups(self) -> dict[str, int]:
+        """Count cells as in `cells`, with all long periods in one group."""
+        longer = int(np.sum(self.periods > _SHORT))
+        short = {f"period {m}": int(np.sum(self.periods == m)) for m in range(1, _SHORT + 1)}
+        others = {word: count for word, count in self.cells.items() if not word.startswith("period ")}
+        groups = {**short, f"longer periods than {_SHORT}": longer, **others}
+        return {word: count for word, count in groups.items() if count}
+
+    def __repr__(self) -> str:
+        columns, rows = self.resolution
+        parts = ", ".join(f"{word}: {count}" for word, count in self._groups().items())
+        return f"Regimes({self.first}, {self.second}; {columns} x {rows} cells; {parts})"

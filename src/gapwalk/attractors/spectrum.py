@@ -1,0 +1,206 @@
+"""Spectra of signals: amplitudes in the units of the signal over multiples of W."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.line_names import line_name
+from gapwalk.attractors.settled import Settled
+from gapwalk.attractors.strobe import check_count
+from gapwalk.errors import ModelError
+from gapwalk.flow.motion import Motion, integrate
+from gapwalk.model.system import System, pace_text
+from gapwalk.orbit.orbit import Orbit
+
+_FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
+_SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
+_CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing affects them most
+
+
+@dataclass(frozen=True, slots=True)
+class SpectrumOptions:
+    """Options of a spectrum.
+
+    Parameters
+    ----------
+    periods
+        Number of forcing periods in the window, for a motion without period.
+    window
+        A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
+        ``"hann"`` separates neighbouring lines better.
+    tolerance
+        The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
+    """
+
+    periods: int = 256
+    window: str = "flattop"
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        from scipy.signal import get_window  # imported late: it takes long
+
+        check_count("periods", self.periods, 8)
+        if not 1e-12 <= self.tolerance <= 0.1:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
+        try:
+            get_window(self.window, 8)
+        except (ValueError, TypeError):
+            raise ModelError(
+                f"window is {self.window!r}; write the name of a window of scipy.signal, such as 'flattop' or 'hann'"
+            ) from None
+
+
+class Peak(NamedTuple):
+    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
+
+    name: str
+    order: float
+    amplitude: float
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The spectrum of one signal.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    signal
+        Name of the signal.
+    orders : shape (lines,)
+        Orders from 0 upwards: multiples of W, or orders per turn of a shaft if its speed is a parameter (theta below is
+        then the angle of that shaft).
+    values : shape (lines,)
+        Complex amplitudes c in the units of the signal, which is the sum of ``Re(c exp(i order theta))``. For a motion
+        without period a line of amplitude A appears as a peak of height A, slightly wider than `resolution`.
+    period
+        Period m of a periodic motion, whose lines are exact; 0 for a windowed motion.
+    resolution
+        Width of a line, as an order: 0 for a periodic motion.
+    folding
+        Bound on the contribution of aliasing to any line, in the units of the signal.
+    """
+
+    system: System
+    signal: str
+    orders: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    period: int
+    resolution: float
+    folding: float
+
+    @property
+    def amplitudes(self) -> NDArray[np.float64]:
+        """Amplitude of each line, shape (lines,)."""
+        return np.abs(self.values)
+
+    def amplitude(self, order: float) -> float:
+        """Return the amplitude of the line nearest to an order within the resolution; 0 if there is none."""
+        nearest = int(np.argmin(np.abs(self.orders - order)))
+        reach = max(self.resolution, 1e-9)
+        return float(self.amplitudes[nearest]) if abs(self.orders[nearest] - order) <= reach else 0.0
+
+    def peaks(self, count: int = 10, least: float = 1e-3) -> tuple[Peak, ...]:
+        """Return the highest peaks without the mean, in descending order.
+
+        Parameters
+        ----------
+        count
+            Largest number of peaks.
+        least
+            Smallest height, relative to the highest peak.
+        """
+        from scipy.signal import find_peaks  # imported late: it takes long
+
+        heights = self.amplitudes.copy()
+        heights[0] = 0.0
+        if self.period:
+            places = np.flatnonzero(heights > max(least * heights.max(), self.folding))
+        else:
+            places = find_peaks(heights, height=least * float(heights.max()))[0]
+        best = places[np.argsort(-heights[places], kind="stable")][:count]
+        near = 1e-9 if self.period else 0.5 * float(self.orders[1])
+        periods = (self.period,) if self.period else _SUBHARMONICS
+        found = [(float(self.orders[k]), float(heights[k])) for k in best]
+        return tuple(Peak(line_name(order, periods, near, self.system.turns), order, size) for order, size in found)
+
+    def __repr__(self) -> str:
+        lines = ", ".join(f"{peak.name} {peak.amplitude:.4g}" for peak in self.peaks(5))
+        return f"Spectrum({self.signal} at {pace_text(self.system, 6)}: {lines})"
+
+
+def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
+    """Compute the spectrum of a signal of a settled motion.
+
+    An orbit is transformed over exactly one period, so no line leaks; any other motion is windowed. In both cases the
+    sampling is refined until aliasing is negligible: contacts cause kinks, and kinks have many harmonics.
+
+    Parameters
+    ----------
+    motion
+        An orbit or a settled motion.
+    signal
+        A coordinate (``"q1"``), its velocity (``"q1'"``) or acceleration (``"q1''"``), a contact's force
+        (``"stop.force"``): as in `Motion.signal`.
+    options
+        Length, window and accuracy.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    FlowError
+        If the motion diverges.
+    """
+    from scipy.signal import get_window  # imported late: it takes long
+
+    options = options or SpectrumOptions()
+    system, state, period = motion.system, motion.state, motion.period or 0
+    length = period or options.periods
+
+    def sampled(samples: int) -> Motion:
+        return integrate(system, state, length, samples)
+
+    def window(count: int) -> NDArray[np.float64]:
+        return np.ones(count) if period else get_window(options.window, count)
+
+    values, folding = _refined(sampled, signal, length, window, options.tolerance)
+    weights = window(len(values) * 2)
+    bins = 0.0 if period else len(weights) * float((weights**2).sum() / weights.sum() ** 2)
+    turns = system.turns or 1
+    orders = turns * np.arange(len(values)) / length
+    return Spectrum(system, signal, orders, values, period, turns * bins / length, folding)
+
+
+def _refined(
+    sampled: Callable[[int], Motion],
+    signal: str,
+    length: int,
+    window: Callable[[int], NDArray[np.float64]],
+    tolerance: float,
+) -> tuple[NDArray[np.complex128], float]:
+    """Double the sampling until aliasing is small; return the lines of a signal and a bound on the aliasing."""
+    samples, coarse = _FIRST, None
+    while True:
+        values = sampled(samples).signal(signal)[:-1]
+        lines = _lines(values, window)
+        if coarse is not None:
+            folding = float(np.abs(lines[: len(coarse)] - coarse).max())
+            largest = float(np.abs(lines).max())
+            if folding <= tolerance * largest or samples >= _FINEST or len(values) > 1 << 21:
+                return lines, folding
+        samples, coarse = 2 * samples, lines
+
+
+def _lines(values: NDArray[np.float64], window: Callable[[int], NDArray[np.float64]]) -> NDArray[np.complex128]:
+    """Return the unaliased part of the spectrum, corrected for the window; the mean is removed before the transform."""
+    mean, weights = values.mean(), window(len(values))
+    lines = 2.0 * np.fft.rfft((values - mean) * weights) / weights.sum()
+    lines[0] = mean
+    return lines[: len(values) // _CLEAN + 1]

@@ -1,0 +1,394 @@
+"""Branch tracer: a walk with its special points, step by step, that can be stopped after any step and resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.branch import SpecialPoint
+from gapwalk.bifurcation.branch_start import BranchStart, lift, refined
+from gapwalk.bifurcation.counts import unexplained
+from gapwalk.bifurcation.detector import Detector, DetectorState
+from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
+from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.kinds.event import Event
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
+from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.symmetry import Symmetry, finds_all, symmetries_of
+from gapwalk.model.system import System
+from gapwalk.orbit.floating import floats, unheld
+from gapwalk.orbit.floquet import largest_move
+
+_GRAZES = 1e-5  # distance from a breakpoint, relative to the motion, within which a deflection counts as grazing
+_AHEAD = 1e-4  # arclength beyond the beginning of a branch from which special points are detected
+_SHARP = 1e-6  # length of a step below which a graze is passed in terms of its depth, not of the arclength
+_BEGINNING = 1e-4  # radians from the start of the period within which a contact event coincides with it
+_BENT, _UNCHANGED = 1e-6, 1e-3  # step over a sharp bend, and the relative change of multipliers allowed in it
+_NEARER, _NEAREST = 0.1, 1e-8  # factor on _AHEAD if a contact grazes before it, and its smallest value
+
+_SYMMETRIC, _LOST = 1e-6, 1e-4  # defect of a symmetry, in amplitudes: of an orbit that has it, and that has lost it
+_RESTORED = 1e-3  # defect at the vertex where a symmetry returns: it is located to the square of that, and better
+_ROUNDING = 1e-8  # size of motions whose asymmetry is rounding, in the scale of positions
+_CERTAIN = 1e-6  # arclength of a step that is not repeated, whatever it leaves unexplained
+_FAR = 0.8  # allowed change of a multiplier in one step: half a turn takes four steps
+
+Step = tuple[BranchPoint, list[SpecialPoint]]
+"""New point of a branch, and the special points between it and the point before."""
+
+
+class BranchTracerState(NamedTuple):
+    """Progress of a branch tracer: its walk and its detector."""
+
+    walk: WalkState
+    detector: DetectorState
+
+
+def _change(first: BranchPoint, second: BranchPoint) -> float:
+    """Return the change of multipliers between two neighbouring points, as a share of the change allowed in a step."""
+    return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
+
+
+def _walk(beginning: BranchStart, options: WalkOptions, state: WalkState | None) -> Walk:
+    """Return the walk from a beginning, or from a state to resume."""
+    return Walk(
+        beginning.equation,
+        beginning.first,
+        beginning.within,
+        beginning.corrector,
+        options,
+        state,
+        branched=beginning.singular,
+        change=_change,
+    )
+
+
+def resumed_tracer(
+    beginning: BranchStart, walk: WalkOptions | None, state: BranchTracerState, events: Sequence[Event] = ()
+) -> BranchTracer:
+    """Return the tracer that continues from a state, also if its equation was refined on the way.
+
+    Parameters
+    ----------
+    beginning
+        Beginning from which the tracer started.
+    walk
+        Options of the walk.
+    state
+        `BranchTracer.state` when it was stopped. Its points are as they were yielded, so the one before the
+        last may have been computed before a refinement.
+    events
+        User-defined kinds of special points.
+    """
+    previous, size = state.walk.previous, len(state.walk.point.x)
+    while len(beginning.first.x) < size:
+        finer = refined(beginning)
+        if finer is None:
+            break
+        if previous is not None and len(previous.x) < len(finer.first.x):
+            previous = lift(previous, finer.corrector, finer.equation)
+        beginning = finer
+    return BranchTracer(beginning, walk, state._replace(walk=replace(state.walk, previous=previous)), events)
+
+
+class BranchTracer(Iterator[Step]):
+    """Tracer of a branch in one direction: yields each point with the special points before it.
+
+    Parameters
+    ----------
+    beginning
+        Where it begins, and in which direction.
+    walk
+        Options of the walk.
+    resume
+        `state` of a stopped tracer with the same beginning.
+    events
+        User-defined kinds of special points.
+    """
+
+    def __init__(
+        self,
+        beginning: BranchStart,
+        walk: WalkOptions | None = None,
+        resume: BranchTracerState | None = None,
+        events: Sequence[Event] = (),
+    ) -> None:
+        self.beginning, self.first = beginning, beginning.first
+        self._kinds = (*Kind.known(), *events)
+        options = walk or WalkOptions()
+        self.walk = _walk(beginning, options, resume and resume.walk)
+        self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
+        self.detector = Detector(beginning.corrector, self._kinds)
+        self._ways = unheld(self.first.orbit.system)
+        if resume is not None:
+            self.detector.restore(resume.detector)
+        if why := floats(self.walk.point.orbit, self._ways):
+            self.walk.finish(self.walk.point, End(EndReason.FLOATING, self.walk.point.value, why))
+
+    @property
+    def state(self) -> BranchTracerState:
+        """Progress so far; a tracer made with it as `resume` continues as if never stopped."""
+        return BranchTracerState(self.walk.state, self.detector.state)
+
+    @property
+    def end(self) -> End | None:
+        """End of the walk, with its reason; None while it continues."""
+        return self.walk.end
+
+    @property
+    def is_closed(self) -> bool:
+        """True if the branch has closed on itself."""
+        return self.end is not None and self.end.reason is EndReason.CLOSED
+
+    def finish_with(self, end: End) -> None:
+        """Set the end that the walk had reached before it was stopped."""
+        self.walk.end = end
+
+    def __next__(self) -> Step:
+        state = self.state
+        before, first = self.walk.previous, self.walk.point
+        while True:
+            try:
+                point = next(self.walk)
+            except StopIteration:
+                if self._refine(state.walk.count):
+                    before, first, state = None, self.walk.point, self.state
+                    continue
+                stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+                step = (self._pass_graze(state.walk) or self._pass_bend(state.walk)) if stuck else None
+                if step is not None:
+                    return step
+                if stuck and self.walk.persist():
+                    continue
+                self._end_at_parent(before, first)
+                self._explain_small_step(first)
+                raise
+            if why := floats(point.orbit, self._ways):
+                self.walk.finish(first, End(EndReason.FLOATING, first.value, why))
+                continue
+            if self._grazes_sharply(first, point):
+                step = self._pass_graze(state.walk)
+                if step is not None:
+                    return step
+            doubt = self.beginning.equation.doubt(point.orbit)
+            if doubt:
+                self.walk.finish(first, End(EndReason.COARSE, first.value, doubt))
+                continue
+            try:
+                if self._is_doubled(first) and has_merged(point):
+                    raise NumericalError("the step went onto the parent branch")
+                if self._is_astray(first, point):
+                    raise NumericalError("the step went onto a branch of motions that lack a symmetry of this one")
+                step = self._until_vertex(point, self._explained(first, point, before))
+            except NumericalError:
+                # no orbits connect the two points: the step went astray, onto another branch
+                if before is not None and self._is_doubled(first) and is_close(first):
+                    self.walk.finish(first, End(EndReason.JOINED, value_ahead(before, first)))
+                    return first, []
+                self.detector.restore(state.detector)
+                self.walk.go_back(state.walk, point)
+                continue
+            return self._until_parent(first, step)
+
+    def _refine(self, count: int) -> bool:
+        """Continue with a finer resolution if the walk ended for lack of it; return whether that was possible."""
+        if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
+            return False
+        finer = refined(self.beginning)
+        point = None if finer is None else lift(self.walk.point, finer.corrector, finer.equation)
+        if finer is None or point is None:
+            return False
+        state = WalkState(None, point, self.walk.step, count)
+        walk = self.walk
+        self.beginning = finer
+        self.walk = _walk(finer, walk.options, state)
+        self.walk.rejected = walk.rejected
+        self.detector = Detector(finer.corrector, self._kinds)
+        return True
+
+    def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
+        """Return the symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.
+
+        They are those of its first orbit, or of the next one if the branch begins at another branch.
+
+        A parameter may break a symmetry of the equations (a mean load does), so the system must have it over the range.
+        """
+        if self._symmetries is None:
+            if self.beginning.singular and point.arclength < _AHEAD:
+                return {}
+            self._symmetries = {
+                each: each.moves_switches(point.orbit.system)
+                for each in self._symmetries_of_all()
+                if self._defect(each, point) < _SYMMETRIC
+            }
+        return self._symmetries
+
+    def _is_astray(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Return whether a point lacks a symmetry of the branch, by its extremes or by the closings of its contacts.
+
+        Beyond a graze at a stiff stop, the closings show an asymmetry that is too small to be seen in the extremes.
+        """
+        closings = point.orbit.closings
+        return any(
+            closings != tuple(closings[switch] for switch in switches) or self._defect(symmetry, point) > _LOST
+            for symmetry, switches in self._kept(first).items()
+        )
+
+    def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
+        return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.beginning.corrector.scales[0]))
+
+    def _symmetries_of_all(self) -> tuple[Symmetry, ...]:
+        """Return the symmetries that the system has at both limits of the range, and at the beginning."""
+        system, within = self.first.orbit.system, self.beginning.within
+        place = system.structure.place(self.beginning.equation.parameter or "")
+        ends = [symmetries_of(System.beside(system, place, value)) for value in (within.low, within.high)]
+        return tuple(each for each in symmetries_of(system) if all(each in end for end in ends))
+
+    def _explained(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
+        """Return the special points of a step; raise a NumericalError if they do not explain all changes in it.
+
+        A shorter step may then show what was missed.
+        """
+        special = self._inspect(first, point, before)
+        singular = first is self.first and self.beginning.singular  # all test functions vanish there
+        if point.arclength - first.arclength > _CERTAIN and not singular:
+            for text in unexplained(first, point, special):
+                raise NumericalError(text)
+        return special
+
+    def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
+        """Return the special points of a step.
+
+        All test functions vanish where a branch begins at another, so its first step is examined from just beyond.
+        """
+        if first is self.first and self.beginning.singular:
+            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
+            if beside is None:
+                return []
+            first, before = beside, None
+        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
+        return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
+
+    def _beside_beginning(self, ahead: float) -> BranchPoint | None:
+        """Return a point just beyond the beginning of a branch that begins at another; None if there is none.
+
+        If the contacts there already close differently than at the beginning, one grazes in between, and the branch may
+        turn back at once. A nearer point is then taken, so that nothing of it is missed.
+        """
+        corrector, first = self.beginning.corrector, self.first
+        beside = None
+        while ahead >= _NEAREST:
+            correction = corrector.correct(first.x + ahead * first.tangent, first.tangent)
+            if correction is None:
+                break
+            beside = corrector.point(correction, first.tangent, ahead)
+            if beside.orbit.closings == first.orbit.closings:
+                break
+            ahead *= _NEARER
+        return beside
+
+    def _grazes_sharply(self, first: BranchPoint, point: BranchPoint) -> bool:
+        """Return whether a contact grazes in so short a step, or with such a change, that its stop must be stiff."""
+        if first.orbit.closings == point.orbit.closings:
+            return False
+        return point.arclength - first.arclength < _SHARP or _change(first, point) > 1.0
+
+    def _pass_graze(self, state: WalkState) -> Step | None:
+        """Return the step over a graze from a state of the walk: at a stiff stop the branch turns within rounding."""
+        first = state.point
+        if first is self.first and self.beginning.singular:
+            return None  # two branches begin there, and the depth does not distinguish them
+        passage = pass_graze(self.beginning.corrector, first)
+        if passage is None or (self._is_doubled(first) and has_merged(passage.point)):
+            return None
+        if self._is_astray(first, passage.point):
+            return None
+        self.walk.go_on(state, passage.point, 0.5 * passage.distance)
+        self.detector = Detector(self.beginning.corrector, self._kinds)  # test functions may have jumped
+        return self._until_parent(first, self._until_vertex(passage.point, passage.special))
+
+    def _pass_bend(self, state: WalkState) -> Step | None:
+        """Return the step over a sharp bend, where a contact begins or ends at the start of the period.
+
+        There the initial state moves along the motion, which has a corner where a viscous force sets in. The motion
+        itself is as smooth along the branch as elsewhere, so its multipliers do not change.
+        """
+        first = state.point
+        full = PERIOD * first.orbit.period
+        if not any(min(event.theta, full - event.theta) < _BEGINNING for event in first.orbit.events):
+            return None
+        point = self.walk.bent_step(_BENT)
+        if point is None or first.orbit.closings != point.orbit.closings:
+            return None
+        off = np.abs(first.orbit.multipliers - point.orbit.multipliers).max()
+        if off > _UNCHANGED * np.abs(first.orbit.multipliers).max() or first.determinant * point.determinant < 0.0:
+            return None
+        self.walk.go_on(state, point, _BENT)
+        self.detector = Detector(self.beginning.corrector, self._kinds)
+        return point, []
+
+    def _until_vertex(self, point: BranchPoint, special: list[SpecialPoint]) -> Step:
+        """Return the step, cut off where the branch joins the branch from which it bifurcates.
+
+        It turns back there, and its continuation is the same motion again: shifted by a forcing period beyond a flip,
+        mirrored beyond a symmetry-breaking point.
+        """
+        for number, each in enumerate(special):
+            if each.is_vertex and self._has_parent(each.point):
+                self.walk.finish(each.point, End(EndReason.JOINED, each.value))
+                return each.point, special[:number]
+        return point, special
+
+    def _has_parent(self, vertex: BranchPoint) -> bool:
+        """Return whether the orbit at a vertex has what those of the branch lack: half their period, or a symmetry.
+
+        Only then is there a branch to join. If not all symmetries of the system are known, the vertex is accepted.
+        """
+        if vertex.orbit.period % 2 == 0 and is_close(vertex):
+            return True
+        if not finds_all(vertex.orbit.system):
+            return True
+        kept = self._kept(self.walk.point)
+        lost = [each for each in symmetries_of(vertex.orbit.system) if each not in kept]
+        return any(self._defect(each, vertex) < _RESTORED for each in lost)
+
+    def _is_doubled(self, point: BranchPoint) -> bool:
+        """Return whether a point may be near the parent of a period-doubled branch, and is not its beginning."""
+        return point.orbit.period % 2 == 0 and not (point is self.first and self.beginning.singular)
+
+    def _until_parent(self, first: BranchPoint, step: Step) -> Step:
+        """Return the step, cut off where a doubled branch passes its parent without a located branch point."""
+        point, special = step
+        joined = self.walk.end is not None and self.walk.end.reason is EndReason.JOINED
+        if joined or not self._is_doubled(first) or not passes_parent(first, point):
+            return step
+        value = value_between(first, point, float(self.beginning.corrector.scales[-1]))
+        self.walk.finish(first, End(EndReason.JOINED, value))
+        low, high = sorted((first.value, point.value))
+        return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
+
+    def _explain_small_step(self, last: BranchPoint) -> None:
+        """Add a grazing contact as the cause if a walk got stuck: a stiff one turns the branch within a step."""
+        end = self.walk.end
+        if end is None or end.reason is not EndReason.STEP:
+            return
+        size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
+        depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
+        if depths and min(depths) <= _GRAZES * size:
+            contact = describe_switch(last.orbit, depths.index(min(depths)))
+            advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
+            self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
+
+    def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
+        """Set the true reason of a walk that got stuck just before its parent."""
+        stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+        if stuck and before is not None and self._is_doubled(last) and is_close(last):
+            self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))

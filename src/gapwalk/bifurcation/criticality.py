@@ -1,0 +1,151 @@
+"""Criticality of a flip: supercritical if the doubled motions lie on the side where the parent is unstable."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import REACH, Kind, SpecialPoint
+from gapwalk.bifurcation.normal_form import Matrix, flip_coefficient
+from gapwalk.bifurcation.switch import Doubled, DoubledStart, least_singular
+from gapwalk.continuation.corrector import TRUST
+from gapwalk.continuation.parameter_range import check_range
+from gapwalk.errors import NumericalError
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.orbit.method import Method, chosen
+from gapwalk.orbit.orbit import Orbit
+
+_STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
+"""Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is used.
+
+Near the flips of the paper's figure 15, contacts graze at amplitudes from 1e-3 down to 1e-8.
+"""
+_SURE = 0.05  # relative error of the cubic coefficient up to which its sign counts
+_STEPS_ALONG = 12  # largest number of steps along the doubled branch
+_LONGER, _SHORTER = 4.0, 0.3  # ratio of the next step to the present one after success and after failure
+_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may lie on another branch
+
+
+class _Limit(NamedTuple):
+    """Doubled motions of vanishing amplitude.
+
+    Attributes
+    ----------
+    way
+        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
+    size, amplitude
+        Displacement over which that was measured: scaled, and in units of the state.
+    """
+
+    way: int
+    size: float
+    amplitude: float
+
+
+def with_nature(special: SpecialPoint, parameter: str, method: Method | None = None) -> SpecialPoint:
+    """Return the special point with its criticality, if it is a flip.
+
+    A flip is supercritical if the doubled motions lie on the side where the parent has lost stability. The criticality
+    is determined in the limit towards the flip, from the cubic coefficient of its normal form, because the doubled
+    branch may soon turn back if a contact grazes close to the flip. The branch itself then shows up to which amplitude
+    it continues in its initial direction.
+
+    Parameters
+    ----------
+    special
+        The special point.
+    parameter
+        Name of the parameter that is followed.
+    method
+        Discretisation of the orbits.
+
+    Returns
+    -------
+    SpecialPoint
+        The point with `nature` and `judged`; unchanged if the criticality cannot be determined.
+    """
+    gained = special.after.total - special.before.total
+    if special.kind is not Kind.FLIP or abs(gained) != 1:
+        return special
+    width = abs(special.value) + 1.0
+    within = check_range(special.value, (special.value - width, special.value + width))
+    within = within.along(parameter, special.orbit.system)
+    try:
+        doubled = Doubled(special, parameter, within, chosen(method))
+        start = doubled.start()
+        limit = _limit(doubled, start)
+    except (NumericalError, np.linalg.LinAlgError):
+        return special
+    if limit is None:
+        return special
+    # two multipliers that meet in the same step do not matter: only one at -1 changes the number of unstable ones
+    unstable = gained * np.sign(special.point.tangent[-1])
+    return replace(
+        special,
+        nature="supercritical" if limit.way == unstable else "subcritical",
+        judged=_amplitude(doubled, start, limit),
+    )
+
+
+def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
+    """Return the side on which doubled motions of vanishing amplitude lie; None if it cannot be determined.
+
+    With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
+
+        s (alpha p + c s^2 + ...) = 0,    alpha = w^T (dF'/dp) v
+
+    (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. At such amplitudes
+    the doubled motions themselves cannot be distinguished from the parent: rounding gives their parameter an error of
+    about 1e-15 / s.
+    """
+    equation, scales = doubled.corrector.equation, doubled.corrector.scales
+    unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
+
+    def motion_at(unknowns: NDArray[np.float64], value: float = value) -> tuple[NDArray[np.float64], Orbit]:
+        evaluation = equation.evaluate(unknowns, value)
+        return evaluation.by_unknowns * scales[:-1], equation.orbit(unknowns, value, evaluation)
+
+    orbits: list[Orbit] = []
+
+    def matrix_at(unknowns: NDArray[np.float64]) -> Matrix:
+        matrix, orbit = motion_at(unknowns)
+        orbits.append(orbit)
+        return matrix, orbit.events
+
+    here = matrix_at(unknowns)
+    left, _, right = least_singular(here[0])
+    response = -(here[0] + np.outer(left, right))  # regular, and equal to -F' for motions of half the period
+    for step in _STEPS:
+        cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
+        if not cubic.error <= _SURE * abs(cubic.value):
+            continue
+        beside = doubled.along(start.place + step)
+        alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
+        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
+        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
+    return None
+
+
+def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
+    """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction."""
+    corrector, flip = doubled.corrector, doubled.special.orbit
+    x, tangent = start.unknowns / corrector.scales, np.append(start.across, 0.0)
+    amplitude, enough = limit.amplitude, REACH * magnitude(flip.state, flip.system)
+    step, reach = _LONGER * limit.size, enough * limit.size / limit.amplitude
+    for _ in range(_STEPS_ALONG):
+        correction = corrector.correct(x + step * tangent, tangent, TRUST)
+        point = None
+        if correction is not None and correction.distance <= _ASIDE * step:
+            point = corrector.point(correction, tangent, 0.0)
+        if point is None or np.sign(point.tangent[-1]) != limit.way:
+            step *= _SHORTER
+            continue
+        x, tangent = point.x, point.tangent
+        amplitude = float(np.abs(point.orbit.state - flip.state).max())
+        if amplitude >= enough:
+            break
+        step = min(_LONGER * step, reach)
+    return amplitude

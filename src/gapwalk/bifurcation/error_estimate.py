@@ -1,0 +1,155 @@
+"""Error estimate for points of a branch from a second computation with another or finer discretisation.
+
+Shooting uses one segment more, harmonic balance 50 % more harmonics. The difference between the two computations is an
+estimate of the error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.orbit_equation import OrbitEquation
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.kinds.zero_search import Zero
+
+SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
+_NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points near a crossing, as multiples of the reach
+_REAL = 1e-6  # imaginary part below which a root counts as real
+_AT = 1e-6  # distance of the critical multiplier from +1 or -1 that its own rounding explains
+ROUNDING = 2e-14
+"""Relative error of a parameter that both computations share, from the flow: about 1e-15 in each of its steps."""
+
+
+class ErrorEstimator:
+    """Error estimator that computes the branch of a corrector with another discretisation.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    """
+
+    def __init__(self, corrector: Corrector) -> None:
+        self._equation = cast("OrbitEquation", corrector.equation)
+        self._other = self._equation.otherwise()
+        self._known = corrector.scales
+        known = corrector.scales[:-1]
+        velocity = known[min(self._equation.system.size, len(known) - 1)]  # harmonic balance has no velocities
+        scales = self._other.scales(1.0, velocity / known[0])
+        scales *= known[0] / scales[0]  # so that lengths along the branch are equal in both
+        self._corrector = Corrector(self._other, np.append(scales, corrector.scales[-1]))
+
+    def at(self, point: BranchPoint, shift: float = 0.0) -> BranchPoint:
+        """Return the point of the second computation in the plane across a point's tangent, `shift` further along.
+
+        Raises
+        ------
+        NumericalError
+            If there is no such point.
+        """
+        scales = self._corrector.scales
+        along = self._embedded(point.tangent)
+        try:
+            start = self._ahead(point, shift)
+        except NumericalError:
+            start = self._embedded(point.x) + shift * along
+        correction = self._corrector.correct(start, along / np.linalg.norm(along))
+        if correction is None:
+            raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
+        # evaluated exactly there: the correction may have been evaluated one Newton step away
+        x = correction.x
+        evaluation = self._other.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
+        exact = Correction(x, evaluation, 0, 0.0, 0.0)
+        return self._corrector.point(exact, along, point.arclength + shift)
+
+    def _ahead(self, point: BranchPoint, shift: float) -> NDArray[np.float64]:
+        """Return the scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.
+
+        They are computed from the motion itself, because the other discretisation has additional unknowns, which also
+        change along the branch.
+        """
+        orbit, value = point.orbit, float(point.x[-1])
+        if shift:
+            x = (point.x + shift * point.tangent) * self._known
+            orbit = self._equation.orbit(x[:-1], float(x[-1]), self._equation.evaluate(x[:-1], float(x[-1])))
+            value += shift * float(point.tangent[-1])
+        return np.append(self._other.unknowns(orbit) / self._corrector.scales[:-1], value)
+
+    def crossing(self, point: BranchPoint, reach: float) -> float:
+        """Return the parameter at which the second computation has a crossing, near a branch point.
+
+        Close to the crossing no orbit can be corrected, but the branch and its determinant are smooth. Polynomials
+        through points on both sides, up to `reach` away, give the zero of the determinant.
+
+        Raises
+        ------
+        NumericalError
+            If there are no such points, or the determinant does not change its sign.
+        """
+        points = [self.at(point, float(share) * reach) for share in _NODES]
+
+        def polynomial(values: list[float]) -> Polynomial:
+            return Polynomial.fit(_NODES, values, len(_NODES) - 1, domain=[-1.0, 1.0])
+
+        roots = polynomial([each.determinant for each in points]).roots()
+        places = roots[np.abs(roots.imag) < _REAL].real
+        places = places[np.abs(places) <= 1.0]
+        if not len(places):
+            raise NumericalError(f"no branches cross near {point.value:.12g} with another discretisation")
+        return float(polynomial([each.value for each in points])(places[np.argmin(np.abs(places))]))
+
+    def _embedded(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.append(self._equation.embed(x[:-1], self._other), x[-1])
+
+
+class _Seen(NamedTuple):
+    """Point, and the test function there."""
+
+    point: BranchPoint
+    zero: float
+
+
+def location_error(zero: Zero, second: ErrorEstimator, around: Sequence[BranchPoint]) -> float:
+    """Estimate the error of the parameter at a special point; infinite if it cannot be estimated.
+
+    The point is compared with points near it on the branch, and with the same point of a second computation, in the
+    plane across the tangent. The largest of the estimates counts.
+
+    Raises
+    ------
+    NumericalError
+        If there is no such point.
+    """
+    here, other, *near = (_Seen(point, zero.function(point)) for point in (zero.point, second.at(zero.point), *around))
+    return max(_location_error(zero, here, other, each) for each in near)
+
+
+def _location_error(zero: Zero, here: _Seen, other: _Seen, near: _Seen) -> float:
+    kind, spread = zero.kind, zero.spread
+    point, apart = here.point, near.point.arclength - here.point.arclength
+    rate = (near.zero - here.zero) / apart if apart else 0.0
+    if not rate or not math.isfinite(rate):
+        return math.inf
+    off = abs(other.point.value - point.value)  # across the branch
+    along = max(abs(here.zero), abs(other.zero), zero.noise) / abs(rate)
+    width = abs(point.x[-1] and point.value / point.x[-1])  # the scale of the parameter
+    ahead = abs(float(point.tangent[-1])) * along
+    if kind.is_turning:
+        ahead += 0.5 * abs(rate) * along**2  # the parameter is stationary there: what counts is its curvature
+    if kind.target is not None:
+        critical = [kind.critical_multiplier(each.point.orbit.multipliers) for each in (here, near, other)]
+        blurred = abs(critical[1] - critical[0]) / abs(apart) * (along + spread) + abs(critical[2] - critical[0])
+        if abs(critical[0] - kind.target) > SAFETY * blurred + _AT:
+            return math.inf  # no multiplier is critical here
+    bracket = abs(float(point.tangent[-1])) * width * spread
+    return float(bracket + SAFETY * (off + width * ahead) + ROUNDING * (abs(point.value) + width))

@@ -1,0 +1,188 @@
+"""Chunk of a search: a block of starts at one value of the parameter, processed by a pure function."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.isolated.deflation import newton_aside
+from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Entry, exact_orbit
+from gapwalk.bifurcation.isolated.search_options import SearchOptions
+from gapwalk.bifurcation.isolated.search_starts import generator
+from gapwalk.bifurcation.isolated.settling import Settler, Settling
+from gapwalk.model.system import System
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import ShootingEquation
+
+_EARLY = 1  # forcing periods after which the state of a transient is a start of Newton's method for short periods
+_SHORT = 3  # the longest of the short periods
+_LATE = 2  # forcing periods, in addition to the period sought, after which it is a start for any period
+_THERE = 1e-2  # distance from a known orbit within which Newton's method would only return to it
+_FEW = 0.25  # largest share of unsettled starts for which the patience is extended
+_PATIENCE = 5  # factor by which it is extended
+_MOST = 40  # largest number of new orbits whose neighbourhood is searched: without damping there are families of them
+_KICK = 0.1  # distance from a known orbit at which the search for its neighbours begins, in half-widths of the box
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Block of starts at one value of the parameter.
+
+    Attributes
+    ----------
+    value
+        The value of the parameter.
+    block
+        Index of the block among those of this value.
+    system
+        The system at that value.
+    box : shape (2n,)
+        Half-widths of the box of states.
+    starts : shape (count, 2n)
+        The starts.
+    known
+        Orbits known at that value.
+    options
+        Options of the search.
+    """
+
+    value: float
+    block: int
+    system: System
+    box: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    known: tuple[Orbit, ...]
+    options: SearchOptions
+
+
+@dataclass(frozen=True, eq=False)
+class Catch:
+    """Result of one chunk: orbits with their hits by transients and by Newton's method, and the other transients.
+
+    Attributes
+    ----------
+    orbits
+        Each orbit with the number of transients that settled on it, and of Newton iterations that ended on it.
+    unsettled : shape (count, 2n)
+        Last states of the transients that did not become periodic.
+    ran_away
+        Number of transients that could not be followed.
+    newton_starts
+        Number of starts of Newton's method.
+    """
+
+    orbits: tuple[tuple[Orbit, int, int], ...]
+    unsettled: NDArray[np.float64]
+    ran_away: int
+    newton_starts: int
+
+
+def search_chunk(chunk: Chunk) -> Catch:
+    """Process one chunk. The result depends on the chunk alone, so chunks can be distributed over processes.
+
+    Every start is followed until it settles. States along the transients are starts of Newton's method for orbits of
+    several periods, stable or not. Finally, Newton's method with deflation searches near each new orbit for others.
+    """
+    hunt, options = _Hunt(chunk), chunk.options
+    settler = Settler(chunk.system, hunt.catalogue, options.periods, options.patience)
+    every = math.ceil(options.starts / options.newton_starts) if options.newton_starts else 0
+    unsettled, ran_away = [], 0
+    for number, start in enumerate(chunk.starts, chunk.block * options.block):
+        settling = settler.settle(start)
+        if settling.entry is not None:
+            settling.entry.settled += 1
+        elif settling.ran_away:
+            ran_away += 1
+        else:
+            unsettled.append(settling.path[-1])
+        if every and number % every == 0:
+            hunt.along(number // every, settling)
+    if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
+        unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
+    if every:
+        hunt.beside()
+    found = tuple((entry.orbit, entry.settled, entry.newton) for entry in hunt.catalogue.entries)
+    last = np.array(unsettled).reshape(-1, len(chunk.box))
+    return Catch(tuple(each for each in found if each[1] or each[2]), last, ran_away, hunt.tried)
+
+
+def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Catalogue) -> list[NDArray[np.float64]]:
+    """Follow transients with more patience and return the last states of those that have not settled even so."""
+    settler = Settler(chunk.system, catalogue, chunk.options.periods, _PATIENCE * chunk.options.patience)
+    unsettled = []
+    for state in states:
+        settling = settler.settle(state)
+        if settling.entry is None:
+            unsettled.append(settling.path[-1])
+        else:
+            settling.entry.settled += 1
+    return unsettled
+
+
+class _Hunt:
+    """Search for orbits, stable or not, by Newton's method."""
+
+    def __init__(self, chunk: Chunk) -> None:
+        self._chunk = chunk
+        self._random = generator(chunk.options.seed, chunk.value, chunk.block + 1)
+        self._equations: dict[int, ShootingEquation] = {}
+        self.catalogue = Catalogue(chunk.box)
+        self.tried = 0
+        for orbit in chunk.known:
+            self.catalogue.add(orbit)
+        self._known = len(self.catalogue.entries)
+
+    def along(self, number: int, settling: Settling) -> None:
+        """Search from states along a transient; if it has not settled, also from its closest return.
+
+        One transient in m is used for period m, so that all periods take the same time. Newton's method for long
+        periods converges from fewer states. It therefore begins later, when the transient is nearer to its attractor.
+        For short periods it begins early too, where it may reach orbits that the transient moves away from.
+        """
+        path = settling.path
+        for period in self._chunk.options.newton_periods:
+            if number % period:
+                continue
+            for place in (_EARLY, _LATE + period)[period > _SHORT :]:
+                state = path[min(place, len(path) - 1)]
+                if self.catalogue.nearest(state, period)[1] > _THERE:
+                    self._try(state, period)
+            if settling.entry is None and len(path) > 2 * period:
+                returns = np.abs((path[period:] - path[:-period]) / self._chunk.box).max(axis=1)
+                self._try(path[int(np.argmin(returns))], period)
+
+    def beside(self) -> None:
+        """Search near each orbit found, with all known ones deflated: a second orbit is often near.
+
+        Orbits known beforehand are skipped: orbits near them lie on their branches, or on branches attached to these.
+        """
+        done = self._known
+        while done < min(len(self.catalogue.entries), self._known + _MOST):  # the list grows in the loop
+            orbit = self.catalogue.entries[done].orbit
+            kick = self._random.normal(size=len(orbit.state))
+            kick *= _KICK / np.linalg.norm(kick)
+            self._try(orbit.state + kick * self._chunk.box, orbit.period, self.catalogue.states(orbit.period))
+            done += 1
+
+    def _try(self, start: NDArray[np.float64], period: int, known: NDArray[np.float64] | None = None) -> None:
+        """Apply Newton's method from a start, and give up if it leads to an orbit that is already in the catalogue."""
+        self.tried += 1
+        met: list[Entry] = []
+
+        def is_met(state: NDArray[np.float64]) -> bool:
+            entry, distance = self.catalogue.nearest(state, period)
+            if entry is not None and distance <= _THERE:
+                met.append(entry)
+            return bool(met)
+
+        if period not in self._equations:
+            self._equations[period] = ShootingEquation(self._chunk.system, None, period)
+        state = newton_aside(self._equations[period], start, self._chunk.box, known, is_enough=is_met)
+        orbit = None if state is None else exact_orbit(self._chunk.system, period, state)
+        if orbit is not None:
+            met.append(self.catalogue.add(orbit))
+        for entry in met:
+            entry.newton += 1

@@ -1,0 +1,168 @@
+"""Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
+
+The monodromy matrix changes like the square root of the depth of a touch. With depth d and the condition
+``g = s + c sqrt(d)``, where s is smooth, the locus crosses the grazing locus on the side without the touch. On the
+other side it leaves it tangentially, like the parabola ``d = (s / c)^2``. So two smooth arcs meet at an angle. Seen
+from the grazing locus both are smooth curves, over d on one side and over its square root on the other
+(see `NearGrazing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.loci.codimension_two import Finding
+from gapwalk.bifurcation.loci.locus import Codim2
+from gapwalk.bifurcation.loci.near_grazing import NearGrazing, is_highest, on_locus
+from gapwalk.bifurcation.loci.touch_changes import Approach, Turning, turnings
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.errors import NumericalError
+
+_NEAR = 1e-3  # distance from a breakpoint, in units of the state, within which a turning point may form the corner
+_STRAIGHT = 0.9  # smallest cosine of the angle between the tangent and the direction of the corner
+_HALVINGS = 4  # number of times that the depth is reduced to check that the locus leads to the corner
+_LEAST = 3.0  # smallest depth in that check, in margins
+_NEARER = 0.8  # largest ratio of successive distances from the corner in that check
+_SHALLOW = 1e-7  # depth, in units of the state, at which the locus beyond the corner is sought first
+_SHORTENINGS = 10  # number of times that the next depth there may be brought closer to the one before
+_STRAYED = 0.1  # largest deviation of a place from its prediction, as a share of its distance from the one before
+_TINY = 1e-7  # scaled deviation that is always allowed
+_FAR_ENOUGH = 0.5  # distance from the corner, in multiples of AWAY, from which the walk can continue
+
+AWAY = 1e-3
+"""Scaled distance from a corner within which a walk does not step, but is led round the corner."""
+
+
+class Corner(NamedTuple):
+    """Corner of a locus: what happens there, and the point of the locus beyond, from which the walk continues."""
+
+    finding: Finding
+    beyond: BranchPoint
+
+
+def turn_corner(
+    corrector: Corrector, point: BranchPoint, within: float, ahead: Sequence[Approach] = ()
+) -> Corner | None:
+    """Return the corner just ahead of a point of a locus; None if there is none that can be turned.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the locus.
+    point
+        The last point before the corner.
+    within
+        Scaled distance within which the corner must lie.
+    ahead
+        The turning points that may graze there; by default all near their breakpoints are tried.
+    """
+    candidates = [each.turning for each in ahead]
+    if not candidates:
+        near = _NEAR * float(corrector.scales[0])
+        candidates = sorted((each for each in turnings(point) if abs(each.depth) < near), key=lambda t: abs(t.depth))
+    for turning in candidates:
+        try:
+            corner = _turn(corrector, point, within, turning)
+        except (NumericalError, np.linalg.LinAlgError):
+            continue
+        if corner is not None:
+            return corner
+    return None
+
+
+def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turning) -> Corner | None:
+    """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
+    near = NearGrazing(corrector, turning.switch)
+    start = near.beside(point, turning.theta)
+    corner = near.at(-near.margin if near.turns_highest(start) else near.margin, start)
+    if corner is None:
+        return None
+    way = on_locus(corner) - point.x
+    length = float(np.linalg.norm(way))
+    if length > within or float(way @ point.tangent) < _STRAIGHT * length:
+        return None  # the corner of another arc
+    if not _leads_there(near, start, corner, turning):
+        return None
+    beyond = _beyond(corrector, near, corner, turning)
+    if beyond is None or beyond.orbit.closings == point.orbit.closings:
+        return None
+    x, orbit = on_locus(corner), near.orbit(corner)
+    there = BranchPoint(
+        float(x[-1] * corrector.scales[-1]), orbit, x, point.tangent, point.determinant, point.arclength + length
+    )
+    arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
+    finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
+    return Corner(finding, replace(beyond, arclength=arclength))
+
+
+def _leads_there(near: NearGrazing, start: NDArray[np.float64], corner: Correction, turning: Turning) -> bool:
+    """Return whether the locus leads from a start to a corner: its distance must shrink in proportion to the depth."""
+    there, depth = on_locus(corner), turning.depth
+    distance = float(np.linalg.norm(np.delete(start, -3) - there))
+    for _ in range(_HALVINGS):
+        depth *= 0.25 if turning.is_touch else 0.5
+        if abs(depth) < _LEAST * near.margin:
+            break
+        at = near.at(depth, start)
+        if at is None or is_highest(at) is not is_highest(corner):
+            return False
+        start, before = at.x, distance
+        distance = float(np.linalg.norm(on_locus(at) - there))
+        if distance > _NEARER * before:
+            return False
+    return True
+
+
+def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning: Turning) -> BranchPoint | None:
+    """Return the point of the locus slightly beyond its corner, where the deflection turns on the other side.
+
+    The locus is followed outwards from the corner over the measure in which it is smooth: the depth or its square root.
+    """
+    side = -np.sign(turning.depth) * near.unit
+    power, growth = (1, 3.0) if turning.is_touch else (2, 2.0)
+    measures, places = [0.0], [corner]
+    measure, shortenings = _SHALLOW ** (1.0 / power), 0
+    while shortenings < _SHORTENINGS:
+        guess = _extrapolated(measures, [place.x for place in places], measure)
+        at = near.at(side * measure**power, guess)
+        if at is None or is_highest(at) is not is_highest(corner) or _strays(at, guess, places):
+            measure, shortenings = 0.5 * (measures[-1] + measure), shortenings + 1
+            continue
+        measures.append(measure)
+        places.append(at)
+        if float(np.linalg.norm(on_locus(at) - on_locus(corner))) > _FAR_ENOUGH * AWAY:
+            break
+        measure *= growth
+    if len(places) == 1:
+        return None
+    there, way = on_locus(places[-1]), on_locus(places[-1]) - on_locus(places[-2])
+    way /= np.linalg.norm(way)
+    correction = corrector.correct(there, way)
+    if correction is None or correction.distance > _STRAYED * float(np.linalg.norm(there - on_locus(corner))):
+        return None
+    return corrector.point(correction, way, 0.0)
+
+
+def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]) -> bool:
+    """Return whether an orbit deviates so far from its prediction that it belongs to another arc."""
+    if len(places) == 1:
+        return False
+    foretold = float(np.linalg.norm(guess - places[-1].x))
+    return float(np.linalg.norm(at.x - guess)) > max(_STRAYED * foretold, _TINY)
+
+
+def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
+    """Return the place at a measure by the parabola through the last three places, or a lower order with fewer."""
+    nodes, known = measures[-3:], places[-3:]
+    result = np.zeros_like(known[0])
+    for i, place in enumerate(known):
+        others = [node for j, node in enumerate(nodes) if j != i]
+        result += place * float(np.prod([(measure - node) / (nodes[i] - node) for node in others]))
+    return result

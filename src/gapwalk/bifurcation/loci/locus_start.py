@@ -1,0 +1,250 @@
+"""Beginning of a locus: a special point in the plane of two parameters, and a direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import singledispatch
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.loci.grazing_equation import MARGIN, TouchEquation
+from gapwalk.bifurcation.loci.multiplier_equation import MultiplierEquation
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane
+from gapwalk.bifurcation.loci.shot_plane import ShotPlane
+from gapwalk.bifurcation.loci.solution_curve import onto_curve
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.parameter_range import Range
+from gapwalk.continuation.walk_scales import powers_of_two
+from gapwalk.errors import ConvergenceError, ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import switch_names
+from gapwalk.orbit.harmonic_balance import Balance
+from gapwalk.orbit.method import Method, chosen
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+"""Ranges of both parameters."""
+
+_FAR = 1e-3  # scaled distance from the special point beyond which the corrected start is another point
+_LITTLE = 0.01  # share of the allowed error below which more harmonics would not help
+_COARSE = 1e-2  # largest scaled distance if the two are resolved with different numbers of harmonics
+
+
+@dataclass(frozen=True)
+class LocusStart:
+    """Point and direction from which a locus can be walked.
+
+    Attributes
+    ----------
+    kind
+        Kind of the locus.
+    corrector
+        Corrector for the locus; it holds the equation and the scales.
+    first
+        The point; its tangent gives the direction.
+    within
+        Ranges of both parameters.
+    contact
+        On a grazing locus the contact, stage and side that grazes; otherwise empty.
+    """
+
+    kind: Kind
+    corrector: Corrector
+    first: BranchPoint
+    within: tuple[Range, Range]
+    contact: str = ""
+
+    @property
+    def equation(self) -> MultiplierEquation | TouchEquation:
+        """Equation whose solutions form the locus."""
+        equation = self.corrector.equation
+        assert isinstance(equation, MultiplierEquation | TouchEquation)
+        return equation
+
+    @property
+    def plane(self) -> OrbitPlane:
+        """Orbits among which the locus lies."""
+        return self.equation.plane
+
+
+def start_locus(
+    special: SpecialPoint, first: str, second: str, to: Ranges, method: Method | None = None
+) -> list[LocusStart]:
+    """Begin the locus of a special point in both directions: towards smaller `first`, then towards larger.
+
+    Raises
+    ------
+    ModelError
+        If its kind has no locus, or for invalid parameters or ranges.
+    ConvergenceError
+        If the point is not a special point to the tolerance of the method.
+    """
+    within = _checked(special, first, second, to)
+    corrector, there = _started(plane_of(chosen(method), special.orbit, (first, second)), special, within)
+    back = replace(there, tangent=-there.tangent, determinant=-there.determinant, memo={})
+    return [LocusStart(special.kind, corrector, point, within, special.contact) for point in (back, there)]
+
+
+def refined(beginning: LocusStart) -> LocusStart | None:
+    """Return the beginning with the next finer resolution of its orbits; None if there is none."""
+    equation, scales = beginning.equation, beginning.corrector.scales
+    plane = equation.plane.finer()
+    if plane is None:
+        return None
+    size = len(plane.unknowns(beginning.first.orbit))
+    others = scales[len(equation.plane.unknowns(beginning.first.orbit)) :]
+    scales = np.concatenate((np.full(size, scales[0]), others))  # a finer resolution adds unknowns of the same kind
+    if isinstance(equation, MultiplierEquation):
+        corrector = Corrector(replace(equation, plane=plane, scales=scales), scales)
+    else:
+        corrector = Corrector(replace(equation, plane=plane), scales)
+    first = lift(beginning.first, corrector)
+    return None if first is None else replace(beginning, corrector=corrector, first=first)
+
+
+def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
+    """Return a point of a locus, posed by a finer equation of the same locus; None if Newton's method fails."""
+    equation = corrector.equation
+    assert isinstance(equation, MultiplierEquation | TouchEquation)
+    x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
+    if isinstance(equation, TouchEquation):
+        x[-3] = point.x[-3]  # the orbit itself does not determine which turning point grazes
+    correction, tangent = onto_curve(corrector, x)
+    if correction is None or correction.distance > _COARSE:
+        return None
+    # the angle at which a contact touches, if any, and both parameters
+    others = -2 if isinstance(equation, MultiplierEquation) else -3
+    way = float(tangent[others:] @ point.tangent[others:])
+    return corrector.point(correction, tangent if way > 0.0 else -tangent, point.arclength)
+
+
+def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]) -> tuple[Corrector, BranchPoint]:
+    """Return the corrector for the locus of a special point, refined as necessary, and its first point."""
+    names, value = plane.names, special.orbit.system[plane.names[1]]
+    make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
+    corrector, start = make(plane, special, within)
+    orbit, finer = _uncorrected(corrector, start), plane.finer()
+    doubt = plane.doubt(orbit)
+    if doubt and finer is not None:
+        return _started(finer, special, within)
+    correction, tangent = onto_curve(corrector, start)
+    if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
+        if finer is not None and plane.doubt(orbit, _LITTLE):
+            return _started(finer, special, within)
+        raise ConvergenceError(doubt or f"the start is not a {special.kind.value} at {_place(special, names)}")
+    held = corrector.at_value(correction.x, value)
+    if held is not None and held.distance <= _FAR:  # the same point at the exact second parameter: it may be a limit
+        correction = held
+    if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
+        tangent = -tangent
+    there = corrector.point(correction, tangent, 0.0)
+    doubt = plane.doubt(there.orbit)
+    if not doubt:
+        return corrector, there
+    if finer is None:
+        raise ConvergenceError(doubt)
+    return _started(finer, special, within)
+
+
+def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
+    """Return the orbit from which a locus is to start, without correction."""
+    equation, x = corrector.equation, start * corrector.scales
+    return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
+
+
+@singledispatch
+def plane_of(method: Method, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    """Return the plane of orbits of two parameters that contains an orbit, with the discretisation of a method.
+
+    Raises
+    ------
+    ModelError
+        Where none is registered for the method, or its options do not suit loci.
+    """
+    raise ModelError(f"no locus is followed by the method {method.name}; write Shooting() or Balance()")
+
+
+@plane_of.register(Shooting)
+def _shot(method: Shooting, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    if method.segments > 1:
+        raise ModelError(f"segments is {method.segments}; a locus is followed with one, write Shooting(segments=1)")
+    return ShotPlane(orbit.system, names, orbit.period, method)
+
+
+@plane_of.register(Balance)
+def _balanced(method: Balance, orbit: Orbit, names: tuple[str, str]) -> OrbitPlane:
+    from gapwalk.bifurcation.loci.balanced_plane import BalancedPlane  # loads numba, which takes time
+
+    harmonics = method.pose(orbit.system, None, orbit.period).harmonics
+    if method.harmonics is None:
+        harmonics = max(harmonics, orbit.harmonics)
+    return BalancedPlane(orbit.system, names, orbit.period, method, harmonics)
+
+
+def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
+    """Return the corrector for the locus of a grazing point, and the start in its variables."""
+    switch = next(
+        k for k in range(len(switch_names(plane.system))) if describe_switch(special.orbit, k) == special.contact
+    )
+    units = plane.scales(special.orbit)
+    margin = MARGIN * float(units[0])
+    equation = TouchEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
+    value = special.orbit.system[plane.names[1]]
+    unknowns = equation.unknowns(special.orbit)
+    equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
+    scales = _scales(units, [PERIOD], within)
+    return Corrector(equation, scales), np.append(unknowns, value) / scales
+
+
+def _multiplier_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
+    """Return the corrector for the locus of a point defined by multipliers, and the start in its variables."""
+    scales = _scales(plane.scales(special.orbit), [], within)
+    equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
+    start = np.append(equation.unknowns(special.orbit), special.orbit.system[plane.names[1]])
+    return Corrector(equation, scales), start / scales
+
+
+def _scales(states: NDArray[np.float64], others: Sequence[float], within: tuple[Range, Range]) -> NDArray[np.float64]:
+    widths = [each.high - each.low for each in within]
+    return powers_of_two(np.concatenate((states, others, widths)))
+
+
+def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:
+    """Return the ranges; raise a ModelError if the request is invalid."""
+    system = special.orbit.system
+    if special.kind.no_locus:
+        raise ModelError(special.kind.no_locus)
+    places = [system.structure.place(name) for name in (first, second)]
+    if places[0] == places[1]:
+        raise ModelError(f"both parameters are {first!r}; a locus is a curve in the plane of two different ones")
+    try:
+        pairs = [(float(low), float(high)) for low, high in to]
+    except (TypeError, ValueError):
+        pairs = []
+    if len(pairs) != 2:
+        raise ModelError(f"to is {to!r}; write a range for each parameter, such as ((0.2, 0.9), (0.0, 0.5))")
+    ranges = []
+    for name, (low, high) in zip((first, second), pairs, strict=True):
+        if not low < high:
+            raise ModelError(
+                f"the range of {name} is ({low:.10g}, {high:.10g}); its first value must be the smaller one"
+            )
+        if not low <= system[name] <= high:
+            raise ModelError(
+                f"the locus starts at {name} = {system[name]:.10g}, outside the range from {low:.10g} to {high:.10g}"
+            )
+        ranges.append(Range(low, high))
+    for corner in product(*pairs):
+        system.at(dict(zip((first, second), corner, strict=True)))
+    return ranges[0], ranges[1]
+
+
+def _place(special: SpecialPoint, names: tuple[str, str]) -> str:
+    return ", ".join(f"{name} = {special.orbit.system[name]:.10g}" for name in names)

@@ -1,0 +1,254 @@
+"""Step over a graze at a stiff stop, where the branch turns within a depth too small for steps along the branch.
+
+After a graze at a stop k times stiffer than the rest of the system, the branch turns within a depth of 1/k^2. For
+k = 1e6 this is within rounding of the state at theta = 0. As a function of the depth itself (`TouchEquation`) the
+branch is smooth. The step over such a corner therefore uses depths that grow by a constant factor from one to the next
+on both sides of the graze. The special points in between are detected and located on that scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.error_estimate import ROUNDING
+from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Corrector, length_of
+from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.orbit.orbit_equation import OrbitEquation
+from gapwalk.orbit.touch_equation import LEAD, Held, Touch, TouchEquation, touches
+
+_REACH = 1e-5  # arclength within which the graze must lie ahead
+_BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
+_LITTLE = 1e-8  # smallest arclength by which a step over a graze must advance
+_GROWTH = 0.7  # increase of the logarithm of the depth from one orbit to the next
+_LEAST = 1e-16  # depth, in the scale of positions, that is only rounding
+_BLUR = 1.5  # label up to which the order of events is undetermined; depths there are a few times the above
+_ASIDE = 1e-9  # depth, in the scale of positions, at which the depth is calibrated
+_SAME = 1e-2  # largest relative difference of the depths of simultaneous contacts in a symmetric motion
+_SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
+_CIRCLE = (
+    1e-3  # distance of a critical pair from the unit circle: next to a stiff stop, multipliers have rounding of 1e-5
+)
+_FINEST = 1e-3  # smallest distance between special points of one kind, as a share of the depth
+_SHARP = 1e-9  # accuracy of zeros, as a share of the depth
+_NEAR = 0.01  # share of the depth over which a test function is linear
+
+
+class Passage(NamedTuple):
+    """Result of a step over a graze.
+
+    Attributes
+    ----------
+    point
+        The point beyond the graze.
+    special
+        The special points before it, including the graze.
+    distance
+        Arclength from the graze to the point.
+    """
+
+    point: BranchPoint
+    special: list[SpecialPoint]
+    distance: float
+
+
+def pass_graze(corrector: Corrector, point: BranchPoint) -> Passage | None:
+    """Return the step from a point of a walk over a nearby graze; None if there is none, or the step fails."""
+    by_touches = cast("OrbitEquation", corrector.equation).by_touches
+    if by_touches is None:
+        return None
+    for at_once in (True, False):
+        try:
+            return _Corner(corrector, by_touches, point, at_once).passage()
+        except NumericalError:
+            continue
+    return None
+
+
+class _Corner:
+    """Orbits near a graze, by a label that grows along the walk as the logarithm of the depth on either side."""
+
+    def __init__(
+        self, corrector: Corrector, by_touches: Callable[..., TouchEquation], point: BranchPoint, at_once: bool
+    ) -> None:
+        self._corrector, self._by_touches, self._first = corrector, by_touches, point
+        found = touches(point.orbit)
+        if not found:
+            raise ConvergenceError("no deflection has an extremum near a breakpoint")
+        first = found[0]
+        self._unit = float(corrector.scales[0])
+        slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
+        self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
+        self._touches = [first, *self._twins] if at_once else [first]
+        self._posed = by_touches(point.orbit, self._touches, corrector.scales)
+        start = self._posed.at(point.orbit)
+        ahead = self._posed.slope(start)
+        self._way = math.copysign(1.0, float(ahead @ point.tangent))
+        if abs(first.depth) * length_of(ahead) > _REACH:
+            raise ConvergenceError("no graze lies near")
+        self._posed.calibrate(start, _ASIDE * self._unit)
+        start = self._posed.at(point.orbit)
+        self._held = {self._label(start.depth): start}
+        self._points = {self._label(start.depth): point}
+
+    @staticmethod
+    def _is_twin(touch: Touch, first: Touch, slack: float) -> bool:
+        """Return whether two contacts begin simultaneously, in a symmetric motion."""
+        return abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
+
+    def passage(self) -> Passage:
+        """Compute the step over the graze."""
+        label = begin = next(iter(self._held))
+        while label < -_BLUR:
+            label = min(label + self._growth(label), -_BLUR)
+            self._at(label)
+        graze = self._at(0.0)
+        if begin > 0.0 and length_of(self._first.x - graze.x) > 0.5 * _BEYOND:
+            raise ConvergenceError("the graze lies behind, and far enough away")
+        label, deepest = max(begin, _BLUR), abs(self._label(self._posed.deepest))
+        while label < deepest and length_of(self._at(label).x - graze.x) < _BEYOND:
+            label += self._growth(label)
+        self._at(label)
+        if length_of(self._at(label).x - self._first.x) < _LITTLE:
+            raise ConvergenceError("the graze is passed, but the walk does not advance")
+        special = list(self._special(begin, label))
+        last = self._placed(label)
+        return Passage(last, special, length_of(last.x - graze.x))
+
+    def _growth(self, label: float) -> float:
+        """Return the increment of the label; it is larger where the breakpoint is not passed and nothing happens."""
+        return _GROWTH if label * self._way * self._posed.free < 0.0 else 3.0 * _GROWTH
+
+    def _label(self, depth: float) -> float:
+        return self._way * math.asinh(depth / (_LEAST * self._unit))
+
+    def _depth(self, label: float) -> float:
+        return self._way * math.sinh(label) * _LEAST * self._unit
+
+    def _at(self, label: float) -> BranchPoint:
+        """Return the point of the branch at a label; all but the first have no arclength yet."""
+        if label not in self._points:
+            nearest = min(self._held, key=lambda known: (known * label < 0.0, abs(known - label)))
+            held = self._held[label] = self._posed.hold(self._held[nearest], self._depth(label))
+            self._points[label] = self._point(self._posed, held)
+        return self._points[label]
+
+    def _point(self, posed: TouchEquation, held: Held) -> BranchPoint:
+        unknowns, evaluation = posed.evaluation(held)
+        tangent = self._way * posed.slope(held)
+        x = np.append(unknowns, held.value) / self._corrector.scales
+        return self._corrector.evaluated(x, evaluation, tangent / length_of(tangent), 0.0)
+
+    def _placed(self, label: float) -> BranchPoint:
+        """Return the point at a label with its arclength, summed over the known points before it."""
+        labels = sorted(known for known in self._points if next(iter(self._held)) <= known <= label)
+        lengths = [length_of(self._points[b].x - self._points[a].x) for a, b in pairwise(labels)]
+        return replace(self._points[label], arclength=self._first.arclength + sum(lengths), memo={})
+
+    def _special(self, begin: float, end: float) -> Iterator[SpecialPoint]:
+        """Yield the special points between two labels, in order."""
+        found: list[tuple[float, Kind, str]] = []
+        if begin < 0.0:
+            found = [(0.0, Kind.GRAZING, describe_switch(self._first.orbit, switch)) for switch in self._grazing(end)]
+        nodes = self._resolved(sorted(label for label in self._points if label != 0.0))
+        for kind in (each for each in Kind.known() if each.has_function):
+            found += [(label, kind, "") for label in self._zeros(kind, nodes)]
+        vertices = [label for label, kind, _ in found if kind is Kind.BRANCH_POINT]
+        found = sorted(
+            (item for item in found if item[1] is not Kind.FOLD or all(abs(item[0] - v) > _NEAR for v in vertices)),
+            key=lambda item: item[0],
+        )
+        if not found:
+            return
+        marks = [begin, *(label for label, _, _ in found), end]
+        sides = [
+            self._beside(begin),
+            *(self._beside(0.5 * (a + b)) for a, b in pairwise(marks[1:-1])),
+            self._beside(end),
+        ]
+        for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
+            counts = (before.instability, after.instability)
+            nature = kind.nature(before, after) or ""
+            yield SpecialPoint(kind, self._placed(label), *counts, self._error(kind, label), contact, nature)
+
+    def _grazing(self, end: float) -> list[int]:
+        """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""
+        before, after = self._first.orbit.closings, self._at(end).orbit.closings
+        twins = (touch.switch for touch in self._twins)
+        return [self._touches[0].switch, *(switch for switch in twins if before[switch] != after[switch])]
+
+    def _beside(self, label: float) -> BranchPoint:
+        """Return a point between special points; just before the graze if they are too close to it to be separated."""
+        return self._at(label if abs(label) >= _BLUR else math.copysign(_BLUR, self._way * self._posed.free))
+
+    def _resolved(self, nodes: list[float]) -> list[float]:
+        """Refine labels of orbits where the number of unstable multipliers changes without an explanation."""
+        resolved = nodes[:1]
+        for a, b in pairwise(nodes):
+            if (b - a > _FINEST and a * b > 0.0) and not self._is_explained(self._at(a), self._at(b)):
+                resolved += self._resolved([a, 0.5 * (a + b), b])[1:]
+            else:
+                resolved.append(b)
+        return resolved
+
+    @staticmethod
+    def _is_explained(a: BranchPoint, b: BranchPoint) -> bool:
+        """Return whether sign changes of test functions between two points can explain their unstable multipliers."""
+        signs = {kind: kind.at(a) * kind.at(b) < 0.0 for kind in Kind.known() if kind.has_function}
+        most = sum(2 if kind is Kind.NEIMARK_SACKER else 1 for kind in signs if signs[kind])
+        change = abs(b.instability.total - a.instability.total)
+        return change <= most and (most - change) % 2 == 0
+
+    def _zeros(self, kind: Kind, nodes: list[float]) -> list[float]:
+        """Return the labels at which a test function vanishes; on so short a part of the branch it does so only once.
+
+        A zero too near to the graze to be resolved is placed on the side where the breakpoint is passed.
+        """
+        from scipy.optimize import brentq  # imported late, because the import is slow
+
+        pairs = pairwise(nodes)
+        changes = [(a, b) for a, b in pairs if kind.at(self._at(a)) * kind.at(self._at(b)) < 0.0]
+        zeros = []
+        for a, b in changes:
+            if a < 0.0 < b:
+                zeros.append(-1e-3 * self._way * self._posed.free)
+                self._at(zeros[-1])
+                continue
+            zero = float(brentq(lambda label: kind.at(self._at(label)), a, b, xtol=_SHARP))
+            if kind.is_genuine(self._at(zero), _CIRCLE):
+                zeros.append(zero)
+        return zeros
+
+    @cached_property
+    def _second(self) -> tuple[TouchEquation, Held]:
+        """Same orbits with shorter segments before the contacts, for an error estimate, and one of them."""
+        outermost = max(
+            self._points, key=lambda label: label * self._way * self._posed.free
+        )  # Newton's method starts most easily there
+        orbit = self._points[outermost].orbit
+        posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
+        return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
+
+    def _error(self, kind: Kind, label: float) -> float:
+        """Estimate the error of the parameter at a special point from its change with another discretisation."""
+        here, scale = self._at(label), float(self._corrector.scales[-1])
+        try:
+            second, start = self._second
+            other = self._point(second, second.hold(start, self._depth(label)))
+            beside = self._at(label + _NEAR)
+        except NumericalError:
+            return math.inf
+        off = abs(other.value - here.value) + self._held[label].error
+        if kind is not Kind.GRAZING:
+            rise = kind.at(beside) - kind.at(here)
+            off += abs((beside.value - here.value) * (kind.at(other) / rise)) if rise else 0.0
+        return float(_SAFETY * off + ROUNDING * (abs(here.value) + scale))

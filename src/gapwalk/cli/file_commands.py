@@ -1,0 +1,147 @@
+"""``gapwalk new``, ``check``, ``show`` and ``export``: commands on files that compute nothing."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gapwalk.cli.outcome import DONE, print_json, printable
+from gapwalk.errors import ModelError
+
+if TYPE_CHECKING:
+    from gapwalk.plot.style import SizeName
+
+_PICTURES = ("png", "svg", "pdf")
+
+
+def new_file(file: Path) -> int:
+    """Write a template of a model file."""
+    from gapwalk.studies.template import write_template
+
+    write_template(file)
+    print(f"wrote {file}; run it with\n    gapwalk run {shlex.quote(str(file))}")
+    return DONE
+
+
+def check_file(file: Path, changes: list[str], *, json: bool) -> int:
+    """Print a summary of a model file."""
+    from gapwalk.cli.console import console
+    from gapwalk.cli.print_modes import train_lines
+    from gapwalk.cli.run_command import unused_words
+    from gapwalk.model.dissipation import dissipation_doubts
+    from gapwalk.results.plain import plain
+    from gapwalk.studies.changes import parse_changes
+    from gapwalk.studies.file import read_studies
+
+    studies = read_studies(file, parse_changes(changes))
+    if json:
+        documents = [
+            {
+                "ok": True,
+                "title": study.title,
+                "name": study.name or None,
+                "system": plain(study.system),
+                "study": plain(study.options),
+                **({"reduction": plain(study.reduced)} if study.reduced else {}),
+                "unused": list(study.unused),
+                "warnings": dissipation_doubts(study.system),
+            }
+            for study in studies
+        ]
+        print_json(documents[0] if len(documents) == 1 else documents)
+        return DONE
+    screen, structure = console(), studies[0].system.structure
+    units = structure.units
+    turns = (units.turns if units else None) or 1
+    terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
+    doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
+    lines = [
+        (len(studies) == 1 and printable(studies[0].title)) or str(file),
+        *train_lines(studies[0].system),
+        f"  coordinates: {', '.join(structure.coordinates)}",
+        f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
+        f"  excitation: {terms or 'none'}",
+        *([f"  units: {units.words}"] if units else []),
+        *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
+        *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
+        *dict.fromkeys(f"  {words}" for study in studies for words in unused_words(study)),
+        *(f"warning: {doubt}" for doubt in doubts),
+        "no errors apart from these warnings" if doubts else "no errors",
+    ]
+    screen.print("\n".join(lines), soft_wrap=True)
+    return DONE
+
+
+def show_result(path: Path, *, points: bool, json: bool) -> int:
+    """Show the contents of a result file; special points of a diagram or a map only if requested."""
+    from gapwalk.cli.console import console
+    from gapwalk.cli.print_branch import print_result
+    from gapwalk.cli.run_command import print_heading
+    from gapwalk.studies.document import result_document
+    from gapwalk.studies.load import load_result
+
+    result = load_result(path)
+    if json:
+        print_json(result_document(result, points=False))
+        return DONE
+    screen = console()
+    print_heading(screen, result.study)
+    state = "not complete: `gapwalk run` with --resume continues it"
+    if result.complete:
+        missed = len(result.failures)
+        state = "complete" if not missed else f"finished, but {missed} part(s) could not be computed or explained:"
+    versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    screen.print(f"{path}: {state}", soft_wrap=True)
+    for text in result.failures if result.complete else ():
+        screen.print(printable(f"  {text}"), soft_wrap=True)
+    screen.print(f"computed with {printable(versions)}", soft_wrap=True)
+    for name, value in result.study.changes:
+        screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
+    print_result(screen, result, points=points or (result.diagram is None and result.map is None))
+    return DONE
+
+
+def export_result(
+    path: Path, form: str | None, output: Path | None, measure: str | None, size: SizeName | None = None
+) -> int:
+    """Write the tables or the picture of a result, or a page with its motions."""
+    from gapwalk.cli.run_command import table_paths
+    from gapwalk.studies.export import export_csv
+    from gapwalk.studies.load import load_result
+
+    form = form or (output.suffix.lstrip(".") if output and output.suffix else "csv")
+    if form not in ("csv", "html", *_PICTURES):
+        raise ModelError(f"nothing can be exported as {form!r}; write --format csv, png, svg, pdf or html")
+    if size is not None and form not in _PICTURES:
+        raise ModelError(f"--size concerns pictures; write --format svg, pdf or png instead of {form}, or omit it")
+    if output is not None and output.resolve() == path.resolve():
+        raise ModelError(f"{output} is the result itself; choose another name")
+    result = load_result(path)
+    if result.finding is not None and result.finding.record is None:
+        raise ModelError(f"{path} is not complete ({result.finding.stored}); `gapwalk run` with --resume continues it")
+    if form == "csv":
+        if measure is not None:
+            raise ModelError("--measure concerns pictures; the tables hold all measures")
+        tables = table_paths(result, path if output is None else output)
+        if output is not None:
+            tables[next(iter(tables))] = output
+        export_csv(result, tables)
+        written = list(tables.values())
+    else:
+        written = [output or path.with_suffix(f".{form}")]
+        if form == "html":
+            from gapwalk.explorer.saved import save_html
+
+            save_html(result, written[0], measure=measure)
+        else:
+            from gapwalk.plot import save
+
+            save(result, written[0], form=form, measure=measure, size=size)
+    print(f"written: {', '.join(map(str, written))}")
+    return DONE
+
+
+def _contact(form) -> str:
+    stages = f"{len(form.stages)} stages, " if len(form.stages) > 1 else ""
+    return f"{form.name} ({stages}damping {form.damping.value})"

@@ -1,0 +1,234 @@
+"""``gapwalk run``: from the studies of a model file to results, pictures and tables."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from gapwalk.cli.console import console
+from gapwalk.cli.outcome import BROKEN, DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
+from gapwalk.cli.print_branch import print_result
+from gapwalk.cli.progress import progress_of
+from gapwalk.continuation.walk import EndReason
+from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.model.dissipation import dissipation_doubts
+from gapwalk.model.problems import did_you_mean
+from gapwalk.parallel.workers import on_cluster
+from gapwalk.plot.words import parameter_symbol
+from gapwalk.studies.changes import parse_changes
+from gapwalk.studies.claim import check_claim
+from gapwalk.studies.document import result_document
+from gapwalk.studies.export import export_csv, table_names
+from gapwalk.studies.file import Study, read_studies
+from gapwalk.studies.interruption import found_by
+from gapwalk.studies.result import Result
+from gapwalk.studies.run import run
+
+_OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
+
+
+def run_file(
+    file: Path,
+    output: Path | None,
+    changes: list[str],
+    names: list[str],
+    *,
+    resume: bool,
+    force: bool,
+    json: bool,
+    quiet: bool,
+    plain: bool = False,
+    scheduler: str | None = None,
+) -> int:
+    """Run the studies of a model file, or the named ones; return the highest exit code.
+
+    With the address of a scheduler the work is done on its cluster. With `plain` it is done in non-dimensional form.
+    """
+    with nullcontext() if scheduler is None else on_cluster(scheduler):
+        return _run_all(file, output, changes, names, resume=resume, force=force, json=json, quiet=quiet, plain=plain)
+
+
+def _run_all(
+    file: Path,
+    output: Path | None,
+    changes: list[str],
+    names: list[str],
+    *,
+    resume: bool,
+    force: bool,
+    json: bool,
+    quiet: bool,
+    plain: bool,
+) -> int:
+    studies = chosen(read_studies(file, parse_changes(changes)), names, file)
+    if plain:
+        from gapwalk.studies.units import without_units  # imported late: it needs the options of all kinds
+
+        studies = [without_units(study) for study in studies]
+    outputs = [result_path(file, output, study.name, alone=len(studies) == 1) for study in studies]
+    for study, path in zip(studies, outputs, strict=True):
+        check_claim(path, study, resume=resume, force=force)  # before anything is computed
+    codes: list[int] = []
+    documents: list[Any] = []
+    for study, path in zip(studies, outputs, strict=True):
+        try:
+            result = _run_study(study, path, resume=resume, force=force, json=json, quiet=quiet)
+            code, document = (
+                exit_code(result),
+                {**result_document(result), "files": _files(result, path)} if json else {},
+            )
+            if code == INTERRUPTED:
+                _say_what_is_stored(result)
+        except (GapwalkError, KeyboardInterrupt) as error:
+            if len(studies) == 1:
+                if isinstance(error, KeyboardInterrupt) and path.exists():
+                    _say_how_to_resume(file, path, changes, names, plain=plain)
+                raise
+            code, text = failure_code(error), str(error) or "interrupted"
+            document = {"name": study.name, "error": {"type": type(error).__name__, "message": text}}
+            print(f"gapwalk: {study.name}: {printable(text)}", file=sys.stderr)
+        codes.append(code)
+        documents.append(document)
+        if code == INTERRUPTED:
+            _say_how_to_resume(file, output if len(studies) > 1 else path, changes, names, plain=plain)
+            break
+    if json:
+        print_json(documents[0] if len(studies) == 1 else documents)
+    return max(codes)
+
+
+def chosen(studies: Sequence[Study], names: Sequence[str], file: Path) -> list[Study]:
+    """Select the studies of these names, or all if no name is given."""
+    known = [study.name for study in studies if study.name]
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known) if known else "its study has no name"
+            raise ModelError(f"{file} has no study {name!r}; {hint}")
+    return [study for study in studies if not names or study.name in names]
+
+
+def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: bool, quiet: bool) -> Result:
+    """Run one study, write its files, and print its result."""
+    screen = console(stderr=json)
+    with progress_of(study.options, study.name, show=not quiet) as progress:
+        result = found_by(run, study, path, resume=resume, force=force, report=progress)
+    if exit_code(result) != INTERRUPTED:
+        write_products(result, path)
+    if not quiet and not json:
+        print_heading(screen, study)
+        print_result(screen, result)
+        print_files(screen, _files(result, path))
+    if exit_code(result) == FAILED:
+        say_why_it_failed(result)
+    return result
+
+
+def _files(result: Result, path: Path) -> list[str]:
+    """Return the names of the files that a run has written."""
+    products = [] if exit_code(result) == INTERRUPTED else product_paths(result, path)
+    return [str(file) for file in (path, *products)]
+
+
+def result_path(file: Path, output: Path | None, name: str = "", *, alone: bool = True) -> Path:
+    """Return the name of the result file of a study; raise a ModelError if it is that of another kind of file."""
+    given = file.with_suffix(".gapwalk") if output is None else output
+    if given.suffix in _OTHER_ENDINGS or given == file:
+        raise ModelError(f"{given} is not a name for a result; give it the ending .gapwalk, as in {given.stem}.gapwalk")
+    if name and not (output and alone):
+        return given.with_name(f"{given.stem}-{name}{given.suffix}")
+    return given
+
+
+def write_products(result: Result, output: Path) -> list[Path]:
+    """Write picture and tables next to a result file; return their names."""
+    from gapwalk.plot import save  # imported late: only pictures need matplotlib
+
+    if pictures := _picture_paths(result, output):
+        save(result, *pictures)
+    export_csv(result, table_paths(result, output))
+    return product_paths(result, output)
+
+
+def product_paths(result: Result, output: Path) -> list[Path]:
+    """Return the names of the picture and tables of a result file."""
+    return [*_picture_paths(result, output), *table_paths(result, output).values()]
+
+
+def _picture_paths(result: Result, output: Path) -> list[Path]:
+    """Return the names of the pictures; none if there is nothing to draw."""
+    is_empty = result.finding is not None and not result.finding.can_be_drawn
+    return [] if is_empty else [output.with_suffix(ending) for ending in (".png", ".svg")]
+
+
+def table_paths(result: Result, output: Path) -> dict[str, Path]:
+    """Return the names of the tables of a result file, by their contents."""
+    return {name: output.with_name(f"{output.stem}-{name}.csv") for name in table_names(result)}
+
+
+def exit_code(result: Result) -> int:
+    """Return 0 if all was computed, 130 after Ctrl-C, 3 if the numerics failed somewhere, 5 if verification failed."""
+    if result.interrupted:
+        return INTERRUPTED
+    reasons = {end.reason for branch in result.branches for end in branch.ends}
+    if result.failures or EndReason.STOPPED in reasons:
+        return FAILED
+    return BROKEN if result.verification is not None and not result.verification.ok else DONE
+
+
+def say_why_it_failed(result: Result) -> None:
+    """Print on stderr what could not be computed, and where and why a continuation failed."""
+    for text in result.failures:
+        print(f"gapwalk: {printable(text)}", file=sys.stderr)
+
+
+def print_heading(screen, study: Study) -> None:
+    """Print the title of a study, and the unused parts of its file."""
+    if study.title:
+        screen.print(printable(study.title), style="bold", soft_wrap=True)
+    for words in unused_words(study):
+        screen.print(words, soft_wrap=True)
+    for doubt in dissipation_doubts(study.system):
+        screen.print(f"warning: {doubt}", soft_wrap=True)
+
+
+def unused_words(study: Study) -> list[str]:
+    """Describe the unused parts of the file of a study, with the reason; only studies of branches have such parts."""
+    return [f"not used: [{table}], for method is {study.walked.method.name}" for table in study.unused]
+
+
+def print_files(screen, files: Sequence[Path | str]) -> None:
+    """Print the names of the files that were written."""
+    screen.print(f"written: {printable(', '.join(str(path) for path in files))}", soft_wrap=True)
+
+
+def _say_what_is_stored(result: Result) -> None:
+    if result.finding is not None:
+        console(stderr=True).print(f"interrupted; {result.finding.stored}", soft_wrap=True)
+        return
+    if result.map is not None:
+        loci, sections = len(result.map.loci), len(result.map.sections)
+        text = f"interrupted; all {loci} loci and {sections} sections are stored"
+        console(stderr=True).print(text, soft_wrap=True)
+        return
+    branch = result.branches[-1]
+    if result.diagram is not None:
+        text = f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"
+    else:
+        place = f"{parameter_symbol(branch.parameter, branch.system.units)} = {branch.values[-1]:.8g}"
+        text = f"interrupted at {place}; all {len(branch.points)} points are stored"
+    console(stderr=True).print(text, soft_wrap=True)
+
+
+def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str], *, plain: bool) -> None:
+    words = ["gapwalk", "run", str(file)]
+    words += [] if output is None else ["--output", str(output)]
+    words += ["--units", "none"] if plain else []
+    words.append("--resume")
+    for option, values in (("--study", names), ("--set", changes)):
+        for value in values:
+            words += [option, value]
+    console(stderr=True).print(f"resume with\n    {shlex.join(words)}", soft_wrap=True)

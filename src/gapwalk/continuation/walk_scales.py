@@ -1,0 +1,109 @@
+"""Scales of a branch: the change of each unknown that weighs as much as a given change of the parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.continuation.growth import linear_growth
+from gapwalk.continuation.parameter_range import Range
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.spring import springs_of
+from gapwalk.model.system import System
+from gapwalk.orbit.harmonic_balance.linear_part import linear_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import OrbitEquation
+
+_REACH = 20.0  # clearances larger than this many times the first orbit are assumed never to close
+_SLOWEST, _FASTEST = 0.25, 16.0  # limits, in natural frequencies, of the frequency by which velocities are scaled
+_CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the natural change of the parameter
+
+
+def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
+    """Return the scales of the unknowns and of the parameter, shape (N + 1,), for the branch of an orbit in a range.
+
+    No scale grows with the range without bound, so a part of a range is followed in the same way however wide the
+    whole range is. Frequencies and velocities are scaled by a typical frequency. Other parameters are scaled by the
+    width of the range, or by `Range.natural` if that is smaller, and the unknowns as in `unknown_scales`. Since the
+    motion may be a million times larger at the other end of the range, lengths are scaled by the largest expected
+    motion (`linear_growth`).
+    """
+    parameter = equation.parameter or ""
+    length = _length(orbit, lambda: linear_growth(orbit.system, parameter, within))
+    frequency = _typical_frequency(orbit.system)
+    scale = frequency if within.is_relative else min(within.width, within.natural)
+    return powers_of_two(np.append(equation.scales(_CLEARANCES * length, frequency), scale))
+
+
+def with_natural_change(within: Range, equation: OrbitEquation, orbit: Orbit) -> Range:
+    """Return the range of a parameter that is not the frequency, with its `Range.natural` computed from an orbit.
+
+    The natural change would move the orbit by ten clearances; it is the value itself if that is larger.
+    """
+    if within.is_relative:
+        return within
+    value = orbit.system[equation.parameter or ""]
+    evaluation = equation.evaluate(equation.unknowns(orbit), value)
+    try:
+        slope = np.linalg.solve(evaluation.by_unknowns, -np.asarray(evaluation.by_parameter))
+    except np.linalg.LinAlgError:
+        slope = np.zeros(1)
+    speed = float(np.abs(slope / unknown_scales(equation, orbit)[: len(slope)]).max())
+    moved = 1.0 / speed if speed > 0.0 else 0.0
+    natural = max(abs(value), moved if math.isfinite(moved) else 0.0)
+    return replace(within, natural=natural or math.inf)
+
+
+def unknown_scales(equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
+    """Return the scales of the unknowns of an equation near an orbit, shape (N,).
+
+    Positions are scaled by the largest clearance (the natural length of a system with gaps), or by the amplitude of
+    the orbit if that is larger or no gap is within its reach; velocities by that length times the frequency. The scales
+    are divided among the unknowns so that an orbit that changes by a tenth of that length counts as 1 % of the range.
+    """
+    return equation.scales(_CLEARANCES * _length(orbit))
+
+
+def _length(orbit: Orbit, growth: Callable[[], float] | None = None) -> float:
+    """Return the largest clearance within reach of an orbit, or its amplitude if that is larger.
+
+    If no gap is within reach, the motion can still grow: by up to `growth`, until it closes the smallest gap.
+    """
+    clearances = [
+        orbit.system[f"{contact.stage_prefix(stage)}.clearance"]
+        for contact in orbit.system.structure.contacts
+        for stage in contact.stages
+    ]
+    gaps = [clearance for clearance in clearances if clearance > 0.0]
+    amplitude = 0.5 * float(np.ptp(orbit.extremes[:, :2], axis=1).max())
+    reach = _REACH * float(np.abs(orbit.extremes[:, :2]).max())
+    if growth is not None and all(gap > reach for gap in gaps):
+        grown = min([growth(), *gaps])
+        if np.isfinite(grown):
+            amplitude, reach = max(amplitude, grown), max(reach, _REACH * grown)
+    return max([amplitude, *(gap for gap in gaps if gap <= reach)]) or 1.0
+
+
+def powers_of_two(scales: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round scales to powers of two, so that scaling causes no rounding: a walk from 2.0 begins exactly at 2.0."""
+    return np.exp2(np.round(np.log2(scales)))
+
+
+def _typical_frequency(system: System) -> float:
+    """Return the frequency of a system, limited to the neighbourhood of its natural frequency.
+
+    The natural frequency is the root mean square over the modes with all gaps open, or, for a system that only its
+    contacts support, with all gaps closed.
+    """
+    linear = linear_of(layout_of(system.structure), coefficients_of(system))
+    closed = np.array([max((each.stiffness for each in spring.slopes), default=0.0) for spring in springs_of(system)])
+    for stiffness in (np.zeros(len(closed)), closed):
+        square = float(np.trace(linear.shifted(stiffness))) / system.size
+        if square > 0.0:
+            natural = math.sqrt(square)
+            return min(max(system.frequency, _SLOWEST * natural), _FASTEST * natural)
+    return system.frequency

@@ -1,0 +1,7 @@
+"""The batch integrator: many motions at once, one per lane of a compiled kernel, checked against the exact flow."""
+
+from gapwalk.ensemble.batch_flow import BatchFlow, batch_flow_of
+from gapwalk.ensemble.batch_options import BatchOptions
+from gapwalk.ensemble.batch_run import BatchRun, BatchSurvey
+
+__all__ = ["BatchFlow", "BatchOptions", "BatchRun", "BatchSurvey", "batch_flow_of"]

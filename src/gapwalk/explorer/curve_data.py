@@ -1,0 +1,191 @@
+"""A branch or a locus as arrays for the page: any quantity over any other, stability, and special points."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.explorer.page_result import Line
+from gapwalk.model.system import System
+from gapwalk.orbit.measures import MEASURES
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.plot.style import CODIM2, symbol_style
+from gapwalk.studies.map import KINDS
+
+LABELS = ("stable", "below", "above", "pair", *(kind.value for kind in KINDS))
+"""Kinds of stability (see `Instability.label`), then kinds of loci, by the numbers that stand for them."""
+
+MEASURE = "measure:"
+"""Stands before the name of a measure that is also that of a parameter: ``mean.q1`` is a mean load by itself."""
+
+_PART = 40  # orbits of which a measure is computed at once: a click waits no longer than for these
+
+
+def measure_name(measure: str, system: System) -> str:
+    """The name by which a page asks for a measure, which is that of no parameter (see `MEASURE`)."""
+    return f"{MEASURE}{measure}" if measure in system.parameters else measure
+
+
+class Node(NamedTuple):
+    """A place on a line: the number of a point, or -1 - the number of a special point; what follows it (`LABELS`)."""
+
+    number: int
+    orbit: Orbit
+    label: int
+
+
+def quantity(orbit: Orbit, name: str) -> float:
+    """A parameter of an orbit's system, or a measure of the orbit, by name (see `MEASURE`)."""
+    return orbit.system[name] if name in orbit.system.parameters else orbit.measure(name.removeprefix(MEASURE))
+
+
+class Quantities:
+    """Two quantities of the orbits of a line; where that takes integrations, they are computed in small parts.
+
+    Parameters
+    ----------
+    line
+        The branch or the locus.
+    names
+        Names of parameters or measures.
+    first
+        The first point that is wanted.
+    """
+
+    def __init__(self, line: Line, names: tuple[str, str], first: int = 0) -> None:
+        self.line, self.names, self.first = line, names, first
+        self._computed: dict[tuple[int, str], float] = {}
+
+    def of(self, orbit: Orbit) -> tuple[float, float]:
+        """Those of one orbit."""
+        x, y = (self._computed.get((id(orbit), name)) for name in self.names)
+        return (
+            quantity(orbit, self.names[0]) if x is None else x,
+            quantity(orbit, self.names[1]) if y is None else y,
+        )
+
+    def parts(self) -> Iterator[Callable[[], None]]:
+        """What takes integrations, part by part; nothing if all is known already."""
+        orbits = [each.orbit for each in (*self.line.points[self.first :], *self.line.special_points)]
+        for name in dict.fromkeys(self.names):
+            missing = [orbit for orbit in orbits if not is_at_hand(orbit, name)]
+            for start in range(0, len(missing), _PART):
+                yield lambda part=missing[start : start + _PART], name=name: self._compute(part, name)
+
+    def _compute(self, orbits: Sequence[Orbit], name: str) -> None:
+        self._computed.update({(id(orbit), name): quantity(orbit, name) for orbit in orbits})
+
+
+def is_at_hand(orbit: Orbit, name: str) -> bool:
+    """Whether a quantity is known without an integration."""
+    if name in orbit.system.parameters:
+        return True
+    kind, _, signal = name.removeprefix(MEASURE).partition(".")
+    return kind in MEASURES and signal in orbit.system.coordinates and "extremes" in vars(orbit)
+
+
+def curve_of(wanted: Quantities) -> dict[str, Any]:
+    """The points and special points of a branch, or of a locus, in the order of the walk.
+
+    Parameters
+    ----------
+    wanted
+        Which quantities of which line, and from which point on: a branch that grows is asked for its new points only.
+
+    Returns
+    -------
+    dict
+        ``x``, ``y`` (float64), ``node`` (int32: the number of a point, or -1 - the number of a special point), and
+        ``label`` (uint8: the place in `LABELS` of what follows), each in base64, little-endian; ``count``, the points
+        of the line; and ``special``, all its special points.
+    """
+    line = wanted.line
+    nodes = nodes_of(line.points, line.special_points, wanted.first, line.kind)
+    places = [wanted.of(node.orbit) for node in nodes]
+    return {
+        "count": len(line.points),
+        "x": _packed([x for x, _ in places], "<f8"),
+        "y": _packed([y for _, y in places], "<f8"),
+        "node": _packed([node.number for node in nodes], "<i4"),
+        "label": _packed([node.label for node in nodes], "u1"),
+        "special": [
+            {**special_words(each), **dict(zip("xy", wanted.of(each.orbit), strict=True))}
+            for each in line.special_points
+        ],
+    }
+
+
+def nodes_of(
+    points: Sequence[BranchPoint | LocusPoint],
+    special_points: Sequence[SpecialPoint | Codim2Point],
+    first: int = 0,
+    kind: Kind | None = None,
+) -> list[Node]:
+    """The points and special points of a line in the order of the walk, from the point numbered `first` on.
+
+    The kind is what happens on a locus; None for a branch.
+    """
+    begin = points[first].arclength if first and first < len(points) else -np.inf
+    nodes = [
+        (point.arclength, Node(i, point.orbit, _label(point, kind))) for i, point in enumerate(points) if i >= first
+    ]
+    if first < len(points):
+        nodes += [
+            (each.point.arclength, Node(-1 - i, each.orbit, _label(each, kind)))
+            for i, each in enumerate(special_points)
+            if each.point.arclength >= begin
+        ]
+    return [node for _, node in sorted(nodes, key=lambda placed: placed[0])]
+
+
+def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Kind | None) -> int:
+    """What the line looks like from a point on: how stable its motions are; what happens on a locus."""
+    if isinstance(each, BranchPoint):
+        return LABELS.index(each.instability.label)
+    if isinstance(each, SpecialPoint):
+        return LABELS.index(each.after.label)
+    assert kind is not None  # these lie on loci
+    return LABELS.index(kind.value)
+
+
+def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
+    """What a page says of a special point."""
+    if isinstance(special, Codim2Point):
+        return _codim2(special)
+    style, multiplier = symbol_style(special.kind), special.multiplier
+    return {
+        "kind": special.kind.value,
+        "text": style.text,
+        "label": style.label,
+        "value": special.value,
+        "uncertainty": special.uncertainty,
+        "change": special.change,
+        "nature": special.nature_words,
+        "contact": special.contact,
+        "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
+        "has_locus": special.kind in KINDS,
+        "switches": special.kind.ways > 0,
+    }
+
+
+def _codim2(codim2: Codim2Point) -> dict[str, Any]:
+    style = CODIM2[codim2.kind]
+    return {
+        "kind": f"codim2 {codim2.kind.value}",
+        "text": style.legend,
+        "label": style.label,
+        "values": list(codim2.values),
+        "contact": codim2.contact,
+        "has_locus": False,
+        "switches": False,
+    }
+
+
+def _packed(values: Sequence[float], kind: str) -> str:
+    return base64.b64encode(np.array(values, dtype=kind).tobytes()).decode("ascii")

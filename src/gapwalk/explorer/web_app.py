@@ -1,0 +1,292 @@
+"""The web application: pages, and what they may ask for, in JSON."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
+
+from gapwalk.errors import GapwalkError, ModelError
+from gapwalk.explorer.action import Place
+from gapwalk.explorer.curve_data import LABELS, MEASURE, Quantities, curve_of, quantity
+from gapwalk.explorer.events import Events
+from gapwalk.explorer.flows import SupersededError
+from gapwalk.explorer.model_file import model_file
+from gapwalk.explorer.panels import check_signal, details_of, panels_of
+from gapwalk.explorer.plan import orbit_at
+from gapwalk.explorer.request_guard import Guard, TooLargeError
+from gapwalk.explorer.script import script_of
+from gapwalk.explorer.session import Session
+from gapwalk.studies.export import table_names, table_of
+
+_PAGE = files("gapwalk.explorer") / "page"
+_NAME = 200  # longest name of a quantity in a request
+
+Answer = Callable[[Request], Awaitable[Response]]
+
+
+def application(session: Session, token: str = "") -> Callable[..., Awaitable[None]]:
+    """The guarded application of a session; with a token, each request must bring it."""
+    api = _Api(session)
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        yield
+        session.close()
+
+    def get(path: str, answer: Answer) -> Route:
+        return Route(path, _told(answer), methods=["GET"])
+
+    def post(path: str, answer: Answer) -> Route:
+        return Route(path, _told(answer), methods=["POST"])
+
+    routes = [
+        get("/", api.page),
+        get("/plotly.js", api.plotly),
+        get("/api/files", api.files),
+        get("/api/about", api.about),
+        get("/api/curve", api.curve),
+        get("/api/motion", api.motion),
+        get("/api/details", api.details),
+        get("/api/events", api.events),
+        get("/api/export/{what}", api.export),
+        post("/api/act", api.act),
+        post("/api/job/{word}", api.job),
+        Mount("/static", StaticFiles(directory=str(_PAGE))),
+    ]
+    return Guard(Starlette(routes=routes, lifespan=lifespan), token)
+
+
+def _told(answer: Answer) -> Answer:
+    """The same, with errors told in sentences."""
+
+    async def told(request: Request) -> Response:
+        try:
+            return await answer(request)
+        except TooLargeError as error:
+            return _Json({"error": str(error)}, 413)
+        except SupersededError:
+            return _Json({"error": "superseded by a newer request"}, 409)
+        except GapwalkError as error:
+            return _Json({"error": str(error)}, 400)
+
+    return told
+
+
+class _Json(JSONResponse):
+    """JSON in ASCII: whatever stands in a name of a file, lone surrogates too, can be sent."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
+
+
+class _Stream(StreamingResponse):
+    """The events for one page, which leaves with it, however it ends."""
+
+    def __init__(self, events: Events, page: asyncio.Event) -> None:
+        super().__init__(events.listen(page), media_type="text/event-stream", headers={"cache-control": "no-store"})
+        self._leave = lambda: events.leave(page)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._leave()
+
+
+class _Api:
+    """What can be asked for."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+
+    async def page(self, _: Request) -> Response:
+        """The page."""
+        return FileResponse(str(_PAGE / "index.html"), headers={"cache-control": "no-cache"})
+
+    async def plotly(self, _: Request) -> Response:
+        """Plotly's JavaScript, which its Python package carries."""
+        path = Path(str(files("plotly") / "package_data" / "plotly.min.js"))
+        return FileResponse(path, media_type="text/javascript", headers={"cache-control": "max-age=86400"})
+
+    async def files(self, _: Request) -> Response:
+        """The files of the workspace, and the one to begin with."""
+        workspace = self.session.workspace
+        return _Json({"folder": workspace.root.name, "files": workspace.files(), "first": self.session.first})
+
+    async def about(self, request: Request) -> Response:
+        """What there is to know of a file."""
+        name = _text(request, "file")
+        return _Json(await asyncio.to_thread(self.session.about, name))
+
+    async def curve(self, request: Request) -> Response:
+        """A branch, or a settled motion, as arrays."""
+        exploration = self.session.exploration(_text(request, "file"))
+        entry, branch, first = (
+            exploration.entry(_text(request, "result")),
+            _count(request, "branch"),
+            _count(request, "from"),
+        )
+        x, y = _text(request, "x"), _text(request, "y")
+        with exploration.guard:
+            settled, lines = entry.settled(), entry.lines()
+        if settled is not None:
+            if settled.orbit is None:
+                return _Json({"settled": None})
+            orbit = settled.orbit
+            place = await self.session.flows.do(lambda: [quantity(orbit, x), quantity(orbit, y)])
+            return _Json({"settled": place})
+        if branch >= len(lines):
+            return _Json({"gone": True})  # of two directions of a walk, one branch has come
+        line = lines[branch]
+        wanted = Quantities(line, (x, y), first)
+        await self.session.flows.do_behind(wanted.parts())
+        found = await asyncio.to_thread(curve_of, wanted)
+        return _Json({**found, "name": line.name, "period": line.period, "labels": LABELS})
+
+    async def motion(self, request: Request) -> Response:
+        """The motion at a place; only the last one that a tab asks for."""
+        exploration, place, signal = self._asked(request)
+        motion = exploration.motion(place)
+        name = check_signal(motion.system, signal)
+        (found,) = await self.session.flows.do_last(_text(request, "tab"), [lambda: panels_of(motion, name)])
+        return _Json(found)
+
+    async def details(self, request: Request) -> Response:
+        """Spectrum and section of the motion at a place; only of the last one that a tab asks for."""
+        exploration, place, signal = self._asked(request)
+        motion = exploration.motion(place)
+        name = check_signal(motion.system, signal)
+        tab = f"{_text(request, 'tab')}/details"
+        (found,) = await self.session.flows.do_last(tab, [lambda: details_of(motion, name)])
+        return _Json(found)
+
+    async def events(self, _: Request) -> Response:
+        """What changes, as it changes."""
+        page = self.session.events.join()
+        return _Stream(self.session.events, page)
+
+    async def act(self, request: Request) -> Response:
+        """Begin a job."""
+        body = await _body(request)
+        name = str(body.pop("file", ""))
+        entry = await asyncio.to_thread(self.session.act, name, body)
+        return _Json({"key": entry.key, "title": entry.title})
+
+    async def job(self, request: Request) -> Response:
+        """Stop, hold, or go on with a job."""
+        body, word = await _body(request), request.path_params["word"]
+        name, key = str(body.get("file", "")), str(body.get("result", ""))
+        entry = self.session.exploration(name).entry(key)
+        acts: dict[str, Callable[[], None]] = {
+            "stop": lambda: self.session.jobs.stop(entry),
+            "pause": lambda: self.session.jobs.pause(entry),
+            "continue": lambda: self.session.jobs.go_on(entry),
+            "resume": lambda: self.session.go_on(name, key),
+        }
+        if word not in acts:
+            raise ModelError(f"a job cannot {word[:40]!r}; it can {', '.join(acts)}")
+        acts[word]()
+        return _Json({"state": entry.state.value})
+
+    async def export(self, request: Request) -> Response:
+        """A table, a script, a model file or the result itself."""
+        exploration, what = self.session.exploration(_text(request, "file")), request.path_params["what"]
+        entry = exploration.entry(_text(request, "result"))
+        stem = entry.key or exploration.file.stem
+        if what == "script":
+            return _file(script_of(exploration, entry), f"{stem}.py", "text/x-python")
+        if what == "model":
+            return await self._model(request, stem)
+        if entry.result is None:
+            raise ModelError(f"{entry.title} is {entry.state}; wait for its end, or stop it")
+        result = entry.result
+        if what == "table":
+            text = await self.session.flows.do(lambda: table_of(result, table_names(result)[0]))
+            return _file(text, f"{stem}.csv", "text/csv")
+        if what == "result":
+            return FileResponse(entry.path, filename=entry.path.name, media_type="application/vnd.sqlite3")
+        raise ModelError(f"there is no {what[:40]!r} to export; there are table, script, model and result")
+
+    async def _model(self, request: Request, stem: str) -> Response:
+        exploration, place, _ = self._asked(request)
+        parameter, to = _text(request, "parameter"), _number(request, "to")
+        orbit, study = orbit_at(place, exploration), exploration.origin(place)
+        measure = _text(request, "y").removeprefix(MEASURE)
+        measure = (
+            measure
+            if "." in measure and measure not in orbit.system.parameters
+            else f"half.{orbit.system.coordinates[0]}"
+        )
+        text = model_file(
+            study.text, str(exploration.file), str(exploration.workspace.root), orbit, parameter, to, measure
+        )
+        return _file(text, f"{stem}.toml", "application/toml")
+
+    def _asked(self, request: Request) -> tuple[Any, Place, str]:
+        """Exploration, place and signal of a request."""
+        exploration = self.session.exploration(_text(request, "file"))
+        entry = exploration.entry(_text(request, "result"))
+        numbers = {
+            name: int(value)
+            for name in ("branch", "point", "special")
+            if _is_count(value := request.query_params.get(name, ""))
+        }
+        return exploration, Place(result=entry.key, **numbers), _text(request, "signal")
+
+
+def _text(request: Request, name: str) -> str:
+    text = request.query_params.get(name, "")
+    if len(text) > _NAME:
+        raise ModelError(f"{name} is longer than {_NAME} letters")
+    return text
+
+
+def _count(request: Request, name: str) -> int:
+    text = request.query_params.get(name, "") or "0"
+    if not _is_count(text):
+        raise ModelError(f"{name} is {text[:20]!r}; it must be a number from 0")
+    return int(text)
+
+
+def _is_count(text: str) -> bool:
+    """Whether a text is a number from 0; ``isdigit`` takes others too, such as ²."""
+    return text.isascii() and text.isdigit() and len(text) < 10
+
+
+def _number(request: Request, name: str) -> float:
+    try:
+        return float(request.query_params.get(name, ""))
+    except ValueError:
+        raise ModelError(f"{name} must be a number, as in 0.5") from None
+
+
+async def _body(request: Request) -> dict[str, Any]:
+    try:
+        body = json.loads(await request.body())
+    except (ValueError, RecursionError):
+        raise ModelError("the request is no JSON") from None
+    if not isinstance(body, dict):
+        raise ModelError("the request must be a JSON object")
+    return body
+
+
+def _file(text: str, name: str, kind: str) -> Response:
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    return PlainTextResponse(
+        text,
+        media_type=kind,
+        headers={"content-disposition": f"attachment; filename*=utf-8''{quote(name, errors='replace')}"},
+    )

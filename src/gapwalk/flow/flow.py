@@ -1,0 +1,405 @@
+"""The compiled flow: motions of a system over theta, with sensitivities and exact contact events.
+
+A `Flow` is compiled once for a structure and a pattern of non-zero coefficients (heyoka, Taylor series of high
+order, LLVM) and then serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from functools import lru_cache
+from itertools import pairwise
+from threading import Lock
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import FlowError
+from gapwalk.flow.equations import Equations
+from gapwalk.flow.event_call import EventCall, answer_events
+from gapwalk.flow.flow_cache import kept
+from gapwalk.flow.length_unit import LengthUnit
+from gapwalk.flow.switching import COOLDOWN, ContactEvent, Switchboard
+from gapwalk.model.coefficients import coefficients_of, layout_of, varying
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+
+PERIOD = 2.0 * math.pi
+"""One forcing period, in theta."""
+
+_TOLERANCE = 1e-15
+_STEPS = 20_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
+_EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
+_MOST = 64  # flows that a process keeps, about 2 MB each for two degrees of freedom; those used longest ago go
+_MACHINE_CODE = 50_000_000  # bytes of machine code that heyoka keeps besides, where its own bound is 2 GB
+_COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
+
+if hasattr(hy, "set_logger_level_critical"):
+    hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
+hy.llvm_state.set_memcache_limit(min(_MACHINE_CODE, hy.llvm_state.get_memcache_limit()))
+_compiling = Lock()
+
+
+class Arc(NamedTuple):
+    """What the flow returns for one stretch of motion.
+
+    Attributes
+    ----------
+    state : shape (2n,)
+        Positions, then velocities, at the end.
+    transition : shape (2n, 2n), or None
+        Derivative of the final state by the initial one.
+    sensitivity : shape (2n,), or (2n, k), or None
+        Derivative of the final state along the direction of coefficients, or along each of k > 1 directions.
+    contacts : list of ContactEvent
+        The crossings of breakpoints, in order.
+    steps : int
+        Taylor steps taken: a measure of how fast the motion varies.
+    """
+
+    state: NDArray[np.float64]
+    transition: NDArray[np.float64] | None
+    sensitivity: NDArray[np.float64] | None
+    contacts: list[ContactEvent]
+    steps: int
+
+
+class Variations(NamedTuple):
+    """A sampled motion with its derivatives.
+
+    Attributes
+    ----------
+    states : shape (samples, 2n)
+        Positions, then velocities.
+    transitions : shape (samples, 2n, 2n)
+        Derivative of each by the state at the first sample.
+    sensitivities : shape (samples, 2n, k)
+        Derivative of each along k directions of coefficients.
+    contacts : list of ContactEvent
+        The crossings of breakpoints, in order.
+    """
+
+    states: NDArray[np.float64]
+    transitions: NDArray[np.float64]
+    sensitivities: NDArray[np.float64]
+    contacts: list[ContactEvent]
+
+
+class Turn(NamedTuple):
+    """A turning point: index into `Equations.turning`, theta, and the positions there."""
+
+    event: int
+    theta: float
+    positions: list[float]
+
+
+class Flow:
+    """A compiled flow: see `flow_of`. Several threads may call one at the same time.
+
+    Parameters
+    ----------
+    equations
+        The equations to compile.
+    transition
+        Whether to integrate the state transition matrix.
+    survey
+        Whether to integrate the positions and their squares, and to note where coordinates and deflections turn.
+    """
+
+    calls = 0
+    """Number of integrations in this process, for tests of work done."""
+
+    def __init__(self, equations: Equations, *, transition: bool = False, survey: bool = False) -> None:
+        self.equations = equations
+        self.size = 2 * equations.layout.structure.size
+        self.has_transition, self.has_survey, self.directions = transition, survey, len(equations.varying)
+        right_hand_sides = list(equations.state)
+        if transition:
+            right_hand_sides += equations.fundamental()
+        for index in range(self.directions):
+            right_hand_sides += equations.direction(index)
+        if survey:
+            right_hand_sides += equations.integrals()
+        with kept(f"{equations.text} transition={transition} survey={survey}"):
+            self._compiled = hy.taylor_adaptive(
+                right_hand_sides,
+                state=np.zeros(len(right_hand_sides)),
+                pars=np.zeros(equations.n_parameters),
+                t_events=[
+                    hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
+                    for index, switch in enumerate(equations.switches)
+                ],
+                nt_events=[
+                    hy.nt_event(rate, EventCall(k).turn) for k, (_, rate) in enumerate(equations.turning) if survey
+                ],
+                tol=_TOLERANCE,
+                compact_mode=len(right_hand_sides) >= _COMPACT_FROM,
+            )
+        self._lengths = LengthUnit(equations.layout)
+        self._idle: list[_Integrator] = []
+
+    def integrate(
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        start: float = 0.0,
+        stop: float = PERIOD,
+        direction: NDArray[np.float64] | None = None,
+    ) -> Arc:
+        """Carry a state from one theta to another.
+
+        Parameters
+        ----------
+        coefficients
+            All coefficients of the flow, as from `coefficients_of`.
+        state : shape (2n,)
+            Positions, then velocities (over time, not theta).
+        start, stop
+            Theta at the start and at the end, in radians; ``stop > start``.
+        direction
+            The direction of coefficients along which the sensitivity is wanted, or k of them in an array of k rows;
+            needs a flow compiled with as many.
+
+        Raises
+        ------
+        FlowError
+            If the motion runs away, chatters without end, or a contact is lost.
+        """
+        integrator = self._take()
+        try:
+            return integrator.integrate(coefficients, state, start, stop, direction)
+        finally:
+            self._idle.append(integrator)
+
+    def sample(
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], list[ContactEvent]]:
+        """States at each of the increasing `thetas` (shape (len(thetas), 2n)), and the contact events between.
+
+        The state given is that at ``thetas[0]``. Errors as in `integrate`.
+        """
+        integrator = self._take()
+        try:
+            return integrator.sample(coefficients, state, thetas)
+        finally:
+            self._idle.append(integrator)
+
+    def vary(
+        self,
+        coefficients: NDArray[np.float64],
+        state: NDArray[np.float64],
+        thetas: NDArray[np.float64],
+        direction: NDArray[np.float64] | None = None,
+    ) -> Variations:
+        """States and their derivatives at each of the increasing `thetas`; parameters as in `sample` and `integrate`.
+
+        For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
+        """
+        integrator = self._take()
+        try:
+            return integrator.vary(coefficients, state, thetas, direction)
+        finally:
+            self._idle.append(integrator)
+
+    def survey(
+        self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
+    ) -> tuple[NDArray[np.float64], list[Turn]]:
+        """Integrals over theta of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
+
+        For a flow compiled for a survey. Errors as in `integrate`.
+        """
+        integrator = self._take()
+        try:
+            return integrator.survey(coefficients, state, stop)
+        finally:
+            self._idle.append(integrator)
+
+    def _take(self) -> _Integrator:
+        """An integrator for one call, which no other thread uses meanwhile; whoever took it gives it back."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return _Integrator(self, copy(self._compiled))
+
+
+class _Integrator:
+    """One integrator of a flow, with its switches; one thread at a time uses it. Methods as those of `Flow`.
+
+    Parameters
+    ----------
+    flow
+        The flow.
+    taylor
+        heyoka's integrator.
+    """
+
+    def __init__(self, flow: Flow, taylor: hy.taylor_adaptive) -> None:
+        self.equations, self.size = flow.equations, flow.size
+        self.has_transition, self.directions = flow.has_transition, flow.directions
+        self._lengths, self._taylor, self._unit = flow._lengths, taylor, 1.0
+        self._state, self._parameters = taylor.state, taylor.pars
+        self._coefficients = self._parameters[self.equations.first_coefficient :]
+        self._components = self._parameters[: self.equations.first_switch]
+        self._board = Switchboard(self.equations)
+        self._board.attach(taylor, self.size * self.has_transition + self.directions)
+        if flow.has_survey:
+            answer_events(self, taylor.nt_events)
+        self._identity = np.zeros(len(self._state) - self.size)
+        if self.has_transition:
+            self._identity[: self.size**2] = np.eye(self.size).ravel()
+        self._turns: list[Turn] = []
+
+    def integrate(self, coefficients, state, start, stop, direction=None) -> Arc:
+        for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
+            self._prepare(coefficients, state, start, stop, direction)
+            steps = self._run(start, stop, longest_step)
+            if self._board.is_right():
+                return self._arc(steps)
+        raise FlowError(
+            f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
+            f"state {_short(state)}; please report this system"
+        )
+
+    def sample(self, coefficients, state, thetas):
+        rows, contacts = self._sample(coefficients, state, thetas, None)
+        if rows is None:
+            return self._sample_piecewise(coefficients, state, thetas)
+        return rows[:, : self.size] * self._unit, contacts
+
+    def vary(self, coefficients, state, thetas, direction) -> Variations:
+        rows, contacts = self._sample(coefficients, state, thetas, direction)
+        if rows is None:
+            return self._vary_piecewise(coefficients, state, thetas, direction)
+        size, count = self.size, len(rows)
+        transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
+        along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
+        return Variations(rows[:, :size] * self._unit, transitions, along * self._unit, contacts)
+
+    def survey(self, coefficients, state, stop):
+        self.integrate(coefficients, state, 0.0, stop)
+        units = np.array([[self._unit], [self._unit**2]])
+        return self._state[self.size :].reshape(2, -1) * units, self._turns
+
+    def _sample(self, coefficients, state, thetas, direction):
+        """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
+        outcome = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        if outcome[0] != hy.taylor_outcome.time_limit:
+            self._refuse(outcome[0], float(thetas[0]))
+        return (outcome[-1] if self._board.is_right() else None), self._board.log
+
+    def at_event(self, event: int, theta: float) -> None:
+        """Note where a coordinate or a deflection turns, at an event of a survey."""
+        positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
+        self._turns.append(Turn(event, theta, positions.tolist()))
+
+    def _sample_piecewise(self, coefficients, state, thetas):
+        """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
+        states, contacts = [np.asarray(state, dtype=float)], []
+        for start, stop in pairwise(thetas):
+            arc = self.integrate(coefficients, states[-1], float(start), float(stop))
+            states.append(arc.state)
+            contacts += arc.contacts
+        return np.array(states), contacts
+
+    def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
+        """The same as `vary`, point by point: derivatives over a stretch follow those before it."""
+        size = self.size
+        states, contacts = [np.asarray(state, dtype=float)], []
+        transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
+        for start, stop in pairwise(thetas):
+            arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
+            assert arc.transition is not None
+            added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
+            states.append(arc.state)
+            transitions.append(arc.transition @ transitions[-1])
+            along.append(arc.transition @ along[-1] + added)
+            contacts += arc.contacts
+        return Variations(np.array(states), np.array(transitions), np.array(along), contacts)
+
+    def _prepare(self, coefficients, state, start, stop, direction) -> None:
+        self._turns = []
+        Flow.calls += 1
+        self._taylor.time = start
+        if self.equations.switches:
+            self._taylor.reset_cooldowns()
+        unit = self._unit = self._lengths.of_motion(coefficients, state)
+        if unit != 1.0:
+            coefficients, state = self._lengths.carried(coefficients, unit), state / unit
+            direction = None if direction is None else self._lengths.carried(direction, unit)
+        self._state[: self.size] = state
+        self._state[self.size :] = self._identity
+        self._coefficients[:] = coefficients[self.equations.active]
+        if self.directions:
+            self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
+        periods = max(1.0, (stop - start) / PERIOD)
+        self._max_steps = int(_STEPS * periods)
+        self._board.start(coefficients, start, int(_EVENTS * periods), unit)
+
+    def _run(self, start: float, stop: float, longest_step: float) -> int:
+        outcome, _, _, steps, *_ = self._taylor.propagate_until(
+            stop, max_steps=self._max_steps, max_delta_t=longest_step
+        )
+        if outcome != hy.taylor_outcome.time_limit:
+            self._refuse(outcome, start)
+        return steps
+
+    def _refuse(self, outcome, start: float) -> None:
+        theta, state = self._taylor.time, self._state[: self.size] * self._unit
+        where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
+        if self._board.event_limit <= 0:
+            raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
+        if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
+            raise FlowError(
+                f"the motion runs away to infinity within the time from theta = {start:.6g}; is there a stiffness, and "
+                "a damping that takes energy out?"
+            )
+        raise FlowError(f"more than {_STEPS} integration steps a forcing period, {where}: it is too stiff or runs away")
+
+    def _arc(self, steps: int) -> Arc:
+        size, state, unit = self.size, self._state, self._unit
+        transition = sensitivity = None
+        if self.has_transition:
+            transition = state[size : size * (1 + size)].reshape(size, size).T.copy()
+        if self.directions == 1:
+            sensitivity = state[-size:] * unit
+        elif self.directions:
+            sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
+        return Arc(state[:size] * unit, transition, sensitivity, self._board.log, steps)
+
+
+def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
+    """The compiled flow of a system; systems of equal structure and pattern share one.
+
+    Parameters
+    ----------
+    system
+        The system.
+    *parameters
+        The named parameters to which the sensitivity will be asked for.
+    transition
+        Whether the state transition matrix is wanted too.
+    survey
+        Whether the flow is to survey orbits; see `Flow.survey`.
+    """
+    pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
+    for mask in directions:
+        pattern |= mask
+    masks = tuple(mask.tobytes() for mask in (pattern, *directions))
+    with _compiling:  # one thread compiles a flow, the others wait for it
+        return _compile(system.structure, masks, transition, survey)
+
+
+@lru_cache(maxsize=_MOST)
+def _compile(structure: Structure, masks: tuple[bytes, ...], transition: bool, survey: bool) -> Flow:
+    pattern, *directions = (np.frombuffer(mask, dtype=bool) for mask in masks)
+    equations = Equations(layout_of(structure), pattern, tuple(np.flatnonzero(mask) for mask in directions))
+    return Flow(equations, transition=transition, survey=survey)
+
+
+def _short(state: NDArray[np.float64]) -> str:
+    shown = ", ".join(f"{value:.6g}" for value in state[:6])
+    return f"({shown}{', ...' if len(state) > 6 else ''})"

@@ -1,0 +1,154 @@
+"""Hysteresis: the loop of a contact's force under a prescribed harmonic deflection, and the energy that it costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.forces import contact_force
+from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
+from gapwalk.model.contact import Contact, DampingLaw
+from gapwalk.model.structure import ContactForm
+from gapwalk.model.system import System
+
+_NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the force is a trigonometric polynomial
+_BESIDE = 1e-9  # rad: a force that jumps is drawn on both sides of its jump
+
+
+@dataclass(frozen=True, eq=False)
+class Hysteresis:
+    """The force of a contact while its deflection is ``mean + amplitude * cos(theta)``, over one cycle.
+
+    Attributes
+    ----------
+    contact, law
+        Name of the contact, and how it dissipates.
+    amplitude, mean, frequency
+        Of the deflection; the frequency is angular.
+    breakpoints
+        Deflections at which a stage opens or closes, increasing.
+    theta, deflection, rate, force : shape (samples,)
+        Phase in radians, deflection, its rate, and the force.
+    loss
+        Energy that a cycle costs, the area of the loop: ``integral of f dx``. Negative where the law feeds energy in.
+    """
+
+    contact: str
+    law: DampingLaw
+    amplitude: float
+    mean: float
+    frequency: float
+    breakpoints: tuple[float, ...]
+    theta: NDArray[np.float64]
+    deflection: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    force: NDArray[np.float64]
+    loss: float
+
+    @property
+    def equivalent_damping(self) -> float:
+        """The viscous damper beside the contact that costs the same: ``loss / (pi W amplitude^2)``.
+
+        It is the damping of the describing function, so it does not depend on the frequency.
+        """
+        return self.loss / (math.pi * self.frequency * self.amplitude**2)
+
+    def plot(self, **options: Any):
+        """Draw the loop; `gapwalk.plot.draw` draws a list of them over one another. Returns the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+
+def hysteresis(
+    system: System | Contact,
+    amplitude: float,
+    contact: str | None = None,
+    *,
+    mean: float = 0.0,
+    frequency: float | None = None,
+    samples: int = 720,
+) -> Hysteresis:
+    """The loop of force over deflection of one contact under a prescribed harmonic deflection (paper, figure 1).
+
+    Parameters
+    ----------
+    system
+        A system, or a contact alone.
+    amplitude, mean
+        Of the deflection, ``mean + amplitude * cos(theta)``.
+    contact
+        Name of the contact; may be left out if there is one only.
+    frequency
+        Angular frequency; by default that of the system (1 for a contact alone).
+    samples
+        Samples of the loop.
+
+    Raises
+    ------
+    ModelError
+        For a contact, an amplitude or a frequency that makes no sense.
+    """
+    system = _alone(system) if isinstance(system, Contact) else system
+    name, form, slots = pick_contact(system, contact)
+    frequency = system.frequency if frequency is None else frequency
+    for what, value in (("amplitude", amplitude), ("frequency", frequency)):
+        if not 0.0 < value < math.inf:
+            raise ModelError(f"{what} is {value!r}; it must be a number > 0")
+    if not math.isfinite(mean):
+        raise ModelError(f"mean is {mean!r}; it must be a finite number")
+    coefficients = coefficients_of(system)
+    levels = sorted({stage.sign * float(coefficients[stage.clearance]) for stage in slots.stages})
+    edges = _edges(levels, amplitude, mean)
+
+    def cycle(theta: NDArray[np.float64]):
+        x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
+        return x, rate, contact_force(slots, form, coefficients, x, rate)
+
+    nodes, weights = _nodes(edges)
+    _, rate, force = cycle(nodes)
+    loss = float(weights @ (force * rate)) / frequency
+    inner = edges[1:-1]
+    theta = np.unique(np.concatenate((np.linspace(0.0, PERIOD, samples + 1), inner - _BESIDE, inner + _BESIDE)))
+    x, rate, force = cycle(theta)
+    return Hysteresis(name, form.damping, amplitude, mean, frequency, tuple(levels), theta, x, rate, force, loss)
+
+
+def pick_contact(system: System, name: str | None) -> tuple[str, ContactForm, ContactSlots]:
+    """The contact of a name, or the only one, with its form and its coefficients' places; else a ModelError."""
+    known = [form.name for form in system.structure.contacts]
+    if name is None and len(known) == 1:
+        name = known[0]
+    if name not in known:
+        given = "no contact is named" if name is None else f"there is no contact {name!r}"
+        raise ModelError(f"{given}; contacts are {', '.join(known) or 'none at all'}")
+    place = known.index(name)
+    return name, system.structure.contacts[place], layout_of(system.structure).contacts[place]
+
+
+def _alone(contact: Contact) -> System:
+    """A system of one coordinate, the deflection of a contact."""
+    return System(("x",), [[0.0]], contacts=[replace(contact, deflection={"x": 1.0}, force=None)])
+
+
+def _edges(levels: Sequence[float], amplitude: float, mean: float) -> NDArray[np.float64]:
+    """Phases at which a breakpoint is passed, between 0 and a whole turn."""
+    met = [math.acos((level - mean) / amplitude) for level in levels if abs(level - mean) < amplitude]
+    return np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met)}))
+
+
+def _nodes(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes and weights of Gauss's rule between the edges."""
+    knots = [np.linspace(a, b, 2 + int((b - a) / _WIDEST))[:-1] for a, b in pairwise(edges)]
+    starts = np.append(np.concatenate(knots), edges[-1])
+    widths, (nodes, weights) = np.diff(starts), leggauss(_NODES)
+    return (starts[:-1, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel(), np.outer(0.5 * widths, weights).ravel()

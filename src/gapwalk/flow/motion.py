@@ -1,0 +1,229 @@
+"""A sampled motion: time histories of positions, velocities, accelerations and contact forces, and its contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
+from gapwalk.flow.switching import ContactEvent
+from gapwalk.flow.train_motion import train_histories, train_signals
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.problems import did_you_mean
+from gapwalk.model.structure import ContactForm
+from gapwalk.model.system import System
+
+
+@dataclass(frozen=True)
+class ContactRecord:
+    """One entry of the contact log, in the user's terms.
+
+    Attributes
+    ----------
+    theta, time
+        When: in radians of the fundamental excitation, and in units of time.
+    contact, stage, side
+        Which: name of the contact, name of the stage ("" if it has one only), +1 or -1.
+    closes
+        True where the stage closes, False where it opens.
+    velocity
+        Rate of the deflection over time; where the stage closes, its size is the approach velocity.
+    """
+
+    theta: float
+    time: float
+    contact: str
+    stage: str
+    side: int
+    closes: bool
+    velocity: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of `system`, sampled at `theta` and exact at each sample.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    theta : shape (samples,)
+        Angle of the fundamental excitation, ``W t``, in radians.
+    q, v : shape (samples, n)
+        Positions and velocities (over time).
+    events
+        The crossings of breakpoints, in order.
+    """
+
+    system: System
+    theta: NDArray[np.float64]
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+    events: tuple[ContactEvent, ...]
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of each sample, shape (samples,)."""
+        return self.theta / self.system.frequency
+
+    @cached_property
+    def a(self) -> NDArray[np.float64]:
+        """Accelerations, shape (samples, n)."""
+        return accelerations(layout_of(self.system.structure), self._coefficients, self.theta, self.q, self.v)
+
+    @cached_property
+    def forces(self) -> NDArray[np.float64]:
+        """Contact forces ``f_k``, shape (samples, contacts)."""
+        return contact_forces(layout_of(self.system.structure), self._coefficients, self.q, self.v)
+
+    @cached_property
+    def deflections(self) -> NDArray[np.float64]:
+        """Contact deflections ``e_k . q``, shape (samples, contacts)."""
+        return contact_deflections(layout_of(self.system.structure), self._coefficients, self.q)
+
+    @cached_property
+    def contacts(self) -> tuple[ContactRecord, ...]:
+        """The contact log: which stage closed or opened, when, on which side, and how fast."""
+        switches = switch_names(self.system)
+        return tuple(
+            ContactRecord(
+                event.theta, event.theta / self.system.frequency, *switches[event.switch], event.enters, event.velocity
+            )
+            for event in self.events
+        )
+
+    def signal(self, name: str) -> NDArray[np.float64]:
+        """One time history by name, shape (samples,).
+
+        Parameters
+        ----------
+        name
+            A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
+            (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
+            Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
+            gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
+            of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
+
+        Raises
+        ------
+        ModelError
+            If there is no such signal.
+        """
+        kind, column = self._column(signal_place(self.system, name))
+        return getattr(self, kind)[:, column] * signal_factor(self.system, name)
+
+    def _column(self, place: int) -> tuple[str, int]:
+        """Where the signal of a place in `signal_names` stands: which histories, and which of them."""
+        size, contacts = self.system.size, len(self.system.structure.contacts)
+        for kind, width in (("q", size), ("v", size), ("a", size), ("forces", contacts)):
+            if place < width:
+                return kind, place
+            place -= width
+        return "_of_train", place
+
+    @cached_property
+    def _of_train(self) -> NDArray[np.float64]:
+        return train_histories(self.system, self.theta, self.q, self.v, self.a, self.forces)
+
+    @cached_property
+    def _coefficients(self) -> NDArray[np.float64]:
+        return coefficients_of(self.system)
+
+
+def integrate(
+    system: System, state: NDArray[np.float64], periods: float = 1.0, samples: int = 256, start: float = 0.0
+) -> Motion:
+    """The motion of a system from a state, sampled.
+
+    Parameters
+    ----------
+    system
+        The system.
+    state : shape (2n,)
+        Positions, then velocities, at `start`.
+    periods
+        Length in forcing periods.
+    samples
+        Samples a forcing period.
+    start
+        Angle of the fundamental excitation at the start, in radians.
+
+    Raises
+    ------
+    FlowError
+        If the motion runs away or chatters without end.
+    ModelError
+        If the state has the wrong length.
+    """
+    count = max(1, round(samples * periods))
+    return sample(system, state, start + PERIOD * periods * np.arange(count + 1) / count)
+
+
+def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
+    """The motion from a state at ``theta[0]``, at each of the increasing angles `theta`. Errors as `integrate`."""
+    initial = check_state(system, state)
+    states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
+    return Motion(system, theta, states[:, : system.size], states[:, system.size :], tuple(events))
+
+
+def check_state(system: System, state) -> NDArray[np.float64]:
+    """The state as an array of 2n finite numbers, or a ModelError that says what it must be."""
+    try:
+        array = np.asarray(state, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array([np.nan])
+    if array.shape != (2 * system.size,) or not np.all(np.isfinite(array)):
+        order = ", ".join([*system.coordinates, *(f"{name}'" for name in system.coordinates)])
+        raise ModelError(f"a state of this system is {2 * system.size} finite numbers ({order}), not {state!r}")
+    return array
+
+
+def signal_names(system: System) -> list[str]:
+    """Names of all signals of a motion of `system`: each is that of one signal."""
+    derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
+    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
+
+
+def force_of(contact: ContactForm) -> str:
+    """The name of the signal that is the force of a contact."""
+    return f"{contact.name}.force"
+
+
+def signal_place(system: System, name: str) -> int:
+    """The place of a signal in `signal_names`.
+
+    The name of a contact is short for its force, where no coordinate has that name. In a drive train it never is: there
+    a link's name is that of its deflection.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    """
+    known = signal_names(system)
+    if name in known:
+        return known.index(name)
+    forces = {} if train_signals(system.structure) else {form.name: form for form in system.structure.contacts}
+    if name not in forces:
+        raise ModelError(f"there is no signal {name!r}; {did_you_mean(str(name), known, 'signals are')}")
+    return known.index(force_of(forces[name]))
+
+
+def signal_factor(system: System, name: str) -> float:
+    """What a signal is multiplied by, from the consistent units of the equations of motion to its own."""
+    return 1.0 if system.units is None else system.units.signal(name)[0]
+
+
+def switch_names(system: System) -> list[tuple[str, str, int]]:
+    """Contact, stage and side of each switch of the system's flow, in their order."""
+    return [
+        (contact.name, stage.name, sign)
+        for contact in system.structure.contacts
+        for stage in contact.stages
+        for sign in stage.side.signs
+    ]

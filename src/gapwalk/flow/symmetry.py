@@ -1,0 +1,128 @@
+"""Symmetries of a system: changes of sign and exchanges of coordinates after which it moves as before.
+
+A symmetric gap under a load of odd harmonics is the most frequent case: with every coordinate of the opposite sign,
+half a forcing period later, the equations are the same. Orbits that share such a symmetry keep it all along their
+branch; it is lost at a branch point, where the branch of the less symmetric orbits leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.flow.forces import accelerations
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.system import System
+
+_ALL = 4  # coordinates up to which all exchanges and signs are tried; beyond, only signs of all, and reversals
+_SAMPLES, _SEED = 12, 1995  # random states at which the equations are compared
+_EQUAL = 1e-9  # difference of accelerations, relative to the largest, that is rounding
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A symmetry: coordinate i moves as ``signs[i]`` times coordinate ``order[i]`` did.
+
+    Attributes
+    ----------
+    order
+        For each coordinate, the one whose place it takes.
+    signs
+        For each coordinate, +1 or -1.
+    shift
+        Forcing periods by which the motion is shifted: 0 or 1/2.
+    """
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+    shift: float
+
+    def defect(self, extremes: NDArray[np.float64], floor: float = 0.0) -> float:
+        """How far an orbit is from having this symmetry, from its `Orbit.extremes`: a share of its largest amplitude.
+
+        Extremes and means do not depend on where a motion begins, so the shift does not matter. An amplitude below
+        `floor` counts as that: what is much smaller is rounding.
+        """
+        largest, smallest, mean = (extremes[list(self.order), k] for k in range(3))
+        flipped = np.array(self.signs) < 0
+        here = np.column_stack((largest, smallest, mean))
+        here[flipped] = -np.column_stack((smallest, largest, mean))[flipped]
+        size = max(floor, 0.5 * float(np.ptp(extremes[:, :2], axis=1).max()))
+        return float(np.abs(here - extremes[:, :3]).max()) / size if size > 0.0 else 0.0
+
+    def moves_switches(self, system: System) -> tuple[int, ...]:
+        """For each breakpoint of a system, the one that is passed in its place; itself where there is no such one."""
+        switches = []
+        for contact, side, clearance in system.breakpoints:
+            form = system.structure.contacts[contact]
+            moved, given = np.zeros(system.size), side * system.vector(f"{form.name}.deflection")
+            for place, (source, sign) in enumerate(zip(self.order, self.signs, strict=True)):
+                moved[source] += sign * given[place]
+            switches.append((moved, given, clearance))
+        return tuple(
+            next((j for j, (_, e, c) in enumerate(switches) if np.allclose(moved, e) and np.isclose(clearance, c)), own)
+            for own, (moved, _, clearance) in enumerate(switches)
+        )
+
+
+def symmetries_of(system: System) -> tuple[Symmetry, ...]:
+    """The symmetries of a system at its present values, other than that of doing nothing.
+
+    Found by comparing accelerations at random states, so that every force law is served. Among more than four
+    coordinates, only changes of all signs, and the reversed order, are looked for.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> gap = gw.backlash("gap", {"x": 1.0}, clearance=1.0, stiffness=20.0)
+    >>> load = gw.Harmonic(0.5, {"x": 1.0})
+    >>> system = gw.System(["x"], [[1.0]], [[0.1]], contacts=[gap], harmonics=[load], frequency=1.0)
+    >>> symmetries_of(system)
+    (Symmetry(order=(0,), signs=(-1,), shift=0.5),)
+    """
+    n, generator = system.size, np.random.default_rng(_SEED)
+    theta = generator.uniform(0.0, math.tau, _SAMPLES)
+    states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in _reaches(system)]
+    found = [Symmetry(order, signs, shift) for order, signs in _candidates(n) for shift in (0.0, 0.5)]
+    nothing = Symmetry(tuple(range(n)), (1,) * n, 0.0)
+    return tuple(each for each in found if each != nothing and _holds(each, system, theta, states))
+
+
+def finds_all(system: System) -> bool:
+    """Whether `symmetries_of` a system looks for all exchanges and changes of sign."""
+    return system.size <= _ALL
+
+
+def _holds(
+    symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
+) -> bool:
+    """Whether accelerations at states that the symmetry carries into one another are carried so too."""
+    layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
+    for q, v in states:
+        here = accelerations(layout, coefficients, theta, q, v)
+        moved = [each[:, order] * symmetry.signs for each in (q, v, here)]
+        there = accelerations(layout, coefficients, theta + math.tau * symmetry.shift, moved[0], moved[1])
+        if float(np.abs(there - moved[2]).max()) > _EQUAL * float(np.abs(here).max()):
+            return False
+    return True
+
+
+def _candidates(n: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    if n <= _ALL:
+        return list(product(permutations(range(n)), product((1, -1), repeat=n)))
+    straight = tuple(range(n))
+    return list(product((straight, straight[::-1]), ((1,) * n, (-1,) * n)))
+
+
+def _reaches(system: System) -> list[float]:
+    """Sizes of states at which the equations are compared.
+
+    None, where loads alone act, which would drown in large forces; one; and beyond each of the clearances.
+    """
+    clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
+    return sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each))})

@@ -1,0 +1,197 @@
+"""Impact damping equivalent to a viscous damper: by one harmonic in closed form, and by computed motions.
+
+The paper's rule (section 4): choose beta such that the impact-damped motion matches the viscously damped one at a
+frequency at which one harmonic suffices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.contrast import Contrast, contrast
+from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.hysteresis import hysteresis, pick_contact
+from gapwalk.flow.signal import Signal
+from gapwalk.measurement.fit import fit
+from gapwalk.measurement.measured_record import Record
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.contact import Contact, DampingLaw
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+
+_SAMPLES = 512  # samples per forcing period at which the motions are matched
+
+
+@dataclass(frozen=True, eq=False)
+class DampingMatch:
+    """The impact damping of a contact that is equivalent to viscous dampers, computed in two ways.
+
+    Attributes
+    ----------
+    contact
+        Name of the contact.
+    viscous_damping
+        Coefficient of one damper parallel to the contact that is equivalent to the viscous dampers of the first system.
+    astray
+        Fraction of those dampers that one damper parallel to the contact does not represent: 0 if it is exact.
+    amplitude, mean
+        First harmonic and mean of the deflection of the viscously damped motion.
+    one_harmonic_share
+        Fraction of the variance of the deflection in that harmonic: near 1 if one harmonic suffices.
+    one_harmonic
+        The impact damping that dissipates the same energy per cycle under that harmonic: the closed formula.
+    impact_damping
+        The impact damping for which the acceleration of the deflection is nearest to that of the viscously damped
+        motion: from computed motions, with all their harmonics, in the least-squares sense.
+    difference
+        Rms difference of the two accelerations with this damping, relative to that of the viscously damped motion.
+    viscous, impact
+        The two motions.
+    """
+
+    contact: str
+    viscous_damping: float
+    astray: float
+    amplitude: float
+    mean: float
+    one_harmonic_share: float
+    one_harmonic: float
+    impact_damping: float
+    difference: float
+    viscous: Orbit
+    impact: Orbit
+
+    def contrast(self, signals: tuple[str, ...] = (), **options: Any) -> Contrast:
+        """Compare the two motions; see `gapwalk.contrast`."""
+        return contrast(self.viscous, self.impact, signals, names=("viscous damping", "impact damping"), **options)
+
+
+def impact_damping_of(
+    system: System | Contact, viscous_damping: float, amplitude: float, contact: str | None = None, *, mean: float = 0.0
+) -> float:
+    """Compute the impact damping that dissipates as much as a viscous damper under one harmonic, in closed form.
+
+    Under a deflection ``mean + amplitude * cos(theta)`` with spring force ``g`` it is
+    ``pi c / (integral of |g| sin(theta)^2 over a turn)``, independent of the frequency.
+
+    Parameters
+    ----------
+    system
+        A system, or a contact alone.
+    viscous_damping
+        Coefficient c of the damper parallel to the contact.
+    amplitude, mean
+        Amplitude and mean of the deflection.
+    contact
+        Name of the contact; may be omitted if there is only one.
+
+    Raises
+    ------
+    ModelError
+        If the contact does not close under this deflection, or has another damping law.
+    """
+    if isinstance(system, Contact):
+        unit = replace(system, damping=DampingLaw.HUNT_CROSSLEY, impact_damping=1.0, viscous_damping=0.0)
+    else:
+        contact, form, _ = pick_contact(system, contact)
+        if form.damping is not DampingLaw.HUNT_CROSSLEY:
+            raise ModelError(
+                f"contact {contact!r} has the damping law {form.damping.value!r}; give it impact damping: damping = "
+                f'"{DampingLaw.HUNT_CROSSLEY.value}"'
+            )
+        unit = system.at({f"{contact}.impact_damping": 1.0})
+    cost = hysteresis(unit, amplitude, contact, mean=mean).equivalent_damping
+    if cost <= 0.0:
+        raise ModelError(
+            f"the contact does not close under a deflection of {mean:.6g} +- {amplitude:.6g}, so impact damping "
+            "dissipates nothing; match at another frequency or load"
+        )
+    return viscous_damping / cost
+
+
+def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = None) -> DampingMatch:
+    """Find the impact damping that is equivalent to viscous dampers (paper, section 4).
+
+    Parameters
+    ----------
+    viscous
+        A motion of the viscously damped system, at a frequency at which one harmonic suffices; the result reports how
+        well it does (`DampingMatch.one_harmonic_share`).
+    impact
+        The system with impact damping in place of the viscous dampers; its own coefficient is ignored. It is evaluated
+        at the frequency of the motion.
+    contact
+        Name of the contact; may be omitted if there is only one.
+
+    Raises
+    ------
+    ModelError
+        If the systems differ in coordinates or contacts, the contact has another damping law, or it does not close.
+    ConvergenceError
+        If the impact-damped system has no such motion near the viscously damped one.
+    """
+    contact, _, _ = pick_contact(impact, contact)
+    place = _shared_place(viscous.system, impact, contact)
+    theta = PERIOD * np.arange(_SAMPLES * viscous.period + 1) / _SAMPLES
+    motion = viscous.motion(_SAMPLES)
+    x = motion.deflections[:-1, place]
+    amplitude = 2.0 * abs(complex(np.mean(x * np.exp(-1j * theta[:-1]))))
+    damper, astray = _damper(viscous.system, impact, place)
+    law = viscous.system.structure.contacts[place].damping
+    if law is not DampingLaw.NONE:
+        damper += hysteresis(viscous.system, amplitude, contact, mean=float(x.mean())).equivalent_damping
+    one = impact_damping_of(impact, damper, amplitude, contact, mean=float(x.mean()))
+    name = f"{contact}.impact_damping"
+    begun = find_orbit(impact.at({name: one}, frequency=viscous.system.frequency), viscous.period, viscous.state)
+    vector = viscous.system.values[viscous.system.structure.block(f"{contact}.deflection", viscous.system.size)]
+    seen = Signal(
+        tuple((f"{q}''", factor) for q, factor in zip(impact.coordinates, vector.tolist(), strict=True) if factor)
+    )
+    record = Record(motion.time[:-1], seen.of(motion)[:-1], name="the viscously damped motion")
+    found = fit(begun, record, [name], seen, phase=0.0)
+    return DampingMatch(
+        contact,
+        damper,
+        astray,
+        amplitude,
+        float(x.mean()),
+        0.5 * amplitude**2 / float(x.var()),
+        one,
+        found[name].value,
+        found.after.agreement.relative,
+        viscous,
+        found.orbit,
+    )
+
+
+def _shared_place(viscous: System, impact: System, contact: str) -> int:
+    """Return the index of the contact in both systems; raise a ModelError if they do not have the same parts."""
+    ours, theirs = (
+        (system.coordinates, [form.name for form in system.structure.contacts]) for system in (viscous, impact)
+    )
+    if ours != theirs:
+        raise ModelError(f"the two systems differ in their coordinates or contacts: {ours} and {theirs}")
+    return ours[1].index(contact)
+
+
+def _damper(viscous: System, impact: System, place: int) -> tuple[float, float]:
+    """Fit one damper parallel to the contact to the additional damping; return it and the fraction it misses."""
+    layout = layout_of(impact.structure)
+    numbers = coefficients_of(impact)
+    more = _damping(viscous) - _damping(impact)
+    slots = layout.contacts[place]
+    unit = np.outer(numbers[slots.force], numbers[slots.deflection])
+    damper = float(np.sum(more * unit) / np.sum(unit**2))
+    size = float(np.linalg.norm(more))
+    return damper, float(np.linalg.norm(more - damper * unit)) / size if size else 0.0
+
+
+def _damping(system: System) -> NDArray[np.float64]:
+    """Return ``M^-1 C``."""
+    return np.linalg.solve(system.matrix("mass"), system.matrix("damping")).astype(float, copy=False)

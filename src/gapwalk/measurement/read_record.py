@@ -1,0 +1,174 @@
+"""Reading of a measured record from a CSV or MAT file; both are treated as data only, and their sizes are limited."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.files import open_file
+from gapwalk.measurement.mat_file import NUMERIC, damaged, mat_variables
+from gapwalk.measurement.measured_record import MAX_SAMPLES, Record
+from gapwalk.model.problems import did_you_mean
+
+MAX_BYTES = 100_000_000
+"""A larger file is refused."""
+
+_MAX_COLUMNS = 1000
+_PIECE = 1 << 20
+FIELDS = ("time", "acceleration", "speed")
+
+
+def read_measurement(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, str] | None = None,
+    *,
+    time_scale: float = 1.0,
+    scale: float = 1.0,
+    speed_scale: float = 1.0,
+) -> Record:
+    """Read a measured time history.
+
+    Parameters
+    ----------
+    path
+        A CSV file (a line of column names, then numbers, separated by commas, semicolons or tabs; lines that begin with
+        ``#`` are comments), or a MAT file of MATLAB up to version 7 with a vector for each column.
+    columns
+        Names of the columns in the file, as in ``{"time": "t [s]", "acceleration": "a3"}``; by default ``time``,
+        ``acceleration`` and, if there is one, ``speed``.
+    time_scale, scale, speed_scale
+        Factors that convert time, acceleration and speed to the units of the model. A speed is then in radians per unit
+        of the model's time.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, has no such columns, or its numbers are not a valid record; see `Record`.
+    """
+    path = Path(path)
+    wanted = _wanted(columns or {})
+    content = _content(path)
+    try:
+        table = (_read_mat if path.suffix.lower() == ".mat" else _read_csv)(content, wanted)
+        return Record(name=path.name, **table).scaled(time_scale, scale, speed_scale)
+    except ModelError as error:
+        text = str(error)
+        raise ModelError(text if text.startswith(path.name) else f"{path.name}: {text}") from None
+
+
+def _wanted(columns: Mapping[str, str]) -> dict[str, str]:
+    """Return the name of each column in the file; the speed only if it is named."""
+    for field in columns:
+        if field not in FIELDS:
+            raise ModelError(f"a record has no column {field!r}; {did_you_mean(field, FIELDS)}")
+    return {field: field for field in FIELDS[:2]} | dict(columns)
+
+
+def _content(path: Path) -> bytes:
+    content = bytearray()
+    try:
+        with open_file(path) as file:
+            while len(content) <= MAX_BYTES and (piece := file.read(_PIECE)):  # read() of all would allocate MAX_BYTES
+                content += piece
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > MAX_BYTES:
+        raise ModelError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB; cut a few tens of periods out of it")
+    return bytes(content)
+
+
+def _read_csv(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ModelError("it is not UTF-8 text; write a CSV file, or a MAT file with the ending .mat") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _is_data(line)]
+    if not lines:
+        raise ModelError("it is empty; the first line names the columns, as in time,acceleration")
+    mark = max(",;\t", key=lines[0][1].count)
+    try:
+        heads = [head.strip() for head in next(csv.reader([lines[0][1]], delimiter=mark))]
+    except csv.Error as error:
+        raise ModelError(f"line {lines[0][0]}: it is not a line of column names: {error}") from None
+    places = _places(heads[:_MAX_COLUMNS], wanted)
+    if len(lines) - 1 > MAX_SAMPLES:
+        raise ModelError(f"it has {len(lines) - 1:,} samples; give at most {MAX_SAMPLES:,}, a few tens of periods")
+    table = np.empty((len(places), len(lines) - 1))
+    for sample, (number, line) in enumerate(lines[1:]):
+        row = line.split(mark)
+        for index, (field, place) in enumerate(places.items()):
+            try:
+                table[index, sample] = float(row[place])
+            except (IndexError, ValueError):
+                raise ModelError(f"line {number}: {_complaint(field, row[place : place + 1], mark)}") from None
+    return dict(zip(places, table, strict=True))
+
+
+def _complaint(field: str, cell: list[str], mark: str) -> str:
+    if not cell:
+        return f"{field} is missing; every line must have as many entries as the first"
+    hint = "; write decimal points, not commas" if mark != "," and "," in cell[0] else ""
+    return f"{field} is {cell[0].strip()[:40]!r}; it must be a number{hint}"
+
+
+def _is_data(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _places(heads: list[str], wanted: Mapping[str, str]) -> dict[str, int]:
+    """Return the column index of each field."""
+    if all(_is_number(head) for head in heads):
+        raise ModelError("its first line holds numbers; it must name the columns, as in time,acceleration")
+    _require(heads, wanted)
+    found = {field: heads.index(name) for field, name in wanted.items()}
+    if "speed" not in found and "speed" in heads:
+        found["speed"] = heads.index("speed")
+    return found
+
+
+def _require(known: list[str], wanted: Mapping[str, str]) -> None:
+    for field, name in wanted.items():
+        if name not in known:
+            shown = [head for head in known[:20] if head]
+            raise ModelError(
+                f"there is no column {name!r} for {field}; {did_you_mean(name, shown, 'columns are')}. "
+                f'Name it: columns = {{ {field} = "..." }}'
+            )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_mat(content: bytes, wanted: Mapping[str, str]) -> dict[str, NDArray[np.float64]]:
+    held = mat_variables(content)
+    _require(list(held), wanted)
+    names = dict(wanted)
+    if "speed" not in names and "speed" in held:
+        names["speed"] = "speed"
+    for field, name in names.items():  # before anything is unpacked
+        found = held[name]
+        if found.kind not in NUMERIC or found.is_complex or sum(length != 1 for length in found.shape) > 1:
+            kind = f"complex {found.kind}" if found.is_complex else found.kind
+            raise ModelError(
+                f"{name} (for {field}) is of class {kind} and shape {found.shape}; it must be a vector of real numbers"
+            )
+        if math.prod(found.shape) > MAX_SAMPLES:
+            raise ModelError(f"{name} has {math.prod(found.shape):,} samples; give at most {MAX_SAMPLES:,}")
+    try:
+        return {field: held[name].values() for field, name in names.items()}
+    except (ValueError, KeyError, struct.error, zlib.error) as error:
+        raise damaged(error) from None

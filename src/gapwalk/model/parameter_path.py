@@ -1,0 +1,107 @@
+"""The way from some values of parameters to others as one more parameter, so that it can be followed like any."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.checks import value_problems
+from gapwalk.model.coefficients import layout_of
+from gapwalk.model.names import NameBlock, ParameterNames
+from gapwalk.model.structure import Structure
+from gapwalk.model.system import System
+from gapwalk.model.units import Units
+
+WAY = "way"
+"""The name of the parameter: 0 at the first values, 1 at the others."""
+
+
+@dataclass(frozen=True)
+class PathAssembly:
+    """Parameters that move together, evenly, while the way goes from 0 to 1.
+
+    Its own numbers are those of the system, then the way, then where each parameter goes: as they are numbers, all
+    ways of the same parameters share one compiled flow.
+
+    Parameters
+    ----------
+    structure
+        The structure of the system.
+    moved
+        The names of the parameters; the frequency, by which everything is scaled, is none of them.
+    """
+
+    structure: Structure
+    moved: tuple[str, ...]
+
+    def __hash__(self) -> int:
+        return hash((self.structure, self.moved))
+
+    @property
+    def names(self) -> ParameterNames:
+        """The names of the system's parameters, the way, and ``way.`` with the name of each parameter that moves."""
+        inner = self.structure.names
+        blocks = (NameBlock(WAY), *(NameBlock(f"{WAY}.{name}") for name in self.moved))
+        return replace(inner, blocks=(*inner.blocks, *blocks))
+
+    @property
+    def units(self) -> Units | None:
+        """The units of the system's parameters."""
+        return self.structure.units
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values of the equations of motion."""
+        return self.structure.expand(self.inner(values))
+
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The accelerations of the system; see `Assembly.accelerations`."""
+        return layout_of(self.structure).table(self.inner(values))
+
+    def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
+        """What is wrong with the values of the system at this place of the way."""
+        yield from value_problems(self.structure, self.inner(values))
+
+    def inner(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values of the system at this place of the way."""
+        size, count = len(self.structure.names), len(self.moved)
+        found, share, ends = values[:size].copy(), values[size], values[size + 1 : size + 1 + count]
+        found[self._places] += share * (ends - found[self._places])
+        return found
+
+    @cached_property
+    def _places(self) -> list[int]:
+        return [self.structure.place(name) for name in self.moved]
+
+
+def on_the_way(system: System, to: Mapping[str, float]) -> System:
+    """The same system with one more parameter, ``way``: at 0 it is as it was, at 1 some parameters have other values.
+
+    Parameters
+    ----------
+    system
+        The system.
+    to
+        Those parameters with their values at the other end; in between they move evenly.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, a value that is not allowed, the frequency, or a system that is on a way already.
+    """
+    system.at(to)
+    structure = system.structure
+    if structure.pace in to:
+        raise ModelError(
+            f"{structure.pace} cannot move together with others: everything is scaled by it; follow it by itself"
+        )
+    if isinstance(structure.assembly, PathAssembly):
+        raise ModelError("the system is on a way already; leave from the system without it")
+    assembly = PathAssembly(structure, tuple(to))
+    whole = Structure(structure.coordinates, structure.contacts, structure.harmonics, assembly)
+    return System.from_values(whole, np.concatenate((system.values, [0.0], list(to.values()))))

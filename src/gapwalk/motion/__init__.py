@@ -1,7 +1,0 @@
-"""How it moves: the compiled flow with sensitivities and contact events, and sampled motions."""
-
-from gapwalk.motion.flow import PERIOD, Arc, Flow, flow_of
-from gapwalk.motion.motion import ContactRecord, Motion, integrate, sample
-from gapwalk.motion.switching import ContactEvent
-
-__all__ = ["PERIOD", "Arc", "ContactEvent", "ContactRecord", "Flow", "Motion", "flow_of", "integrate", "sample"]

@@ -1,0 +1,270 @@
+"""Kernels of contact forces: real forms, zeros and turns of functions that are given by their lines, and the forces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gapwalk.orbit.harmonic_balance.compiled import kernel, part
+
+_ITERATIONS = 60  # bisection alone would need about 50; Newton's method takes 4
+_QUICK = 6
+_ROUNDING = 1e-14  # of an angle up to 2 pi, with that of the series
+_CLOSE = 3e-6  # last step of Halley's method, whose errors grow with the cube of the step
+_TINY = 1e-300
+
+
+@part
+def _at(lines, phi):
+    """Value, slope and bend at an angle of the function with some lines."""
+    wave, turn = 1.0 + 0.0j, complex(np.cos(phi), np.sin(phi))
+    value, slope, bend = lines[0].real, 0.0, 0.0
+    for k in range(1, len(lines)):
+        wave *= turn
+        term = lines[k] * wave
+        value += term.real
+        slope -= k * term.imag
+        bend -= k * k * term.real
+    return value, slope, bend
+
+
+@part
+def _zero(lines, low, high, at_low, at_high):
+    """One zero by Halley's method; by Newton's with bisection where that leaves the bracket."""
+    phi = low + (high - low) * (at_low / (at_low - at_high))
+    for _ in range(_QUICK):
+        value, slope, bend = _at(lines, phi)
+        change = value * slope / (slope * slope - 0.5 * value * bend + _TINY)
+        phi -= change
+        if abs(change) < _CLOSE:
+            if low - _ROUNDING <= phi <= high + _ROUNDING:
+                return phi
+            break
+    rises, phi = at_high > at_low, 0.5 * (low + high)
+    for _ in range(_ITERATIONS):
+        value, slope, _ = _at(lines, phi)
+        if (value > 0.0) == rises:
+            high = phi
+        else:
+            low = phi
+        following = phi - value / (slope + _TINY)
+        if not low <= following <= high:
+            following = 0.5 * (low + high)
+        change, phi = abs(following - phi), following
+        if change < _ROUNDING:
+            break
+    return phi
+
+
+@part
+def _rate(lines):
+    """Lines of the derivative by phi."""
+    result = np.empty(len(lines), np.complex128)
+    for k in range(len(lines)):
+        result[k] = complex(-k * lines[k].imag, k * lines[k].real)
+    return result
+
+
+@part
+def _sampled(lines, table):
+    """Values of a function on a grid; the table takes its real form there."""
+    result, count = np.zeros(table.shape[1]), len(lines) - 1
+    for row in range(2 * count + 1):
+        part = lines[row].real if row <= count else -lines[row - count].imag
+        for s in range(len(result)):
+            result[s] += part * table[row, s]
+    return result
+
+
+@kernel("c16[:, ::1](f8[:, :])")
+def from_real_form(real):
+    """Lines, shape (functions, K + 1), of real forms of shape (functions, 2K + 1)."""
+    count = real.shape[1] // 2
+    result = np.empty((len(real), count + 1), np.complex128)
+    for row in range(len(real)):
+        result[row, 0] = real[row, 0]
+        for k in range(1, count + 1):
+            result[row, k] = complex(real[row, k], -real[row, count + k])
+    return result
+
+
+@kernel("f8[:, ::1](c16[:, :])")
+def real_form(lines):
+    """Real forms, shape (functions, 2K + 1), of lines of shape (functions, K + 1)."""
+    count = lines.shape[1] - 1
+    result = np.empty((len(lines), 2 * count + 1))
+    for row in range(len(lines)):
+        result[row, 0] = lines[row, 0].real
+        for k in range(1, count + 1):
+            result[row, k], result[row, count + k] = lines[row, k].real, -lines[row, k].imag
+    return result
+
+
+@part
+def _first(rows, number):
+    """The first columns of an array."""
+    result = np.empty((len(rows), number))
+    for row in range(len(rows)):
+        for index in range(number):
+            result[row, index] = rows[row, index]
+    return result
+
+
+@kernel("f8[:, ::1](c16[::1], f8[::1], f8[:, ::1])")
+def turns(lines, phi, slopes):
+    """Angles at which a function turns, and its values there, shape (2, turns), from its lines.
+
+    Turns are looked for on a grid (see `grid`), then found by Halley's method.
+    """
+    speeds, rates, number = _sampled(lines, slopes), _rate(lines), np.int64(0)
+    found = np.empty((2, len(phi)))
+    for cell in range(len(phi) - 1):
+        if (speeds[cell] > 0.0) != (speeds[cell + 1] > 0.0):
+            found[0, number] = _zero(rates, phi[cell], phi[cell + 1], speeds[cell], speeds[cell + 1])
+            found[1, number] = _at(lines, found[0, number])[0]
+            number += 1
+    return _first(found, number)
+
+
+@part
+def _enter(found, number, switch, function, low, high, at_low, at_high):
+    """Enter one crossing of a breakpoint in a list of angles, slopes, whether the slope is positive, and switches."""
+    found[0, number] = _zero(function, low, high, at_low, at_high)
+    found[1, number] = _at(function, found[0, number])[1]
+    found[2, number] = 1.0 if at_high > at_low else 0.0
+    found[3, number] = switch
+    return number + 1
+
+
+@part
+def _crossings(switch, function, depths, speeds, phi, found, number):
+    """Enter every zero of a function, given by its lines and its values on a grid, after a number of others."""
+    for cell in range(len(phi) - 1):
+        low, high, now, then = phi[cell], phi[cell + 1], depths[cell], depths[cell + 1]
+        if (now > 0.0) != (then > 0.0):
+            number = _enter(found, number, switch, function, low, high, now, then)
+            continue
+        # two zeros beside an extremum in the cell, which is so near to zero that the slopes may lead there?
+        speed, after = speeds[cell], speeds[cell + 1]
+        if (now > 0.0) != (speed < 0.0) or (now > 0.0) == (after < 0.0):
+            continue
+        if min(abs(now), abs(then)) < phi[1] * max(abs(speed), abs(after)):
+            middle = _zero(_rate(function), low, high, speed, after)
+            turn = _at(function, middle)[0]
+            if (turn > 0.0) != (now > 0.0):
+                number = _enter(found, number, switch, function, low, middle, now, turn)
+                number = _enter(found, number, switch, function, middle, high, turn, then)
+    return number
+
+
+@part
+def _indicator(found, first, last, starts, longest):
+    """Spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
+
+    In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
+    """
+    result = np.zeros(longest + 1, np.complex128)
+    mean = 1.0 if starts else 0.0
+    for index in range(first, last):
+        phi, sign = found[0, index], 2.0 * found[2, index] - 1.0
+        mean -= sign * phi / (2.0 * np.pi)
+        wave, turn = complex(sign, 0.0), complex(np.cos(phi), -np.sin(phi))
+        for k in range(1, longest + 1):
+            wave *= turn
+            result[k] += wave
+    for k in range(1, longest + 1):
+        result[k] = complex(result[k].imag, -result[k].real) / (2.0 * np.pi * k)
+    result[0] = mean
+    return result
+
+
+@part
+def _powers(indicator, function, degree, kept):
+    """Spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi is the function with some lines."""
+    longest, count = len(indicator) - 1, len(function) - 1
+    result = np.empty((degree + 1, kept + 1), np.complex128)
+    # real and imaginary parts, from k = -K on, lie apart: so the loops over k fill the registers
+    real, imaginary = np.empty(count + longest + 1), np.empty(count + longest + 1)
+    a, b = np.empty(longest + 1), np.empty(longest + 1)
+    for k in range(longest + 1):
+        a[k], b[k] = indicator[k].real, indicator[k].imag
+    for exponent in range(degree + 1):
+        if exponent:
+            longest -= count
+            for k in range(longest + 1):
+                a[k], b[k] = real[count + k] * function[0].real, imaginary[count + k] * function[0].real
+            for j in range(1, count + 1):
+                p, q = 0.5 * function[j].real, 0.5 * function[j].imag
+                for k in range(longest + 1):
+                    left, right = count + k - j, count + k + j
+                    a[k] += (real[left] + real[right]) * p + (imaginary[right] - imaginary[left]) * q
+                    b[k] += (imaginary[left] + imaginary[right]) * p + (real[left] - real[right]) * q
+        for k in range(longest + 1):
+            real[count + k], imaginary[count + k] = a[k], b[k]
+        for k in range(1, count + 1):
+            real[count - k], imaginary[count - k] = a[k], -b[k]
+        for k in range(kept + 1):
+            result[exponent, k] = complex(a[k], b[k])
+    return result
+
+
+@part
+def _add(table, powers, result):
+    """Add the sum of some powers to each row."""
+    for row in range(len(result)):
+        for exponent in range(len(powers)):
+            factor = table[row, exponent]
+            if factor != 0.0:
+                for k in range(result.shape[1]):
+                    result[row, k] += factor * powers[exponent, k]
+
+
+@part
+def _sort(rows, number):
+    """Sort the first columns by the first row: few, and nearly in order."""
+    for last in range(1, number):
+        place = last
+        while place > 0 and rows[0, place] < rows[0, place - 1]:
+            for row in range(len(rows)):
+                rows[row, place], rows[row, place - 1] = rows[row, place - 1], rows[row, place]
+            place -= 1
+
+
+@kernel(
+    "Tuple((c16[:, :, ::1], c16[:, :, ::1], f8[:, ::1]))"
+    "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, ::1])"
+)
+def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, values, slopes):
+    """Forces along deflections with some lines; see `Forces`.
+
+    Returns lines of g, the spectrum of g', and the same of P, shape (contacts, 4, 2K + 1); lines of the derivatives of
+    g and P by the parameter, shape (contacts, 2, K + 1); and, by angle, the crossings of breakpoints in rows of angles,
+    derivatives of the deflection by phi, whether it closes, and the switch.
+    """
+    contacts, count, degree = len(lines), lines.shape[1] - 1, table.shape[2] - 1
+    forces = np.zeros((contacts, 4, 2 * count + 1), np.complex128)
+    moved = np.zeros((contacts, 2, count + 1), np.complex128)
+    found, number = np.empty((4, 2 * len(contact) * len(phi))), np.int64(0)
+    function = np.empty(count + 1, np.complex128)
+    for j in range(len(contact)):
+        c, before = contact[j], number
+        for k in range(count + 1):
+            function[k] = sign[j] * lines[c, k]
+        function[0] -= clearance[j]
+        depths = _sampled(function, values)
+        number = _crossings(j, function, depths, _sampled(function, slopes), phi, found, number)
+        if depths[0] > 0.0 or number > before:
+            indicator = _indicator(found, before, number, depths[0] > 0.0, (2 + degree) * count)
+            powers = _powers(indicator, function, degree, 2 * count)
+            _add(table[j], powers, forces[c])
+            _add(slope_table[j], powers, moved[c])
+    for index in range(number):  # from the penetration to the deflection
+        found[1, index] *= sign[int(found[3, index])]
+    for c in range(contacts):  # from spectra to lines
+        for k in range(1, 2 * count + 1):
+            forces[c, 0, k] *= 2.0
+            forces[c, 2, k] *= 2.0
+        for k in range(1, count + 1):
+            moved[c, 0, k] *= 2.0
+            moved[c, 1, k] *= 2.0
+    _sort(found, number)
+    return forces, moved, _first(found, number)

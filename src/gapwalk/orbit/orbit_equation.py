@@ -1,0 +1,138 @@
+"""Interface between continuation and the methods that pose periodic orbits as equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import Orbit
+
+if TYPE_CHECKING:
+    from gapwalk.orbit.touch_equation import TouchEquation
+
+MAX_PERIOD = 10_000
+"""Largest number of forcing periods of an orbit; events and samples of each are stored."""
+
+
+def check_period(period: object) -> None:
+    """Raise a ModelError unless this can be m, the number of forcing periods of an orbit."""
+    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
+        raise ModelError(
+            f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
+        )
+
+
+class Evaluation(NamedTuple):
+    """Residual and derivatives at one point.
+
+    Attributes
+    ----------
+    residual : shape (N,)
+        Zero on an orbit.
+    by_unknowns : shape (N, N)
+        Its derivative with respect to the unknowns.
+    by_parameter : shape (N,), or None
+        Its derivative with respect to the parameter, if the equation has one.
+    evidence
+        Data that the equation needs to construct an orbit from a solution.
+    reach
+        Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
+        contribution of a touch grows with the square root of its depth. Infinite if it is not known.
+    """
+
+    residual: NDArray[np.float64]
+    by_unknowns: NDArray[np.float64]
+    by_parameter: NDArray[np.float64] | None
+    evidence: Any
+    reach: float = math.inf
+
+
+class Equation(Protocol):
+    """Periodic orbit of `system` as N equations in N unknowns and, optionally, one named parameter.
+
+    Continuation requires no more than this interface.
+    """
+
+    @property
+    def system(self) -> System:
+        """System at some value of the parameter."""
+        ...
+
+    @property
+    def parameter(self) -> str | None:
+        """Name of the parameter that may vary."""
+        ...
+
+    @property
+    def period(self) -> int:
+        """m, number of forcing periods of the orbit."""
+        ...
+
+    @property
+    def tolerance(self) -> float:
+        """Largest residual of a solution, relative to the size of the unknowns."""
+        ...
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives; raise a NumericalError where they do not exist."""
+        ...
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """Return the orbit of a solution."""
+        ...
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns of an orbit found by any method."""
+        ...
+
+
+class OrbitEquation(Equation, Protocol):
+    """Equation that can be posed again: for an orbit found by another method, with a finer resolution, or otherwise.
+
+    To add a discretisation of orbits, write a class with these members, and a `Method` that creates it. Continuation,
+    special points and everything above require no more.
+    """
+
+    @property
+    def options(self) -> Method:
+        """Method that posed the equation; it poses other systems, parameters and periods in the same way."""
+        ...
+
+    @property
+    def by_touches(self) -> Callable[..., TouchEquation] | None:
+        """Makes the `TouchEquation` of the same orbits, from what that asks for beside them; None if there is none."""
+        ...
+
+    def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
+        """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
+
+        Velocities count as lengths times a frequency, by default that of the system.
+        """
+        ...
+
+    def doubt(self, orbit: Orbit) -> str:
+        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
+        ...
+
+    def finer(self) -> OrbitEquation | None:
+        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
+        ...
+
+    def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unknowns of the motion from a state, as a start for Newton's method."""
+        ...
+
+    def otherwise(self) -> OrbitEquation:
+        """Return the equation of the same orbits with another or finer discretisation, for an error estimate."""
+        ...
+
+    def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
+        """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
+        ...

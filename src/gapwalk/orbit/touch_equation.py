@@ -1,0 +1,343 @@
+"""Orbits that are about to touch a breakpoint, posed so that the stiffness beyond it does not matter.
+
+Where a deflection just touches the breakpoint of a stage of stiffness k, the effect of the stage on the motion grows
+with the depth d as ``k d^1.5``, and beyond depths of about 1/k as its square root. Newton's method in the state at
+theta = 0 meets a slope that arises within a depth of 1/k^2, and jumps back and forth over the breakpoint. Therefore the
+depth is prescribed instead. A segment begins just before the touch, where the depth that the motion would reach
+unimpeded is an explicit and smooth function of the state. With the depth fixed, the impact is fixed too, and the other
+equations are smooth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ConvergenceError
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import accelerations
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import Evaluation
+from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
+
+LEAD = 2e-3  # largest angle, in radians, by which a segment begins before a touch
+_STEADY = 0.02  # largest relative change of the acceleration from there to the touch
+_SHORTEST = 1e-6  # angle before a touch below which a segment is useless, in radians
+_ITERATIONS = 12
+_CALIBRATIONS = 2
+_UNEVEN = 0.1  # largest relative difference of the depths of simultaneous touches
+_SETTLED = 1e-16  # length of a Newton step, in scaled variables, below which nothing changes
+_ROUNDING = 1e-9  # the same if steps become no shorter
+_EXACT = 1e-14  # residual, relative to the states, that is rounding
+
+
+class Touch(NamedTuple):
+    """Touch: a point of an orbit where a deflection turns near a breakpoint.
+
+    Attributes
+    ----------
+    switch
+        Stage and side of the breakpoint: index into `Equations.switches`.
+    theta
+        Angle, in radians, at which the deflection turns, or at which it crosses the breakpoint just before.
+    depth
+        Depth beyond the breakpoint that the deflection would reach if the stage did not change there; negative if it
+        turns before it.
+    acceleration
+        Second derivative of the depth over time, just before: negative if the deflection comes from outside.
+    """
+
+    switch: int
+    theta: float
+    depth: float
+    acceleration: float
+
+
+class Held(NamedTuple):
+    """Orbit with a prescribed depth of its touch.
+
+    Attributes
+    ----------
+    states : shape (segments, 2n)
+        The state at the beginning of each segment.
+    value
+        Value of the parameter.
+    depth
+        The depth.
+    evaluation
+        Evaluation of the equation with all segments.
+    slope : shape (segments * 2n + 1,)
+        Derivatives of the scaled states and the scaled parameter with respect to the depth.
+    error
+        Error of the value due to rounding: the change by another Newton step, and the rounding of the depth.
+    """
+
+    states: NDArray[np.float64]
+    value: float
+    depth: float
+    evaluation: Evaluation
+    slope: NDArray[np.float64]
+    error: float
+
+
+def touches(orbit: Orbit) -> list[Touch]:
+    """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
+
+    Of a crossing, the depth is computed from the velocity there.
+    """
+    layout = layout_of(orbit.system.structure)
+    places: list[tuple[float, int, float | None]] = [
+        (theta, switch, depth)
+        for switch, turns in enumerate(orbit.turning_depths)
+        for theta, depth in zip(*turns, strict=True)
+    ]
+    places += [(event.theta, event.switch, None) for event in orbit.events]
+    places = sorted((theta, switch, depth) for theta, switch, depth in places if theta > 0.0)
+    if not places:
+        return []
+    thetas = sorted({theta for theta, _, _ in places})
+    states = dict(zip(thetas, _states(orbit, thetas), strict=True))
+    layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
+    found = []
+    for theta, switch, depth in places:
+        _, speed, acceleration = _Gauge(layout, switch).read(coefficients, theta, states[theta])
+        if depth is None:
+            if speed * acceleration < 0.0:
+                found.append(Touch(switch, theta, -0.5 * speed**2 / acceleration, acceleration))
+        elif depth * acceleration > 0.0:
+            found.append(Touch(switch, theta, depth, acceleration))
+    return sorted(found, key=lambda touch: abs(touch.depth))
+
+
+class TouchEquation:
+    """Equation of shooting orbits near one or several touches, each with a segment that begins just before it.
+
+    Parameters
+    ----------
+    equation
+        The equation.
+    near
+        An orbit nearby.
+    touches
+        The touches, which all have the same depth: more than one only if the motion is symmetric.
+    scales : shape (N + 1,)
+        Scales of the equation's unknowns, and of the parameter.
+    lead
+        Angle before each touch, in radians, at which its segment begins; less if another event is nearer.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no time before a touch, or no acceleration by which the deflection turns.
+    """
+
+    def __init__(
+        self,
+        equation: ShootingEquation,
+        near: Orbit,
+        touches: Sequence[Touch],
+        scales: NDArray[np.float64],
+        lead: float = LEAD,
+    ) -> None:
+        self._own, self._near = equation, near
+        leads = [self._lead(touch, lead) for touch in touches]
+        full, rate = PERIOD * equation.period, coefficients_of(near.system)[0]
+        self._thetas = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
+        self._posed = replace(equation, marks=tuple(self._thetas))
+        self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
+        self._switches = [touch.switch for touch in touches]
+        self._gauges = [_Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
+        self._offsets = np.zeros(len(touches))
+        self.deepest = min(
+            abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
+        )
+        """Depth up to which a touch certainly begins after the start of its segment."""
+        self.free = float(np.sign(touches[0].acceleration))
+        """Sign of the depths at which the breakpoint is not passed."""
+        self._size = 2 * equation.system.size
+        self._scales = np.append(np.tile(scales[: self._size], len(self._posed.knots) - 1), scales[-1])
+
+    def at(self, orbit: Orbit) -> Held:
+        """Return an orbit of the shooting equation as one of this equation."""
+        value = orbit.system[self._own.parameter or ""]
+        unknowns = np.append(self._posed.unknowns(orbit), value)
+        return self._solve(unknowns, float(self._depths(unknowns)[0][0]))
+
+    def hold(self, start: Held, depth: float) -> Held:
+        """Return the orbit with a prescribed depth near another orbit.
+
+        Raises
+        ------
+        NumericalError
+            If there is no such orbit.
+        """
+        unknowns, ahead = np.append(start.states.ravel(), start.value), 0.0
+        if depth * self.free > 0.0:
+            ahead = depth - start.depth if start.depth * self.free > 0.0 else 0.0
+        elif start.depth * depth > 0.0:  # the effect of an impact is smooth in its velocity, the root of the depth
+            ahead = 2.0 * start.depth * (np.sqrt(depth / start.depth) - 1.0)
+        try:
+            return self._solve(unknowns + ahead * start.slope * self._scales, depth)
+        except ConvergenceError:
+            if not start.depth * self.free < 0.0 < depth * self.free:
+                raise
+        # the derivatives with a touch are not valid beyond its end: go to its end first
+        return self.hold(self.hold(start, 0.0), depth)
+
+    def calibrate(self, start: Held, depth: float) -> Held:
+        """Correct for changes of the acceleration before the touch, by means of an orbit that just misses it.
+
+        Parameters
+        ----------
+        start
+            An orbit nearby.
+        depth
+            Absolute depth by which the orbit misses the breakpoint.
+
+        Returns
+        -------
+        Held
+            The orbit with about that depth.
+        """
+        for _ in range(_CALIBRATIONS):
+            start = self.hold(start, self.free * depth)
+            unknowns, evaluation = self.evaluation(start)
+            depths = self._own.orbit(unknowns, start.value, evaluation).turning_depths
+            for number, (switch, theta) in enumerate(zip(self._switches, self._thetas, strict=True)):
+                turns = depths[switch]
+                self._offsets[number] += turns.values[turns.nearest(theta, PERIOD * self._own.period)] - start.depth
+        return start
+
+    def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
+        """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
+        knots, own = self._posed.knots, self._own.knots
+        firsts = [knots.index(knot) for knot in own]
+        pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(firsts)]
+        states = held.states[firsts[:-1]]
+        return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
+
+    def slope(self, held: Held) -> NDArray[np.float64]:
+        """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
+        firsts = [self._posed.knots.index(knot) for knot in self._own.knots[:-1]]
+        return np.append(held.slope[:-1].reshape(-1, self._size)[firsts].ravel(), held.slope[-1])
+
+    def _lead(self, touch: Touch, lead: float) -> float:
+        """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""
+        before = [event.theta for event in self._near.events if event.theta < touch.theta]
+        lead = min(lead, 0.5 * (touch.theta - max(before, default=0.0)))
+        layout, coefficients = layout_of(self._near.system.structure), coefficients_of(self._near.system)
+        gauge = _Gauge(layout, touch.switch)
+        while lead > _SHORTEST:
+            theta = touch.theta - lead
+            acceleration = gauge.read(coefficients, theta, _states(self._near, [theta])[0])[2]
+            if abs(acceleration - touch.acceleration) <= _STEADY * abs(touch.acceleration):
+                return lead
+            lead /= 4.0
+        raise ConvergenceError(f"there is too little time before the touch at theta = {touch.theta:.6g}")
+
+    def _solve(self, unknowns: NDArray[np.float64], depth: float) -> Held:
+        """Solve for a prescribed depth of all touches by Newton's method, down to rounding.
+
+            [ G_u         G_a       ] [ du ]     [ -G                    ]
+            [ depths_u    depths_a  ] [ da ]  =  [ wanted depth - depths ]
+
+        In a symmetric motion each simultaneous touch adds an equation, but the additional conditions are not
+        independent. They make the system regular even where another branch crosses on which one touch is deeper.
+        """
+        before = np.inf
+        for _ in range(_ITERATIONS):
+            value = float(unknowns[-1])
+            evaluation = self._posed.evaluate(unknowns[:-1], value)
+            assert evaluation.by_parameter is not None
+            depths, rows = self._depths(unknowns)
+            matrix = np.vstack((np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)), rows))
+            right = np.zeros((len(matrix), 2))
+            right[:, 0] = np.append(-evaluation.residual, depth - depths)
+            right[len(unknowns) - 1 :, 1] = 1.0
+            solution, _, _, singular = np.linalg.lstsq(matrix * self._scales, right, rcond=None)
+            steps = np.asarray(solution, dtype=np.float64)
+            length = float(np.linalg.norm(steps[:, 0]))
+            if not length < 1.0:
+                break
+            # a residual of rounding causes steps of this length: they are long if a coordinate is hardly restrained
+            rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
+            if length < _SETTLED or (length < rounding and length > 0.5 * before):
+                self._check(right[:, 0], unknowns, depth)
+                error = abs(float(steps[-1, 0]) * self._scales[-1])
+                return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
+            unknowns, before = unknowns + steps[:, 0] * self._scales, length
+        raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
+
+    def _check(self, left: NDArray[np.float64], unknowns: NDArray[np.float64], depth: float) -> None:
+        """Check that all equations are satisfied, since there may be more of them than unknowns."""
+        size = float(np.abs(unknowns[:-1]).max())
+        residual, depths = np.abs(left[: len(unknowns) - 1]).max(), np.abs(left[len(unknowns) - 1 :]).max()
+        if residual > self._own.tolerance * size or depths > _UNEVEN * abs(depth) + self._own.tolerance * size * 1e-3:
+            raise ConvergenceError("the touches do not reach the same depth")
+
+    def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the depth of each touch, and its derivatives with respect to all unknowns and the parameter."""
+        coefficients, direction = self._posed.coefficients(float(unknowns[-1]))
+        depths, rows = self._offsets.copy(), np.zeros((len(self._gauges), len(unknowns)))
+        for number, (gauge, segment) in enumerate(zip(self._gauges, self._segments, strict=True)):
+            place = slice(segment * self._size, (segment + 1) * self._size)
+            depth, rows[number, place], rows[number, -1] = gauge.row(
+                coefficients, direction, self._thetas[number], unknowns[place]
+            )
+            depths[number] += depth
+        return depths, rows
+
+
+class _Gauge:
+    """Gauge of the depth that a motion would reach beyond the breakpoint of a switch if the stage did not change."""
+
+    def __init__(self, layout: CoefficientLayout, switch: int) -> None:
+        self._layout = layout
+        stages = [(contact, stage) for contact in layout.contacts for stage in contact.stages]
+        self._contact, self._stage = stages[switch]
+
+    def read(
+        self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
+    ) -> tuple[float, float, float]:
+        """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
+        n, sign = len(state) // 2, self._stage.sign
+        vector = sign * coefficients[self._contact.deflection]
+        depth = float(vector @ state[:n]) - float(coefficients[self._stage.clearance])
+        turning = float(vector @ accelerations(self._layout, coefficients, theta, state[:n], state[n:]))
+        return depth, float(vector @ state[n:]), turning
+
+    def row(
+        self,
+        coefficients: NDArray[np.float64],
+        direction: NDArray[np.float64] | None,
+        theta: float,
+        state: NDArray[np.float64],
+    ) -> tuple[float, NDArray[np.float64], float]:
+        """Return the depth at which the deflection will turn, and its derivatives by the state and the parameter.
+
+        The acceleration is taken as constant. Its own derivatives are left out, since their effect is of second order
+        in a short time.
+        """
+        depth, speed, turning = self.read(coefficients, theta, state)
+        if turning == 0.0:
+            raise ConvergenceError("the deflection does not turn at the breakpoint")
+        n, sign = len(state) // 2, self._stage.sign
+        vector = sign * coefficients[self._contact.deflection]
+        by_value = 0.0
+        if direction is not None:
+            by_value = sign * float(direction[self._contact.deflection] @ state[:n]) - float(
+                direction[self._stage.clearance]
+            )
+        return depth - 0.5 * speed**2 / turning, np.concatenate((vector, -speed / turning * vector)), by_value
+
+
+def _states(orbit: Orbit, thetas: Sequence[float]) -> NDArray[np.float64]:
+    """Return the states of an orbit at increasing angles."""
+    grid = np.array([0.0, *thetas])
+    return flow_of(orbit.system).sample(coefficients_of(orbit.system), orbit.state, grid)[0][1:]

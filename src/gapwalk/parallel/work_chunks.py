@@ -1,0 +1,172 @@
+"""Chunks: many small independent items of work, done in pieces that are large enough to be worth sending away."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from gapwalk.errors import ModelError
+from gapwalk.parallel.pace import Pace
+from gapwalk.parallel.workers import Workers
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+Function = Callable[[Sequence[Item], Sequence[np.random.SeedSequence]], Sequence[Result]]
+"""Does some items, each with a seed of its own, and returns a result for each; importable by name."""
+
+_LEAST, _AIM = 0.1, 0.5  # seconds of work in a chunk: at least, and what is aimed at
+_GROWTH = 16  # at most, from one chunk to the next: the first one may have waited for a compiler
+
+
+@dataclass(frozen=True)
+class Chunk(Generic[Item, Result]):
+    """Some items in a row: one piece of work.
+
+    Attributes
+    ----------
+    function
+        What to do with them.
+    first
+        Number of the first of them.
+    items
+        The items.
+    seed
+        Of the whole job.
+    """
+
+    function: Function[Item, Result]
+    first: int
+    items: tuple[Item, ...]
+    seed: int
+
+
+def seed_of(seed: int, number: int) -> np.random.SeedSequence:
+    """The seed of an item: always the same, in whatever chunk and by whomever it is done."""
+    return np.random.SeedSequence(seed, spawn_key=(number,))
+
+
+def do_chunk(chunk: Chunk[Any, Result]) -> tuple[list[Result], float]:
+    """Do the items of a chunk; their results, and the seconds that it took."""
+    begun = time.perf_counter()
+    seeds = [seed_of(chunk.seed, number) for number in range(chunk.first, chunk.first + len(chunk.items))]
+    results = list(chunk.function(chunk.items, seeds))
+    if len(results) != len(chunk.items):
+        raise ValueError(f"{len(chunk.items)} items have {len(results)} results")
+    return results, time.perf_counter() - begun
+
+
+def do_in_chunks(
+    function: Function[Item, Result],
+    items: Sequence[Item],
+    hands: Workers,
+    *,
+    seed: int = 0,
+    size: int | None = None,
+    known: Mapping[int, Result] | None = None,
+    keep: Callable[[int, Sequence[Result]], object] | None = None,
+    report: Callable[[Pace], object] | None = None,
+) -> dict[int, Result]:
+    """Do many small items of work, whoever does them, in whatever chunks: the results are the same.
+
+    Ctrl-C ends the work and keeps what there is.
+
+    Parameters
+    ----------
+    function
+        What to do with the items of a chunk.
+    items
+        The items.
+    hands
+        Who does the work.
+    seed
+        From which each item has a seed of its own.
+    size
+        Items in a chunk; by default as many as take about half a second, which is seen from those before.
+    known
+        Results that are there already, by the number of their item; these are not done again.
+    keep
+        Called with the number of the first item of a chunk and the results when they come: a store writes them here.
+    report
+        Called after each chunk.
+
+    Returns
+    -------
+    dict
+        The results by the number of their item, in order; all of them unless the work was stopped.
+
+    Raises
+    ------
+    ModelError
+        If the size is none.
+    WorkError
+        If the processes die over a chunk. All others have been kept by then.
+    """
+    if size is not None and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
+        raise ModelError(f"size is {size!r}; it must be an integer >= 1 (items in a chunk), or None")
+    results = dict(known or {})
+    before, begun = len(results), time.monotonic()
+    cutter = _Cutter(function, items, seed, set(results), size, hands)
+    chunks = cutter.chunks
+
+    def is_needed(number: int) -> bool:
+        if number == len(chunks) - 1:
+            cutter.cut()  # there is always one more, of a size that is up to date
+        return True
+
+    def accept(number: int, done: tuple[list[Result], float]) -> None:
+        found, seconds = done
+        first = chunks[number].first
+        cutter.learn(len(found), seconds)
+        if keep is not None:
+            keep(first, found)
+        results.update(enumerate(found, start=first))
+        if report is not None:
+            report(Pace(len(results), len(items), before, time.monotonic() - begun))
+
+    try:
+        cutter.cut()
+        hands.run(do_chunk, chunks, accept, is_needed, in_order=False)
+    except KeyboardInterrupt:
+        pass
+    return dict(sorted(results.items()))
+
+
+class _Cutter:
+    """Cuts items into chunks, one at a time."""
+
+    def __init__(self, function, items, seed: int, known: set[int], size: int | None, hands: Workers) -> None:
+        self.chunks: list[Chunk[Any, Any]] = []
+        self._function, self._items, self._seed = function, items, seed
+        self._known, self._size, self._hands = known, size, hands
+        self._next, self._left = 0, len(items) - len(known)
+        self._wanted, self._least = 1, 1
+
+    def learn(self, count: int, seconds: float) -> None:
+        """Take in how long a chunk took."""
+        each = max(seconds, 1e-9) / count
+        self._least = min(_GROWTH * count, math.ceil(_LEAST / each))
+        self._wanted = min(_GROWTH * count, math.ceil(_AIM / each))
+
+    def cut(self) -> None:
+        """Add the next chunk, if there is any: items in a row that are not known."""
+        while self._next in self._known:
+            self._next += 1
+        size, stop = self._size or self._fair_size(), self._next
+        while stop < min(self._next + size, len(self._items)) and stop not in self._known:
+            stop += 1
+        if stop > self._next:
+            items = tuple(self._items[self._next : stop])
+            self.chunks.append(Chunk(self._function, self._next, items, self._seed))
+            self._left -= len(items)
+            self._next = stop
+
+    def _fair_size(self) -> int:
+        """What is wanted, but towards the end only a share of the rest, so that all end at the same time."""
+        share = math.ceil(self._left / (2 * self._hands.count))
+        return max(1, self._least, min(self._wanted, share))

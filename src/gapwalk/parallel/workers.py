@@ -1,0 +1,286 @@
+"""Where independent pieces of work run: in this process, on all local cores, or on a cluster."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any, Protocol, TypeVar
+
+from gapwalk.errors import WorkError
+from gapwalk.parallel.processes import Processes, local_cores
+
+Work = TypeVar("Work")
+Result = TypeVar("Result")
+
+
+class Executor(Protocol):
+    """Other processes that do pieces of work, here or elsewhere; each may die while it does one."""
+
+    @property
+    def tries(self) -> int:
+        """How often a piece may be lost by the death of a process before the piece is to blame."""
+        ...
+
+    @property
+    def patience(self) -> float | None:
+        """Seconds after which `check` is called while no result comes; None for never."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of pieces that should be under way at the same time."""
+        ...
+
+    def begin(self, function: Callable[[Any], Any], piece: Any) -> Future[Any]:
+        """Have a piece of work done; its result, or its error, comes in the future."""
+        ...
+
+    def is_loss(self, error: BaseException) -> bool:
+        """Whether an error says that the process died, and nothing of the piece of work."""
+        ...
+
+    def check(self) -> None:
+        """A WorkError if no result can come any more."""
+        ...
+
+    def close(self, *, at_once: bool) -> None:
+        """Part from the processes; `at_once` without waiting for what they are working on."""
+        ...
+
+
+class Workers:
+    """Does independent pieces of work, several at a time; see `workers`.
+
+    Parameters
+    ----------
+    executor
+        Who does them; None for this process.
+    """
+
+    def __init__(self, executor: Executor | None = None) -> None:
+        self.executor = executor
+
+    @property
+    def count(self) -> int:
+        """Number of pieces that are worked on at the same time."""
+        return 1 if self.executor is None else self.executor.size
+
+    def run(
+        self,
+        function: Callable[[Work], Result],
+        pieces: Sequence[Work],
+        accept: Callable[[int, Result], None],
+        is_needed: Callable[[int], bool] = lambda index: True,
+        *,
+        in_order: bool = True,
+    ) -> None:
+        """Do the pieces that are needed, and hand each result to `accept`.
+
+        A piece whose process dies is done again. The pieces may become more while they are done: `accept` may append
+        some.
+
+        Parameters
+        ----------
+        function
+            What to do with a piece; importable by name, so that other processes find it.
+        pieces
+            The work.
+        accept
+            Takes the index of a piece and its result, in this process.
+        is_needed
+            Asked before a piece is begun: what has been accepted by then may have made it superfluous.
+        in_order
+            Whether results are accepted in the order of the pieces, so that nothing depends on the number of workers;
+            otherwise each is accepted when it comes.
+
+        Raises
+        ------
+        WorkError
+            If a process dies each time that it does one of the pieces. All the others have been accepted by then; in
+            order, those before it. Or if the whole cluster has gone.
+        """
+        if self.executor is not None:
+            _Run(self.executor, function, pieces, accept, is_needed, in_order).go()
+            return
+        index = 0
+        while index < len(pieces):
+            if is_needed(index):
+                accept(index, function(pieces[index]))
+            index += 1
+
+
+class _Run:
+    """One call of `Workers.run` by other processes."""
+
+    def __init__(self, executor: Executor, function, pieces, accept, is_needed, in_order: bool) -> None:
+        self._executor, self._function, self._pieces = executor, function, pieces
+        self._accept, self._is_needed, self._in_order = accept, is_needed, in_order
+        self._begun = self._accepted = 0
+        self._again: deque[int] = deque()
+        self._alone: deque[int] = deque()  # lost so often that the next try is the last one
+        self._running: dict[Future[Any], int] = {}
+        self._waiting: dict[int, Future[Any] | None] = {}  # for their turn; None for a piece that was not needed
+        self._losses: Counter[int] = Counter()
+        self._given_up: list[int] = []
+
+    def go(self) -> None:
+        try:
+            while self._begin():
+                done = wait(self._running, timeout=self._executor.patience, return_when=FIRST_COMPLETED).done
+                if not done:
+                    self._executor.check()
+                for future in sorted(done, key=self._running.__getitem__):
+                    self._end(self._running.pop(future), future)
+        finally:
+            for future in self._running:
+                future.cancel()
+        if self._given_up and not self._in_order:
+            raise self._blame(self._given_up)
+
+    def _begin(self) -> bool:
+        """Begin as many pieces as can be under way; whether any are."""
+        while len(self._running) < self._executor.size and not self._has_last_try() and self._is_left():
+            if self._again:
+                self._begin_one(self._again.popleft())
+            else:
+                self._begun += 1
+                self._begin_one(self._begun - 1)
+        while self._alone and not self._running:
+            self._begin_one(self._alone.popleft())
+        return bool(self._running)
+
+    def _begin_one(self, index: int) -> None:
+        if self._is_needed(index):
+            self._running[self._executor.begin(self._function, self._pieces[index])] = index
+        elif self._in_order:
+            self._take_in_turn(index, None)
+
+    def _is_left(self) -> bool:
+        return bool(self._again) or (self._begun < len(self._pieces) and not self._has_failed())
+
+    def _has_failed(self) -> bool:
+        """Whether a piece waits for its turn to raise an error: nothing after it will be accepted."""
+        return any(future is not None and future.exception() is not None for future in self._waiting.values())
+
+    def _has_last_try(self) -> bool:
+        """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
+        return any(self._losses[index] == self._executor.tries - 1 for index in self._running.values())
+
+    def _end(self, index: int, future: Future[Any]) -> None:
+        if future.cancelled():
+            self._executor.check()
+            future = _failed(WorkError("a piece of work was cancelled by somebody else"))
+        error = future.exception()
+        if error is not None and self._executor.is_loss(error):
+            self._losses[index] += 1
+            if self._losses[index] < self._executor.tries:
+                last = self._losses[index] == self._executor.tries - 1
+                (self._alone if last else self._again).append(index)
+                return
+            self._given_up.append(index)
+            future = _failed(self._blame([index]))
+        if self._in_order:
+            self._take_in_turn(index, future)
+        elif index not in self._given_up:
+            self._accept(index, future.result())
+
+    def _take_in_turn(self, index: int, future: Future[Any] | None) -> None:
+        self._waiting[index] = future
+        while self._accepted in self._waiting:
+            future, index = self._waiting.pop(self._accepted), self._accepted
+            # needed when it was begun, but perhaps no longer: the same is left out however many work at a time
+            if future is not None and self._is_needed(index):
+                self._accept(index, future.result())
+            self._accepted += 1
+
+    def _blame(self, lost: list[int]) -> WorkError:
+        lost = sorted(lost)
+        places = ", ".join(str(index + 1) for index in lost[:5]) + (", ..." if len(lost) > 5 else "")
+        return WorkError(
+            f"a worker process died over piece {places} of {len(self._pieces)} at each of {self._executor.tries} "
+            "tries: it was killed, or there was not enough memory; try fewer workers",
+            tuple(lost),
+        )
+
+
+def _failed(error: Exception) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_exception(error)
+    return future
+
+
+_around: ContextVar[Workers | None] = ContextVar("workers", default=None)
+
+
+@contextmanager
+def workers(count: int | None = None) -> Iterator[Workers]:
+    """Workers for a while: local processes, or inside of `on_cluster` those of the cluster.
+
+    What is being worked on is given up at once if the block ends with an error or by Ctrl-C.
+
+    Parameters
+    ----------
+    count
+        As many local processes; by default one for each local core. 1 works in this process.
+    """
+    around = _around.get()
+    if around is not None:
+        yield around
+        return
+    count = local_cores() if count is None else max(1, count)
+    if count == 1:
+        yield Workers()
+        return
+    with _hired(Processes(count)) as hands:
+        yield hands
+
+
+@contextmanager
+def sharing(count: int | None = None) -> Iterator[Workers]:
+    """Have all work of a while done by the same processes, so that each starts once; `count` as in `workers`."""
+    with workers(count) as hands, _for_all(hands):
+        yield hands
+
+
+@contextmanager
+def on_cluster(scheduler: str) -> Iterator[Workers]:
+    """Have all work of a while done by the workers of a Dask cluster, with no other change; see `docs/cluster.md`.
+
+    Parameters
+    ----------
+    scheduler
+        Address of its scheduler, such as ``tcp://node7:8786``, or the name of its scheduler file, which ends with
+        ``.json``.
+
+    Raises
+    ------
+    ModelError
+        If Dask is not installed, no scheduler answers, or its workers cannot do the work of this version.
+    """
+    from gapwalk.parallel.cluster import Cluster  # it needs Dask, which is an extra
+
+    with _hired(Cluster(scheduler)) as hands, _for_all(hands):
+        yield hands
+
+
+@contextmanager
+def _hired(executor: Executor) -> Iterator[Workers]:
+    try:
+        yield Workers(executor)
+    except BaseException:
+        executor.close(at_once=True)
+        raise
+    executor.close(at_once=False)
+
+
+@contextmanager
+def _for_all(hands: Workers) -> Iterator[None]:
+    """Have these workers do all work of a while."""
+    token = _around.set(hands)
+    try:
+        yield
+    finally:
+        _around.reset(token)

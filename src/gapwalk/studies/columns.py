@@ -1,0 +1,64 @@
+"""The columns that several tables have: measures of a motion, and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from gapwalk.bifurcation.loci import LocusPoint
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.model.system import System
+from gapwalk.orbit.measures import MEASURES
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.studies.options import BranchOptions
+
+
+def measure_names(coordinates: Sequence[str]) -> list[str]:
+    """The headings of the measures: maximum, minimum, half the peak to peak, mean and rms of each coordinate."""
+    return [f"{kind}.{q}" for q in coordinates for kind in MEASURES]
+
+
+def measure_values(point: BranchPoint | LocusPoint) -> list[float]:
+    """The measures of a point, in the order of `measure_names`."""
+    return [point.measure(name) for name in measure_names(point.orbit.system.coordinates)]
+
+
+def method_names(options: BranchOptions) -> list[str]:
+    """The headings of what a method has to say of each orbit: of harmonic balance its harmonics and what they lack."""
+    return list(options.method.columns)
+
+
+def method_values(orbit: Orbit) -> list[float]:
+    """The values under those headings: nothing of an orbit that was found by shooting."""
+    return [getattr(orbit, name) for name in orbit.method.columns]
+
+
+def method_document(orbit: Orbit) -> dict[str, float]:
+    """The same as JSON values."""
+    return dict(zip(orbit.method.columns, method_values(orbit), strict=True))
+
+
+def with_units(headings: Iterable[str], system: System) -> list[str]:
+    """The headings of columns with their units, as in ``speed [rpm]``; as they are where the system has none.
+
+    Known are the names of parameters, of measures of coordinates, and of states.
+    """
+    return [f"{heading} [{unit}]" if (unit := _unit(heading, system)) else heading for heading in headings]
+
+
+def _unit(heading: str, system: System) -> str:
+    if system.units is None:
+        return ""
+    kind, _, signal = heading.partition(".")
+    if kind in MEASURES and signal in system.coordinates:
+        return system.units.signal(signal)[1]
+    state = heading.removesuffix("(0)")
+    if state.removesuffix("'") in system.coordinates:
+        return system.units.state(state)
+    name = heading.removeprefix("parameter ")
+    return system.units.parameter(name) if name in system.structure.names else ""
+
+
+def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) -> list[str]:
+    """The headings of parameters: their names, but ``parameter mean.q1`` where a measure is called ``mean.q1``."""
+    taken = measure_names(coordinates)
+    return [f"parameter {name}" if name in taken else name for name in parameters]

@@ -1,0 +1,240 @@
+"""Compare two results: which branches and loci are the same ones, and how far apart they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch_comparison import (
+    common_range,
+    compare_in,
+    match_places,
+    measure_ranges,
+    measures_of,
+    value_range,
+)
+from gapwalk.bifurcation.loci import Codim2Point, Locus
+from gapwalk.bifurcation.spline import SplineCurve
+from gapwalk.errors import ModelError
+from gapwalk.studies.comparison import Lone, Pair, ResultComparison, Shift
+from gapwalk.studies.map.chart import Map
+from gapwalk.studies.result import Result
+
+_ALIKE = 0.05  # half the points of two branches that are the same one are no farther apart, in sizes of the picture
+_FAR = 1e3
+
+
+def compare_results(first: Result, second: Result, measures: str | Sequence[str] | None = None) -> ResultComparison:
+    """Compare two results of studies of branches, of a system over the same parameters, found in two ways perhaps.
+
+    Each branch of one is compared with the one of equal period in the other that is nearest to it. The branches of the
+    sections of maps, and their loci, are compared in the same way.
+
+    Parameters
+    ----------
+    first, second
+        The results.
+    measures
+        Measures (see `Orbit.measure`) that tell motions apart; by default mean and root mean square of each coordinate,
+        which have no corners along a branch, as extremes have.
+
+    Raises
+    ------
+    ModelError
+        If a result has no branches, or they are over different parameters or of different coordinates.
+
+    Notes
+    -----
+    A length is a share of a range: of the parameter's, and of each measure's, over all branches of both results. Two
+    motions at one value of the parameter cannot be compared at a fold, so what counts is the distance of the points of
+    each branch from the other one, as a curve over the parameter in the space of the measures (see `compare`).
+    """
+    _check_comparable(first, second)
+    names = measures_of(first.branches[0], measures)
+    everything = [*first.branches, *second.branches]
+    spans = np.array([value_range(branch) for branch in everything])
+    ranges = np.append(float(np.ptp(spans)), measure_ranges(everything, names))
+    pairs, only = _paired(_branches(first), _branches(second), lambda a, b: _compare_branches(a, b, names, ranges))
+    parameters, widths = (first.walked.parameter,), (float(ranges[0]),)
+    if first.map is not None and second.map is not None:
+        low, high = np.array([chart.within for chart in (first.map, second.map)]).transpose(2, 0, 1)
+        plane = high.max(axis=0) - low.min(axis=0)
+        loci, alone = _paired(_loci(first.map), _loci(second.map), lambda a, b: _compare_loci(a, b, plane))
+        pairs, only = (*loci, *pairs), ((*alone[0], *only[0]), (*alone[1], *only[1]))
+        parameters, widths = (first.map.first, first.map.second), tuple(plane.tolist())
+    return ResultComparison((first, second), parameters, widths, names, pairs, only, _notes(first, second))
+
+
+class _Named(NamedTuple):
+    """A branch or a locus, its name, and what must be equal in one that may be the same."""
+
+    name: str
+    label: object
+    curve: Branch | Locus
+
+
+def _branches(result: Result) -> list[_Named]:
+    chart = result.map
+    sections = None if chart is None else [section.value for section in chart.sections for _ in section.branches]
+    return [
+        _Named(name, (branch.period, sections and sections[index]), branch)
+        for index, (name, branch) in enumerate(zip(result.names, result.branches, strict=True))
+    ]
+
+
+def _loci(chart: Map) -> list[_Named]:
+    named = zip(chart.names, chart.loci, strict=True)
+    return [_Named(name, (locus.kind, locus.period, locus.contact), locus) for name, locus in named]
+
+
+def _paired(
+    first: list[_Named], second: list[_Named], compare: Callable[[_Named, _Named], Pair | None]
+) -> tuple[tuple[Pair, ...], tuple[tuple[str, ...], tuple[str, ...]]]:
+    """The pairs of curves that are the same ones, and the names of those that are left over."""
+    from scipy.optimize import linear_sum_assignment  # imported late: it takes long
+
+    costs = np.full((len(first), len(second)), _FAR)
+    found: dict[tuple[int, int], Pair] = {}
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            pair = compare(a, b) if a.label == b.label else None
+            if pair is not None and (_is_near(pair) or len(first) == len(second) == 1):
+                found[i, j] = pair
+                costs[i, j] = float(np.median(pair.distances)) + pair.missing
+    places = [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(costs), strict=True)]
+    chosen = [place for place in places if place in found]
+    only = (
+        tuple(each.name for i, each in enumerate(first) if i not in {place[0] for place in chosen}),
+        tuple(each.name for j, each in enumerate(second) if j not in {place[1] for place in chosen}),
+    )
+    return tuple(found[place] for place in chosen), only
+
+
+def _is_near(pair: Pair) -> bool:
+    return bool(len(pair.distances)) and float(np.median(pair.distances)) <= _ALIKE
+
+
+def _compare_branches(
+    first: _Named, second: _Named, names: tuple[str, ...], ranges: NDArray[np.float64]
+) -> Pair | None:
+    """Two branches of one period; None if they have no range in common."""
+    a, b = first.curve, second.curve
+    assert isinstance(a, Branch)
+    assert isinstance(b, Branch)
+    low, high = common_range(a, b)
+    if not low < high:
+        return None
+    there, back = compare_in(a, b, names, ranges), compare_in(b, a, names, ranges)
+    covered = (value_range(a), value_range(b))
+    return Pair(
+        (first.name, second.name),
+        np.concatenate((there.values, back.values))[:, None],
+        np.concatenate((there.distances, back.distances)),
+        max(there.resolution, back.resolution),
+        tuple(
+            Shift(_what(m.first), (m.first.value,), (m.second.value,), abs(m.difference) / float(ranges[0]))
+            for m in there.matches
+        ),
+        (_alone(there.only_first), _alone(there.only_second)),
+        covered,
+        _missing(*covered, float(ranges[0])),
+    )
+
+
+def _compare_loci(first: _Named, second: _Named, plane: NDArray[np.float64]) -> Pair | None:
+    """Two loci of one kind, period and contact, as curves in the plane."""
+    a, b = first.curve, second.curve
+    assert isinstance(a, Locus)
+    assert isinstance(b, Locus)
+    values = a.values, b.values
+    curves = [SplineCurve(_knots(locus) / plane) for locus in (a, b)]
+    codim2 = [np.array([each.values for each in locus.codim2_points]).reshape(-1, 2) for locus in (a, b)]
+    labels = [[(each.kind, each.contact) for each in locus.codim2_points] for locus in (a, b)]
+    matches = match_places(codim2[0] / plane, labels[0], codim2[1] / plane, labels[1])
+    taken = {i for i, _ in matches}, {j for _, j in matches}
+    covered = tuple((float(each[:, 0].min()), float(each[:, 0].max())) for each in values)
+    return Pair(
+        (first.name, second.name),
+        np.concatenate(values),
+        np.concatenate((curves[1].distances(values[0] / plane), curves[0].distances(values[1] / plane))),
+        max(curve.resolution for curve in curves),
+        tuple(_codim2_shift(a.codim2_points[i], b.codim2_points[j], plane) for i, j in matches),
+        (_left_over(a, taken[0]), _left_over(b, taken[1])),
+        (covered[0], covered[1]),
+        _missing(covered[0], covered[1], float(plane[0])),
+    )
+
+
+def _missing(first: tuple[float, float], second: tuple[float, float], width: float) -> float:
+    """The largest part of a range that one curve covers and the other does not, as a share of a width."""
+    return max(abs(a - b) for a, b in zip(first, second, strict=True)) / width
+
+
+def _knots(locus: Locus) -> NDArray[np.float64]:
+    """The points of a locus and its points of codimension two in their order, shape (points, 2)."""
+    points = [*locus.points, *(codim2.point for codim2 in locus.codim2_points)]
+    return np.array([point.values for point in sorted(points, key=lambda point: point.arclength)])
+
+
+def _codim2_shift(first: Codim2Point, second: Codim2Point, plane: NDArray[np.float64]) -> Shift:
+    share = float(np.abs((np.array(second.values) - first.values) / plane).max())
+    return Shift(_codim2_words(first), first.values, second.values, share)
+
+
+def _left_over(locus: Locus, taken: set[int]) -> tuple[Lone, ...]:
+    points = enumerate(locus.codim2_points)
+    return tuple(Lone(_codim2_words(each), each.values) for index, each in points if index not in taken)
+
+
+def _codim2_words(codim2: Codim2Point) -> str:
+    return f"{codim2.kind.value} {codim2.contact}".rstrip()
+
+
+def _alone(points: Sequence[SpecialPoint]) -> tuple[Lone, ...]:
+    return tuple(Lone(_what(special), (special.value,)) for special in points)
+
+
+def _what(special: SpecialPoint) -> str:
+    return f"{special.kind.value} {special.contact}".rstrip()
+
+
+def _check_comparable(first: Result, second: Result) -> None:
+    """A ModelError unless both results have branches over the same parameters."""
+    for which, result in (("first", first), ("second", second)):
+        if not result.branches:
+            raise ModelError(
+                f"the {which} result is of the kind {result.options.kind} and has no branches; compare results of the "
+                "kinds response, diagram and map"
+            )
+    planes = [
+        (result.walked.parameter, *([] if result.map is None else [result.map.second])) for result in (first, second)
+    ]
+    if planes[0] != planes[1]:
+        words = [" and ".join(names) for names in planes]
+        raise ModelError(f"one result is over {words[0]}, the other over {words[1]}; compare results over the same")
+    coordinates = [", ".join(result.system.coordinates) for result in (first, second)]
+    if coordinates[0] != coordinates[1]:
+        raise ModelError(
+            f"the coordinates of one result are {coordinates[0]}, those of the other {coordinates[1]}; compare results "
+            "of one system"
+        )
+
+
+def _notes(first: Result, second: Result) -> tuple[str, ...]:
+    """In what the studies differ beside their methods: values of parameters, and whether they are complete."""
+    notes = []
+    walked = {first.walked.parameter, *([] if first.map is None else [first.map.second])}
+    then, now = first.system.parameters, second.system.parameters
+    notes += [f"{name} is in the first only" for name in then if name not in now]
+    notes += [f"{name} is in the second only" for name in now if name not in then]
+    notes += [
+        f"{name} is {value:.10g} in the first and {now[name]:.10g} in the second"
+        for name, value in then.items()
+        if name in now and now[name] != value and name not in walked
+    ]
+    notes += [f"the {which} is not complete" for which, r in (("first", first), ("second", second)) if not r.complete]
+    return tuple(notes)

@@ -1,0 +1,170 @@
+"""A result as plain JSON values, for other programs."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import Any
+
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.diagram import Diagram, Origin
+from gapwalk.bifurcation.isolated import SearchResult, coverage
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.walk import End
+from gapwalk.flow.motion import signal_names
+from gapwalk.orbit.floquet import Instability
+from gapwalk.results.plain import plain
+from gapwalk.results.records import parameters_of
+from gapwalk.studies.columns import method_document
+from gapwalk.studies.diagram.search_result import COVERAGE, coverage_rows
+from gapwalk.studies.map.document import map_document
+from gapwalk.studies.result import Result
+
+KINDS = ("half", "max", "min")
+"""The measures of each coordinate that are given."""
+
+
+def result_document(result: Result, points: bool = True) -> dict[str, Any]:
+    """A result: branches, their points (if wanted), ends, and the special points of all branches.
+
+    What a study without branches has found comes in the words of its kind.
+    """
+    head: dict[str, Any] = {
+        "title": result.title,
+        "name": result.study.name or None,
+        "kind": result.options.kind,
+        "complete": result.complete,
+        "versions": dict(result.versions),
+        "parameters": parameters_of(result.system),
+    }
+    if (units := result.system.units) is not None:
+        head["units"] = {name: unit for name in result.system.structure.names if (unit := units.parameter(name))}
+        head["units"] |= {name: units.signal(name)[1] for name in signal_names(result.system)}
+    if result.study.reduced is not None:
+        head["reduction"] = plain(result.study.reduced)
+        head["checks"] = plain(result.checks)
+    if result.finding is not None:
+        finding = result.finding
+        told = {"notes": list(finding.notes), "failures": list(finding.failures)}
+        return head | finding.document(points) | told
+    document = {
+        **head,
+        "method": plain(result.walked.method),
+        "branches": [branch_document(branch, number, points) for number, branch in enumerate(result.branches, start=1)],
+        "special_points": special_documents(result),
+    }
+    for branch, name in zip(document["branches"], result.names, strict=True):
+        branch["name"] = name
+    if result.verification is not None:
+        document["verification"] = result.verification.document()
+    if result.map is not None:
+        values = [section.value for section in result.map.sections for _ in section.branches]
+        for branch, value in zip(document["branches"], values, strict=True):
+            branch["section"] = value
+        document |= map_document(result.map, points)
+    return document if result.diagram is None else document | _tree_document(result.diagram, document["branches"])
+
+
+def branch_document(branch: Branch, number: int, points: bool = True) -> dict[str, Any]:
+    """One branch, numbered from 1; a special point refers to it by that number."""
+    document: dict[str, Any] = {
+        "id": number,
+        "period": branch.period,
+        "parameter": branch.parameter,
+        "ends": [end_document(end) for end in branch.ends],
+        "unexplained": [{"first": each.first, "last": each.last, "text": each.text} for each in branch.unexplained],
+        "count": len(branch.points),
+    }
+    if points:
+        document["points"] = [point_document(point) for point in branch.points]
+    return document
+
+
+def _tree_document(diagram: Diagram, branches: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the document of a diagram has besides: where branches are attached to others, cascades, and the search."""
+    for member, document in zip(diagram.members, branches, strict=True):
+        document["begins"], document["joins"] = _origin(member.begins), _origin(member.joins)
+    return {
+        "branches": branches,
+        "cascades": [
+            {"branches": list(cascade.members), "values": list(cascade.values), "ratios": list(cascade.ratios)}
+            for cascade in diagram.cascades
+        ],
+        "search": None if diagram.search is None else search_document(diagram.search),
+        "notes": list(diagram.notes),
+        "failures": list(diagram.failures),
+    }
+
+
+def search_document(result: SearchResult) -> dict[str, Any]:
+    """What a search has covered: numbers for each value of the parameter, and sentences."""
+    return {
+        "complete": result.complete,
+        "values": [dict(zip(COVERAGE, row, strict=True)) for row in coverage_rows(result)],
+        "coverage": list(coverage(result)),
+    }
+
+
+def _origin(origin: Origin | None) -> dict[str, Any] | None:
+    """Where a branch begins or ends: the name of another one, and which of its special points, from 0."""
+    return None if origin is None else {"branch": origin.parent, "special_point": origin.special}
+
+
+def special_documents(result: Result) -> list[dict[str, Any]]:
+    """The special points of all branches, in the order of the walks."""
+    documents = []
+    for number, (name, branch) in enumerate(zip(result.names, result.branches, strict=True), start=1):
+        for index, special in enumerate(branch.special_points):
+            document = special_document(special, branch, number)
+            if result.diagram is not None:
+                document["leads_to"] = [member.name for member in result.diagram.attached(name, index)]
+            documents.append(document)
+    return documents
+
+
+def point_document(point: BranchPoint) -> dict[str, Any]:
+    """One point of a branch."""
+    return {
+        "parameter": point.value,
+        "stable": point.stable,
+        "instability": point.instability.label,
+        "measures": measures(point),
+        "contacts": point.orbit.pattern,
+        **method_document(point.orbit),
+    }
+
+
+def special_document(special: SpecialPoint, branch: Branch, number: int) -> dict[str, Any]:
+    """One special point of the branch of that number. A value that does not exist is null."""
+    multiplier = special.multiplier
+    return {
+        "kind": special.kind.value,
+        "parameter": special.value,
+        "uncertainty": special.uncertainty if math.isfinite(special.uncertainty) else None,
+        "branch": number,
+        "period": branch.period,
+        "measures": measures(special.point),
+        "multiplier": [multiplier.real, multiplier.imag] if cmath.isfinite(multiplier) else None,
+        "stability": special.change,
+        "before": _instability(special.before),
+        "after": _instability(special.after),
+        "nature": special.nature or None,
+        "judged": special.judged,
+        "contact": special.contact or None,
+        "contacts": special.orbit.pattern,
+        **method_document(special.orbit),
+    }
+
+
+def end_document(end: End) -> dict[str, Any]:
+    """One end of a branch; `reason` is a word for programs, `text` the sentence for people."""
+    return {"reason": end.reason.name.lower().replace("_", "-"), "parameter": end.value, "text": str(end)}
+
+
+def measures(point: BranchPoint) -> dict[str, float]:
+    """Half the peak to peak, maximum and minimum of each coordinate."""
+    return {f"{kind}.{q}": point.measure(f"{kind}.{q}") for q in point.orbit.system.coordinates for kind in KINDS}
+
+
+def _instability(instability: Instability) -> dict[str, int]:
+    return {"above": instability.above, "below": instability.below, "pairs": instability.pairs}

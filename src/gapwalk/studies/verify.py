@@ -1,0 +1,158 @@
+"""Verify what was found: branches, diagrams, maps, families, and the results of their studies."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from itertools import chain
+
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.errors import ModelError
+from gapwalk.results.result_file import lock, seal_fault, write_more
+from gapwalk.studies.family.record import Family
+from gapwalk.studies.load import VERIFICATION, load_result
+from gapwalk.studies.map.chart import Map
+from gapwalk.studies.options import BranchOptions, StudyOptions
+from gapwalk.studies.result import Result
+from gapwalk.verification import (
+    Check,
+    Ledger,
+    Spot,
+    Verification,
+    verify_branches,
+    verify_distinct,
+    verify_loci,
+    verify_tree,
+    verify_whole,
+)
+from gapwalk.verification.verification import Advance
+
+Verifiable = Branch | Diagram | Map | Family | Result
+
+
+def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None = None) -> Verification:
+    """Check what was found by means that are independent of how it was found.
+
+    Each orbit is carried around by another integrator; its stages, extremes and multipliers are checked. Between
+    neighbouring points there must be orbits of the same branch; changes of stability, direction and contacts must be
+    explained by special points between; each special point is looked at from both sides and located again. Balanced
+    orbits are checked by quadrature and beside exact ones; of loci some points are shot again. See `Check`.
+
+    Parameters
+    ----------
+    what
+        A branch, a diagram, a map, a family, a result, or the name of a result file. What is not complete is verified
+        as far as it goes.
+    report
+        Called with a word for what is verified, how many of its pieces are done, and how many there are.
+
+    Raises
+    ------
+    ModelError
+        If there is nothing that can be verified, as in the result of a sweep.
+    StoreError
+        If a file is no result, or so damaged that it cannot be read. One that can be read, but was changed by something
+        else than gapwalk, is verified, and fails by its checksum.
+
+    Examples
+    --------
+    >>> found = gw.verify("clutch.gapwalk")
+    >>> found.ok, found.words
+    """
+    if isinstance(what, str | os.PathLike):
+        return verified_result(what, report)[1]
+    if not isinstance(what, Verifiable):
+        raise ModelError(
+            f"{what!r:.60} cannot be verified; give a branch, a diagram, a map, a family, a result, or the name of a "
+            'result file, as in gw.verify("clutch.gapwalk")'
+        )
+    ledger = Ledger()
+    _verify(ledger, what, report)
+    return ledger.verification
+
+
+def verified_result(path: str | os.PathLike[str], report: Advance | None = None) -> tuple[Result, Verification]:
+    """The result in a file, and what its verification finds; parameters and errors as in `verify`."""
+    ledger = Ledger()
+    fault = seal_fault(path)
+    ledger.enter(Check.SEAL, Spot("the file", "its parts", math.nan), 1.0 if fault else 0.0, fault)
+    result = load_result(path, sealed=False)
+    _verify(ledger, result, report)
+    return result, ledger.verification
+
+
+def _verify(ledger: Ledger, what: Verifiable, report: Advance | None) -> None:
+    match what:
+        case Branch():
+            verify_branches(ledger, [(f"P{what.period}-1", what)], report)
+        case Diagram():
+            _verify_diagram(ledger, what, report)
+        case Map():
+            sections = enumerate(what.sections, start=1)
+            groups = [[(f"S{number}-{name}", branch) for name, branch in each.named] for number, each in sections]
+            verify_branches(ledger, list(chain.from_iterable(groups)), report, what.within[0])
+            for group in groups:
+                verify_distinct(ledger, group)
+            verify_loci(ledger, list(zip(what.names, what.loci, strict=True)), report)
+        case Family():
+            for member in what.members:
+                named = [(f"{what.over.name} = {member.value:g}, {name}", branch) for name, branch in member.named]
+                verify_branches(ledger, named, report, what.within)
+                verify_distinct(ledger, named)
+            ledger.note("the joints between the members of a family are not verified, their branches are")
+        case Result():
+            found = _found(what)
+            if isinstance(found, Branch):
+                name, walked, first = f"P{found.period}-1", what.study.walked, found.points[0].value
+                low, high = sorted((walked.begin, walked.end))
+                verify_branches(ledger, [(name, found)], report, (low, high))
+                detail = "" if first == walked.begin else f"the study begins at {walked.begin:.10g}"
+                ledger.enter(Check.ENDS, Spot(name, "point 0", first), math.inf if detail else 0.0, detail)
+            else:
+                _verify(ledger, found, report)
+
+
+def _verify_diagram(ledger: Ledger, diagram: Diagram, report: Advance | None) -> None:
+    named = [(member.name, member.branch) for member in diagram.members]
+    verify_branches(ledger, named, report, diagram.within)
+    verify_distinct(ledger, named)
+    verify_tree(ledger, diagram)
+    if diagram.complete:
+        verify_whole(ledger, diagram)
+
+
+def _found(result: Result) -> Verifiable:
+    """What of a result can be verified."""
+    if result.finding is not None:
+        if isinstance(result.finding.record, Family):
+            return result.finding.record
+        raise ModelError(
+            f"a study of the kind {result.options.kind} has no branches to verify; responses, diagrams, maps and "
+            "families have"
+        )
+    return result.map or result.diagram or result.branches[0]
+
+
+def with_verification(result: Result, options: StudyOptions, output: str | os.PathLike[str] | None) -> Result:
+    """A complete result with its verification, if the options of the study that was run want one.
+
+    It is written to the result file too. A result that was resumed has the options of the run before.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After Ctrl-C; it says that the result is complete all the same.
+    """
+    wanted = isinstance(options, BranchOptions) and options.verify and result.complete
+    if not wanted or result.verification is not None:
+        return result
+    try:
+        found = verify(result)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the result is complete, but it is not verified yet") from None
+    if output is not None:
+        with lock(output):
+            write_more(output, result.system, VERIFICATION.entry(found))
+    return replace(result, verification=found)

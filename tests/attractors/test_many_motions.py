@@ -1,0 +1,47 @@
+"""Motions: many motions by the batch integrator beside the same ones by the exact flow."""
+
+import numpy as np
+import pytest
+
+from gapwalk.attractors.batch_motions import BatchMotions, motions_of
+from gapwalk.attractors.many_motions import ExactMotions
+from gapwalk.errors import FlowError
+from tests.systems import clutch
+
+SYSTEM = clutch(frequency=0.6)
+STATES = np.random.default_rng(2).uniform(-1.5, 1.5, (20, 4))
+VALUES = {"frequency": np.linspace(0.4, 1.6, 20), "harmonic1.amplitude": np.linspace(0.1, 0.5, 20)}
+
+
+@pytest.mark.parametrize("values", [None, VALUES])
+def test_both_flows_agree(values):
+    fast, exact = motions_of(SYSTEM, STATES, values), ExactMotions(SYSTEM, values)
+    assert isinstance(fast, BatchMotions)
+    assert fast.advance(STATES, 3) == pytest.approx(exact.advance(STATES, 3), abs=5e-3)
+    track = fast.strobes(STATES, 2, after=1)
+    assert track == pytest.approx(exact.strobes(STATES, 2, after=1), abs=5e-3)
+    seen, known = fast.contacts(STATES, 2), exact.contacts(STATES, 2)
+    assert seen.peaks == pytest.approx(known.peaks, rel=1e-2, abs=5e-3)
+    assert np.mean(seen.impacts == known.impacts) >= 0.9  # a slight touch may be missed
+    assert 0.0 < fast.error < 5e-4
+
+
+def test_parts_and_motions_that_ran_away_keep_their_places():
+    whole = motions_of(SYSTEM, STATES, VALUES)
+    which = np.array([3, 11, 17])
+    states = STATES[which].copy()
+    states[1] = np.nan
+    ends = whole.part(which).advance(states, 2)
+    assert np.isnan(ends[1]).all()
+    assert ends[[0, 2]] == pytest.approx(whole.advance(STATES, 2)[which][[0, 2]], abs=1e-12)
+    alone = whole.part(which).part(np.array([2])).advance(states[2:], 2)
+    assert alone == pytest.approx(ends[2:], abs=1e-12)
+    assert np.isnan(whole.contacts(np.full((20, 4), np.nan), 2).peaks).all()
+
+
+def test_the_exact_flow_serves_where_the_mass_flow_gives_up(monkeypatch):
+    def refuse(*_, **__):
+        raise FlowError("too stiff")
+
+    monkeypatch.setattr("gapwalk.ensemble.batch_flow.BatchFlow.run", refuse)
+    assert isinstance(motions_of(SYSTEM, STATES), ExactMotions)

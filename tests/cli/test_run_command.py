@@ -1,0 +1,138 @@
+"""``gapwalk run``: what it writes and prints, how it ends, and that an interruption costs nothing."""
+
+import json
+import os
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import main
+from gapwalk.errors import StoreError
+from gapwalk.studies.changes import parse_changes
+from tests.cli.conftest import MODEL
+from tests.studies.same import assert_same_result
+from tests.waiting import until
+
+# So many points that there is time to interrupt the walk.
+SLOWLY = ("--set", "study.walk.initial_step=0.001", "--set", "study.walk.largest_step=0.001")
+
+
+def test_a_run_writes_result_picture_and_tables(model, capsys) -> None:
+    assert main(["run", str(model), "--set", "stop.clearance=0.9"]) == 0
+    captured = capsys.readouterr()
+    for words in (
+        "A stop",
+        "2 fold",
+        "the end of the range was reached",
+        "unstable(1) -> stable",
+        "stop +",
+        "+1.000000",
+    ):
+        assert words in captured.out
+    assert captured.err == ""
+    assert {path.name for path in Path().iterdir()} == {
+        "stop.toml",
+        "stop.gapwalk",
+        "stop.png",
+        "stop.svg",
+        "stop-points.csv",
+        "stop-special-points.csv",
+    }
+    result = gw.load("stop.gapwalk")
+    assert result.system["stop.clearance"] == 0.9
+    assert result.study.text == model.read_text()
+    assert result.study.changes == (("stop.clearance", 0.9),)
+    fold = result.branches[0].special("fold")[0]
+    assert f"{fold.value:#.10g}" in captured.out
+
+
+def test_json_is_one_document_and_nothing_else(model, capsys) -> None:
+    assert main(["run", str(model), "--json", "--output", "a.gapwalk"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["complete"] is True
+    assert document["files"] == ["a.gapwalk", "a.png", "a.svg", "a-points.csv", "a-special-points.csv"]
+    assert len(document["branches"][0]["points"]) == document["branches"][0]["count"]
+    assert main(["run", str(model), "--json", "--output", "a.gapwalk"]) == 2
+    assert "exists already" in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+def test_quiet_says_nothing(model, capsys) -> None:
+    assert main(["run", str(model), "--quiet"]) == 0
+    assert main(["run", str(model), "--quiet", "--force"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+def test_a_walk_that_gives_up_is_3(model, capsys) -> None:
+    words = ["--set", "study.walk.smallest_step=0.01", "--set", "study.walk.initial_step=0.01"]
+    assert main(["run", str(model), *words, "--set", "study.walk.largest_turn=0.01"]) == 3
+    captured = capsys.readouterr()
+    assert "the step became smaller than the smallest allowed" in captured.err
+    assert Path("stop.png").is_file()
+
+
+def test_a_start_that_is_not_found_is_3(model, capsys) -> None:
+    assert main(["run", str(model), "--set", "stiffness.x.x=-1000"]) == 3
+    assert capsys.readouterr().err.startswith("gapwalk: ")
+    assert not Path("stop.gapwalk").exists()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> gw.Result:
+    """What a slow run comes to where nothing interrupts it."""
+    path = tmp_path_factory.mktemp("undisturbed") / "stop.toml"
+    path.write_text(MODEL)
+    return gw.run(gw.read_study(path, parse_changes(SLOWLY[1::2])))
+
+
+def test_ctrl_c_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
+    first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
+    first.send_signal(signal.SIGINT)
+    out, err = first.communicate()
+    assert first.returncode == 130, (out, err)
+    assert "interrupted at Ω = " in err
+    assert f"gapwalk run stop.toml --output a.gapwalk --resume {' '.join(SLOWLY)}" in err
+    stopped = gw.load("a.gapwalk")
+    assert not stopped.complete
+    assert sorted(os.listdir()) == ["a.gapwalk", "stop.toml"]
+    resume_and_compare(model, stopped, undisturbed)
+
+
+def test_kill_then_resume_equals_an_undisturbed_run(model, command, undisturbed) -> None:
+    first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk")
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
+    first.kill()
+    first.communicate()
+    resume_and_compare(model, gw.load("a.gapwalk"), undisturbed)
+
+
+def test_ctrl_c_with_json_is_still_one_document(model, command) -> None:
+    first = command("run", str(model), *SLOWLY, "--output", "a.gapwalk", "--json")
+    until(lambda: points_in("a.gapwalk") >= 60, "60 points are stored")
+    first.send_signal(signal.SIGINT)
+    out, _ = first.communicate()
+    assert first.returncode == 130
+    assert json.loads(out)["complete"] is False
+
+
+def test_a_different_study_is_not_resumed(model, capsys) -> None:
+    assert main(["run", str(model), "--quiet"]) == 0
+    assert main(["run", str(model), "--resume", "--set", "stop.clearance=0.9"]) == 2
+    assert "stop.clearance is 0.9, and was 1.0" in capsys.readouterr().err
+
+
+def points_in(path: str) -> int:
+    with suppress(StoreError):
+        return len(gw.load(path).branches[0].points)
+    return 0
+
+
+def resume_and_compare(model: Path, stopped: gw.Result, undisturbed: gw.Result) -> None:
+    assert main(["run", str(model), *SLOWLY, "--output", "a.gapwalk", "--resume", "--quiet"]) == 0
+    resumed = gw.load("a.gapwalk")
+    assert 60 <= len(stopped.branches[0].points) < len(undisturbed.branches[0].points)
+    assert_same_result(resumed, undisturbed)

@@ -1,0 +1,126 @@
+import os
+import shutil
+import signal
+import sqlite3
+import time
+
+import pytest
+
+import gapwalk as gw
+from tests.explorer.conftest import STOP, result_of, wait
+from tests.waiting import until
+
+# steps so small that the walk lasts until it is stopped
+LONG = STOP + "\n[study.walk]\ninitial_step = 1e-5\nlargest_step = 1e-5\nmax_points = 1000000\n"
+
+
+@pytest.fixture
+def long(session, model) -> str:
+    (session.workspace.root / model).write_text(LONG, encoding="utf-8")
+    return model
+
+
+def begin(client, file: str) -> str:
+    return client.post("/api/act", json={"file": file, "do": "compute"}).json()["key"]
+
+
+def job(client, word: str, file: str, key: str):
+    return client.post(f"/api/job/{word}", json={"file": file, "result": key})
+
+
+def points(client, file: str, key: str) -> int:
+    branches = result_of(client, file, key)["branches"]
+    return branches[0]["points"] if branches else 0
+
+
+def growing(client, file: str, key: str, more_than: int = 0) -> int:
+    return until(lambda: (count := points(client, file, key)) > more_than and count, "the branch grows")
+
+
+def test_a_job_grows_is_held_goes_on_and_is_stopped(client, session, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    assert job(client, "pause", long, key).json()["state"] == "paused"
+    time.sleep(0.4)
+    held = points(client, long, key)
+    time.sleep(0.6)
+    assert points(client, long, key) == held
+    assert job(client, "pause", long, key).status_code == 400
+    job(client, "continue", long, key)
+    growing(client, long, key, held)
+    job(client, "stop", long, key)
+    found = wait(client, long, key)
+    assert (found["state"], found["can_go_on"]) == ("stopped", True)
+    # all that it had found is in the file, and it goes on from there
+    (path,) = session.workspace.exploration(session.workspace.path(long)).glob("*.gapwalk")
+    (branch,) = gw.load(path).branches
+    assert len(branch.points) == found["branches"][0]["points"] > held
+    assert job(client, "resume", long, key).status_code == 200
+    growing(client, long, key, len(branch.points))
+    job(client, "stop", long, key)
+    assert wait(client, long, key)["branches"][0]["points"] > len(branch.points)
+
+
+def test_a_waiting_job_can_be_stopped_before_it_begins(client, long) -> None:
+    first, second = begin(client, long), begin(client, long)
+    growing(client, long, first)
+    job(client, "stop", long, second)
+    assert result_of(client, long, second)["state"] == "stopped"
+    job(client, "stop", long, first)
+    wait(client, long, first)
+    assert result_of(client, long, second)["branches"] == []
+
+
+def test_the_death_of_the_process_costs_one_job(client, session, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    os.kill(session.jobs._engine._process.pid, signal.SIGKILL)
+    found = wait(client, long, key)
+    assert found["state"] == "failed"
+    assert "has died" in found["message"]
+    assert found["branches"][0]["points"] > 0  # what was stored
+    again = begin(client, long)  # in a new process
+    growing(client, long, again)
+    job(client, "stop", long, again)
+    assert wait(client, long, again)["state"] == "stopped"
+
+
+def test_a_job_that_was_killed_after_its_last_point_leaves_one_file(client, session, model) -> None:
+    key = begin(client, model)
+    count = wait(client, model, key)["branches"][0]["points"]
+    path = session.workspace.exploration(session.workspace.path(model)) / f"{key}.gapwalk"
+    (session.workspace.root / "again.toml").write_text(STOP, encoding="utf-8")
+    again = session.workspace.exploration(session.workspace.root / "again.toml") / path.name
+    again.parent.mkdir()
+    shutil.copy(path.with_suffix(".json"), again.parent)
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("UPDATE part SET head = head")
+    for side in ("", "-wal"):  # as they lie there when the writer dies
+        shutil.copy(f"{path}{side}", f"{again}{side}")
+    connection.close()
+    assert result_of(client, "again.toml", key)["branches"][0]["points"] == count
+    assert sorted(file.name for file in again.parent.iterdir()) == [again.name, f"{key}.json"]
+
+
+def test_points_of_an_unfinished_branch_lead_nowhere(client, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    action = {"do": "walk", "start": {"result": key, "point": 0}, "parameter": "frequency", "to": 0.6}
+    answer = client.post("/api/act", json={"file": long, **action})
+    assert answer.status_code == 400
+    assert "still being computed" in answer.json()["error"]
+    job(client, "stop", long, key)
+    wait(client, long, key)
+
+
+def test_progress_is_told_four_times_a_second_at_most(client, session, long) -> None:
+    key = begin(client, long)
+    growing(client, long, key)
+    entry = session.exploration(long).entry(key)
+    before, began = entry.version, time.monotonic()
+    until(lambda: entry.version - before >= 5, "five reports")
+    reports, seconds = entry.version - before, time.monotonic() - began
+    job(client, "stop", long, key)
+    wait(client, long, key)
+    assert reports <= 4 * seconds + 1

@@ -1,0 +1,149 @@
+"""Drive trains in model files: what they say, and what is said of those that are wrong."""
+
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.model import ModelFileError
+from gapwalk.model.model_file import check_system, read_system
+from gapwalk.model.model_source import parse_source
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "train.toml"
+
+GOOD = """\
+title = "Three bodies"
+frequency = 2.0
+mean = { engine = 3.0 }
+reaction = "load"
+
+[[inertia]]
+name = "engine"
+inertia = 0.2
+[[inertia]]
+name = "hub"
+inertia = 0.05
+[[inertia]]
+name = "load"
+inertia = 4.0
+
+[[shaft]]
+name = "clutch"
+between = ["engine", "hub"]
+stiffness = 10
+damping = 0.1
+viscous_damping = 0.2
+[[shaft.stage]]
+clearance = 0.1
+stiffness = 30.0
+side = "positive"
+[[shaft.stage]]
+name = "stop"
+clearance = 0.3
+stiffness = 90.0
+
+[[gear]]
+name = "pair"
+between = ["hub", "load"]
+ratio = 2.5
+stiffness = 70.0
+clearance = 0.01
+cubic = 5.0
+impact_damping = 0.4
+
+[[harmonic]]
+amplitude = 0.7
+acts_on = { engine = 1.0 }
+"""
+LINES = GOOD.splitlines()
+
+
+def problems_of(text: str):
+    part, problems = check_system(parse_source(text, "m.toml"))
+    assert (part is None) == bool(problems)
+    return problems
+
+
+def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    stages = (gw.Stage(0.1, 30.0, side=gw.Side.POSITIVE), gw.Stage(0.3, 90.0, name="stop"))
+    train = gw.Train(
+        [gw.Inertia("engine", 0.2), gw.Inertia("hub", 0.05), gw.Inertia("load", 4.0)],
+        [gw.Shaft("clutch", ("engine", "hub"), stiffness=10.0, damping=0.1, stages=stages, viscous_damping=0.2)],
+        [gw.Gear("pair", ("hub", "load"), 2.5, stiffness=70.0, clearance=0.01, cubic=5.0, impact_damping=0.4)],
+        mean={"engine": 3.0},
+        harmonics=[gw.Harmonic(0.7, {"engine": 1.0})],
+        frequency=2.0,
+        reaction="load",
+    )
+    assert read_system(path) == train.system()
+    assert [*train.system().structure.names] == [
+        "frequency", "engine.inertia", "hub.inertia", "load.inertia", "mean.engine", "mean.hub",
+        "clutch.stiffness", "clutch.damping",
+        "clutch.stage2.clearance", "clutch.stage2.stiffness", "clutch.stage2.cubic",
+        "clutch.stop.clearance", "clutch.stop.stiffness", "clutch.stop.cubic", "clutch.viscous_damping",
+        "pair.ratio", "pair.damping", "pair.clearance", "pair.stiffness", "pair.cubic", "pair.impact_damping",
+        "harmonic1.amplitude", "harmonic1.phase", "harmonic1.acts_on.engine",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "complaint"),
+    [
+        ('between = ["engine", "hub"]', 'between = ["engine", "hbu"]',
+         'm.toml:16: shaft "clutch" joins \'hbu\', which is no inertia; did you mean hub?'),
+        ('between = ["engine", "hub"]', 'between = ["engine"]', "it must be a list of at least 2"),
+        ('between = ["engine", "hub"]', 'between = ["hub", "hub"]', 'shaft "clutch".between has "hub" twice'),
+        ('between = ["hub", "load"]', 'between = ["hub", "engine"]', 'inertia "load" is joined to engine by nothing'),
+        ("inertia = 0.05", "inertia = 0", 'm.toml:11: inertia "hub".inertia is 0; it must be > 0'),
+        ("inertia = 0.05", 'inertia = "0.05"', 'inertia "hub".inertia is "0.05"; it must be a number, without quotes'),
+        ("inertia = 0.05", "inertia = 0.05\nmass = 1", 'm.toml:12: inertia "hub".mass is no key here'),
+        ("ratio = 2.5", "ratio = 0.0", 'm.toml:34: gear "pair".ratio is 0; it must be the speed of the first'),
+        ("ratio = 2.5", "", 'gear "pair".ratio is missing; it is the speed of the first inertia divided by that of'),
+        ('name = "pair"', 'name = "clutch"', 'm.toml:31: gear "clutch" has the name of another part; give each a name'),
+        ("stiffness = 70.0", "", 'gear "pair" has a clearance, but no stiffness beyond it; write stiffness = ...'),
+        ("clearance = 0.1", "clearance = 0.5", 'shaft "clutch".stage is out of order on the positive side'),
+        ("mean = { engine = 3.0 }", "mean = { motor = 3.0 }", "mean.motor names no inertia; they are engine, hub"),
+        ("acts_on = { engine = 1.0 }", "acts_on = { q = 1.0 }", "acts_on.q names no inertia"),
+        ('reaction = "load"', 'reaction = "road"', "m.toml:4: reaction is 'road', which is no inertia"),
+        ("frequency = 2.0", "coordinates = []", "m.toml:2: coordinates is no key here"),
+        ("frequency = 2.0", "stiffness = [[1]]", "stiffness is no key here; it belongs in shaft"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_with_its_line(line: str, instead: str, complaint: str) -> None:
+    assert line in LINES
+    (problem,) = problems_of(GOOD.replace(line, instead, 1))
+    assert complaint in str(problem)
+
+
+def test_several_mistakes_are_told_at_once() -> None:
+    text = GOOD.replace("stiffness = 70.0", "").replace('["engine", "hub"]', '["engine", "hbu"]')
+    assert len(problems_of(text)) == 2
+
+
+def test_without_an_inertia_there_is_no_train() -> None:
+    (problem,) = problems_of('[[shaft]]\nname = "s"\nbetween = ["a", "b"]\nstiffness = 1.0')
+    assert "inertia is missing; write a table [[inertia]] for each body" in str(problem)
+
+
+def test_parts_can_be_set_walked_and_refused_by_name() -> None:
+    changes = {"third.clearance": 0.003, "final.ratio": 3.9, "study.load.to": 5.0}
+    drive, load = gw.read_studies(EXAMPLE, changes)
+    assert (drive.system["third.clearance"], load.system["final.ratio"]) == (0.003, 3.9)
+    assert load.system["mean.engine"] == 30.0
+    with pytest.raises(ModelFileError, match=r"no parameter 'third\.clearence'; did you mean 'third\.clearance'"):
+        gw.read_studies(EXAMPLE, {"third.clearence": 0.003})
+
+
+def test_the_walk_of_the_example_over_its_load_finds_both_flips(tmp_path: Path) -> None:
+    study = gw.read_study(EXAMPLE, {"study.load.from": 9.5, "study.load.to": 7.0}, "load")
+    result = gw.run(study, tmp_path / "train.gapwalk")
+    values = [each.value for each in result.branches[0].special(gw.Kind.FLIP)]
+    assert values == pytest.approx([8.305434714, 7.868696128], abs=1e-8)
+    back = gw.load(tmp_path / "train.gapwalk")
+    assert back.system == result.system
+    for value in values:  # a flip has a multiplier of -1, also when its orbit is found anew
+        at = back.branches[0].special(gw.Kind.FLIP)[0].point.orbit
+        assert min(abs(at.multipliers + 1)) < 1e-6
+        assert value

@@ -1,0 +1,48 @@
+"""Studies without branches that are done in a moment: their model files, with one process each."""
+
+from pathlib import Path
+
+import gapwalk as gw
+from gapwalk.model.model_source import parse_source
+from gapwalk.studies.basins import job as basin_job
+from gapwalk.studies.file import Study, check_study
+from gapwalk.studies.regimes import job as regime_job
+from tests.models import CLUTCH
+
+HEAD = (
+    CLUTCH.replace("amplitude = 0.25", "amplitude = 0.5").replace("mean = ", "frequency = 0.45\nmean = ")
+    + """
+[study]
+"""
+)
+
+SETTLE = HEAD + 'kind = "settle"\nsignal = "stage2"\nphase = "90 deg"\n'
+SWEEP = HEAD + (
+    'kind = "sweep"\nparameter = "frequency"\nfrom = 0.5\nto = 0.6\nsteps = 45\npoints = 13\nworkers = 1\n'
+    'signal = "q3\'"\n'
+)
+BASINS = HEAD + (
+    'kind = "basins"\nplane = { q1 = [-4.0, 4.0], "q1\'" = [-3.0, 3.0] }\nfixed = { q3 = 0.5 }\n'
+    "resolution = [100, 90]\nexact_borders = false\ncheck = 8\nworkers = 1\n"
+)
+REGIMES = HEAD + (
+    'kind = "regimes"\nparameter = "frequency"\nfrom = 0.7\nto = 0.5\n'
+    'second = { parameter = "harmonic1.amplitude", from = 0.4, to = 0.5 }\nresolution = [4, 9]\ncarry = "up"\n'
+    "check = 2\nlongest = 400\nforces = true\nworkers = 1\n"
+)
+MODELS = {"settle": SETTLE, "sweep": SWEEP, "basins": BASINS, "regimes": REGIMES}
+
+SMALL = ((regime_job, "ROWS", 3), (basin_job, "CHUNK", 4096))
+"""What makes chunks of so few cells that each job has some."""
+
+
+def study_of(kind: str) -> Study:
+    return check_study(parse_source(MODELS[kind]))
+
+
+def main(kind: str, path: str) -> None:
+    """Run a study in small parts, or go on with it; write a line for each part that is safe."""
+    for module, name, value in SMALL:
+        setattr(module, name, value)
+    result = gw.run(study_of(kind), path, resume=Path(path).exists(), report=lambda *_: print("part", flush=True))
+    print("complete" if result.complete else "stopped", flush=True)

@@ -1,0 +1,293 @@
+"""Diagrams as studies: stored branch by branch, the same however often they are interrupted, and by whom."""
+
+import os
+import random
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.continuation import EndReason
+from gapwalk.errors import ModelError, NumericalError, StoreError
+from gapwalk.flow import Flow
+from gapwalk.results import result_file as file
+from gapwalk.studies.diagram import diagram as growing
+from gapwalk.studies.diagram.store import DiagramStore
+from tests.interruption import until_ctrl_c
+from tests.results.tampering import change_sealed
+from tests.studies.diagrams import clutch_diagram, many_branches
+from tests.studies.killing import killed_after
+from tests.studies.same import assert_same_branch, assert_same_result
+from tests.studies.studies import stop_study
+
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
+
+@pytest.fixture
+def path(tmp_path) -> Path:
+    return tmp_path / "loop.gapwalk"
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> gw.Result:
+    return gw.run(clutch_diagram())
+
+
+def test_a_study_is_the_diagram_of_its_system(undisturbed) -> None:
+    found = gw.diagram(clutch_diagram().system, "frequency", (0.6, 0.85), options=gw.DiagramOptions(4, workers=1))
+    assert undisturbed.complete
+    assert undisturbed.diagram.complete
+    assert undisturbed.diagram.within == (0.6, 0.85)
+    assert undisturbed.names == ("P1-1", "P2-1", "P4-1")
+    assert undisturbed.branches == undisturbed.diagram.branches
+    for a, b in zip(found.branches, undisturbed.branches, strict=True):
+        assert_same_branch(a, b)
+    loop = undisturbed.diagram["P2-1"]
+    assert (loop.begins.parent, loop.joins.parent) == ("P1-1", "P1-1")
+    assert undisturbed.diagram.attached("P1-1", loop.begins.special) == (loop,)
+    assert "P2-1" in repr(undisturbed.diagram["P4-1"].begins)
+    with pytest.raises(KeyError, match="P8-1"):
+        undisturbed.diagram["P8-1"]
+
+
+def test_what_is_loaded_is_what_was_found(path, undisturbed) -> None:
+    reported = []
+    returned = gw.run(clutch_diagram(), path, report=lambda diagram, member: reported.append(member.name))
+    assert reported == list(undisturbed.names)
+    assert_same_result(returned, undisturbed)
+    assert_same_result(gw.load(path), undisturbed)
+    assert gw.load(path).study.name == "loop"
+    assert os.listdir(path.parent) == [path.name]
+
+
+def test_a_complete_result_is_not_computed_again(path, undisturbed) -> None:
+    gw.run(clutch_diagram(), path)
+    before, reported = Flow.calls, []
+    again = gw.run(clutch_diagram(), path, resume=True, report=lambda diagram, member: reported.append(repr(diagram)))
+    assert Flow.calls == before
+    assert_same_result(again, undisturbed)
+    assert len(reported) == 3
+    assert "1 of period 4" not in reported[1]
+
+
+def test_the_number_of_workers_changes_nothing(path, undisturbed) -> None:
+    result = gw.run(clutch_diagram(workers=2), path)
+    assert_same_result(result, undisturbed)
+    assert_same_result(gw.run(clutch_diagram(workers=1), path, resume=True), undisturbed)
+
+
+def test_what_was_reported_is_in_the_file(path) -> None:
+    def report(diagram, member) -> None:
+        stored = gw.load(path)
+        assert stored.names[-1] == member.name
+        assert not stored.complete
+        assert_same_branch(stored.branches[-1], member.branch)
+
+    gw.run(clutch_diagram(), path, report=report)
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_ctrl_c_keeps_what_there_is_and_is_resumed(path, after, undisturbed) -> None:
+    def report(diagram, member) -> None:
+        if len(diagram.members) == after:
+            signal.raise_signal(signal.SIGINT)
+
+    stopped = until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
+    assert not stopped.complete
+    assert len(stopped.branches) == after
+    assert_same_result(stopped, gw.load(path))
+    assert os.listdir(path.parent) == [path.name]
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+    assert_same_result(gw.load(path), undisturbed)
+
+
+def test_ctrl_c_just_after_the_file_was_made_keeps_its_branch(path, monkeypatch, undisturbed) -> None:
+    replace_file = os.replace
+
+    def interrupted(old, new) -> None:
+        replace_file(old, new)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    until_ctrl_c(gw.run, clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1",)
+    monkeypatch.undo()
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
+def test_ctrl_c_just_before_a_branch_is_written_keeps_it(path, monkeypatch, undisturbed) -> None:
+    write = DiagramStore.write
+
+    def interrupted(store, diagram, **options) -> None:
+        monkeypatch.undo()
+        signal.raise_signal(signal.SIGINT)
+        write(store, diagram, **options)
+
+    monkeypatch.setattr(DiagramStore, "write", interrupted)
+    until_ctrl_c(gw.run, clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1",)
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
+def test_ctrl_c_without_a_file_keeps_what_there_is_too() -> None:
+    def report(diagram, member) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    stopped = until_ctrl_c(gw.run, clutch_diagram(), report=report)
+    assert not stopped.complete
+    assert stopped.names == ("P1-1",)
+
+
+def test_ctrl_c_before_the_first_branch_leaves_nothing(path, monkeypatch) -> None:
+    def interrupt(piece) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(growing, "_walk_piece", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        gw.run(clutch_diagram(), path)
+    assert not list(path.parent.iterdir())
+
+
+@pytest.fixture(scope="module")
+def whole() -> gw.Result:
+    return gw.run(many_branches())
+
+
+@pytest.mark.parametrize(("workers", "aims"), [(1, [1, 2]), (2, [3])])
+def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, whole) -> None:
+    random.seed(29 + workers)
+    for aim in [*aims, 100]:
+        code = f"from tests.studies.diagrams import main; main({str(path)!r}, '{workers}')"
+        lines = killed_after(aim, code, longest_wait=0.3)
+        stored = gw.load(path)
+        assert list(stored.names)[: len(lines)] == lines[: len(stored.names)]
+        assert stored.names == whole.names[: len(stored.names)]
+    assert lines[-1] == "complete"
+    assert_same_result(replace(stored, study=whole.study), whole)
+
+
+def test_a_disk_that_is_full_loses_nothing_that_was_reported(path, monkeypatch, undisturbed) -> None:
+    insert, count = file._insert, 0
+
+    def insert_some(*arguments) -> None:
+        nonlocal count
+        count += 1
+        if count == 4:  # two make the file, with its first branch
+            raise OSError(28, "No space left on device")
+        insert(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(file, "_insert", insert_some)
+        with pytest.raises(StoreError, match="No space left"):
+            gw.run(clutch_diagram(), path)
+    assert gw.load(path).names == ("P1-1", "P2-1")
+    assert_same_result(gw.run(clutch_diagram(), path, resume=True), undisturbed)
+
+
+def test_what_cannot_be_walked_is_noted_once(path, monkeypatch) -> None:
+    walk = growing.walk_out
+
+    def fail(beginnings, options):
+        if beginnings[0].first.orbit.period == 4:
+            raise NumericalError("no way")
+        return walk(beginnings, options)
+
+    monkeypatch.setattr(growing, "walk_out", fail)
+
+    def report(diagram, member) -> None:
+        if member.name == "P2-1":
+            signal.raise_signal(signal.SIGINT)
+
+    until_ctrl_c(gw.run, clutch_diagram(), path, report=report)
+    result = gw.run(clutch_diagram(), path, resume=True)
+    assert result.complete
+    assert result.names == ("P1-1", "P2-1")
+    assert len(result.diagram.failures) == 2  # from both flips of the loop
+    assert all(note.endswith("could not be walked: no way") for note in result.diagram.failures)
+    assert_same_result(result, gw.load(path))
+    monkeypatch.setattr(growing, "walk_out", lambda *_: fail([replace_period(4)], None))
+    with pytest.raises(NumericalError, match="no way"):
+        gw.run(clutch_diagram())
+
+
+def replace_period(period: int):
+    class BranchStart:
+        class first:  # noqa: N801
+            class orbit:  # noqa: N801
+                pass
+
+    BranchStart.first.orbit.period = period
+    return BranchStart
+
+
+def test_a_limit_of_branches_is_an_end_and_is_noted(path) -> None:
+    result = gw.run(clutch_diagram(max_branches=2), path)
+    assert result.complete  # nothing is left to do
+    assert not result.diagram.complete
+    assert result.diagram.notes == ("stopped at max_branches = 2; there are more",)
+    assert_same_result(gw.run(clutch_diagram(max_branches=2), path, resume=True), result)
+
+
+def test_a_different_study_is_not_resumed(path) -> None:
+    gw.run(clutch_diagram(max_period=2), path)
+    with pytest.raises(StoreError, match="max_period is 4, and was 2"):
+        gw.run(clutch_diagram(), path, resume=True)
+    response = replace(clutch_diagram(), options=gw.ResponseOptions("frequency", 0.85, 0.6, "half.q1"))
+    with pytest.raises(StoreError, match="its kind is response, and was diagram"):
+        gw.run(response, path, resume=True)
+    with pytest.raises(StoreError, match="exists already"):
+        gw.run(clutch_diagram(), path)
+
+
+def test_a_study_that_makes_no_sense(path) -> None:
+    study = clutch_diagram()
+    with pytest.raises(ModelError, match="the range is empty"):
+        gw.run(replace(study, options=replace(study.options, end=0.85)), path)
+    with pytest.raises(ModelError, match="max_period is 0"):
+        gw.run(clutch_diagram(max_period=0), path)
+    assert not list(path.parent.iterdir())
+
+
+def test_a_branch_may_end_anywhere(path) -> None:
+    result = gw.run(clutch_diagram(end=0.7), path)  # the loop is cut off
+    assert result.diagram["P2-1"].joins is None
+    assert result.branches[1].ends[-1].reason in (EndReason.RANGE, EndReason.TURNED_BACK)
+    assert_same_result(result, gw.load(path))
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM part WHERE name = 'branch' AND number = 0",
+        'UPDATE part SET head = replace(head, \'"name":"P2-1"\', \'"name":"P1-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"ends\":', '\"end\":') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"ends":{"count":2\', \'"ends":{"count":3\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, ',\"period\":2', ',\"period\":0') WHERE name = 'branch'",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P3-1"\') WHERE name = \'branch\'',
+        "UPDATE part SET head = replace(head, '\"special\":', '\"special\":9') WHERE name = 'branch' AND number = 1",
+        'UPDATE part SET head = replace(head, \'"parent":"P1-1"\', \'"parent":"P2-1"\') WHERE name = \'branch\'',
+        "DELETE FROM part WHERE name = 'diagram'",
+        'UPDATE part SET head = replace(head, \'"max_period":{"is":"int","int":\', '
+        '\'"max_period":{"is":"int","int":-\') WHERE name = \'diagram\'',
+    ],
+)
+def test_a_damaged_result_is_called_so(path, statement, whole_file) -> None:
+    path.write_bytes(whole_file)
+    change_sealed(path, statement)
+    with pytest.raises(StoreError, match="damaged"):
+        gw.load(path)
+
+
+@pytest.fixture(scope="module")
+def whole_file(tmp_path_factory) -> bytes:
+    path = tmp_path_factory.mktemp("whole") / "x.gapwalk"
+    gw.run(clutch_diagram(), path)
+    return path.read_bytes()
+
+
+def test_a_response_has_no_diagram(path) -> None:
+    result = gw.run(stop_study(end=0.72), path)
+    assert gw.load(path).diagram is None
+    assert result.names == ("P1-1",)
