@@ -1,4 +1,7 @@
-"""Classify: which kind of motion a start settles on, with the evidence."""
+"""Classify: which kind of motion a start settles on, with the evidence.
+
+Method: docs/numerics/attractors.md
+"""
 
 from __future__ import annotations
 

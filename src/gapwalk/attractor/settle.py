@@ -1,4 +1,7 @@
-"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer."""
+"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer.
+
+Method: docs/numerics/attractors.md
+"""
 
 from __future__ import annotations
 

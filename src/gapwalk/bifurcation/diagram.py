@@ -1,4 +1,7 @@
-"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
+"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What a kind of special point is: the contract that every kind fulfils, and the registry of all kinds."""
+"""What a kind of special point is: the contract that every kind fulfils, and the registry of all kinds.
+
+Method: docs/numerics/special-points.md
+"""
 
 from __future__ import annotations
 

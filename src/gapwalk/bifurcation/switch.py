@@ -1,4 +1,7 @@
-"""Switch branches: leave a special point along the branches that begin or cross there."""
+"""Switch branches: leave a special point along the branches that begin or cross there.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 

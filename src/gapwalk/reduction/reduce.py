@@ -1,4 +1,7 @@
-"""Reduce a system of many degrees of freedom to a few: those at its contacts, and its lowest modes."""
+"""Reduce a system of many degrees of freedom to a few: those at its contacts, and its lowest modes.
+
+Method: docs/numerics/reduction.md
+"""
 
 from __future__ import annotations
 

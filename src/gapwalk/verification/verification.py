@@ -1,4 +1,7 @@
-"""The record of a verification: what was checked, how far from the ideal the worst figures are, and where."""
+"""The record of a verification: what was checked, how far from the ideal the worst figures are, and where.
+
+Method: docs/numerics/verification.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Follow a special point in two parameters: its locus, with the points of codimension two on the way."""
+"""Follow a special point in two parameters: its locus, with the points of codimension two on the way.
+
+Method: docs/numerics/loci.md
+"""
 
 from __future__ import annotations
 
