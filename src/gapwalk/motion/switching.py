@@ -1,7 +1,4 @@
-"""The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked.
-
-Method: docs/numerics/flow.md
-"""
+"""The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked."""
 
 from __future__ import annotations
 
