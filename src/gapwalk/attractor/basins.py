@@ -1,7 +1,4 @@
-"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to.
-
-Method: docs/numerics/basins.md
-"""
+"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Classify: which kind of motion a start settles on, with the evidence.
-
-Method: docs/numerics/attractors.md
-"""
+"""Classify: which kind of motion a start settles on, with the evidence."""
 
 from __future__ import annotations
 

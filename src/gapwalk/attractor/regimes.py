@@ -1,7 +1,4 @@
-"""The record of a regime map: which kind of motion there is at each cell of a plane of two parameters.
-
-Method: docs/numerics/basins.md
-"""
+"""The record of a regime map: which kind of motion there is at each cell of a plane of two parameters."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer.
-
-Method: docs/numerics/attractors.md
-"""
+"""Settle: follow a transient until it is known where it leads, however long that takes, and no longer."""
 
 from __future__ import annotations
 

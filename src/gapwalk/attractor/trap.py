@@ -5,8 +5,6 @@ it shrinks everything, ``|x|^2 = x' P x`` with ``A' P A / g^2 - P + I = 0`` for 
 (Lyapunov's equation). The ellipsoids of that norm are tried from large to small, on the exact flow: the first whose
 whole surface, at random points of it and of smaller ones inside, comes back shrunk is the trap. The return map is
 one-to-one and continuous, so what is inside the surface stays inside.
-
-Method: docs/numerics/basins.md
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Find and locate every special point in one step of a walk, kind by kind.
-
-Method: docs/numerics/special-points.md
-"""
+"""Find and locate every special point in one step of a walk, kind by kind."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades.
-
-Method: docs/numerics/switching.md
-"""
+"""The diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
 
 from __future__ import annotations
 

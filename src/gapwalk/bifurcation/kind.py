@@ -1,7 +1,4 @@
-"""What a kind of special point is: the contract that every kind fulfils, and the registry of all kinds.
-
-Method: docs/numerics/special-points.md
-"""
+"""What a kind of special point is: the contract that every kind fulfils, and the registry of all kinds."""
 
 from __future__ import annotations
 

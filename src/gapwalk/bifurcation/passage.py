@@ -4,8 +4,6 @@ Past a graze at a stop k times stiffer than the rest the branch turns within a d
 rounding of what the state at theta = 0 can say. By the depth itself (`TouchEquation`) it is smooth: so the step over
 such a corner is made by depths that grow by the same factor from one to the next, on both sides of the graze, and the
 special points between are sought and located on that scale.
-
-Method: docs/numerics/continuation.md
 """
 
 from __future__ import annotations

@@ -2,8 +2,6 @@
 
 By shooting with one segment more, by harmonic balance with half as many harmonics again. What both have in common is
 right; by how much they differ is an estimate of the error.
-
-Method: docs/numerics/special-points.md
 """
 
 from __future__ import annotations

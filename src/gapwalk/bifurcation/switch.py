@@ -1,7 +1,4 @@
-"""Switch branches: leave a special point along the branches that begin or cross there.
-
-Method: docs/numerics/switching.md
-"""
+"""Switch branches: leave a special point along the branches that begin or cross there."""
 
 from __future__ import annotations
 

@@ -2,8 +2,6 @@
 
 It knows neither disk nor screen, neither shooting nor harmonic balance, and no bifurcations. It can be stopped after
 any point and resumed from it. Every end has its reason.
-
-Method: docs/numerics/continuation.md
 """
 
 from __future__ import annotations

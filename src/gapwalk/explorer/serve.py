@@ -1,7 +1,4 @@
-"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set.
-
-Method: docs/numerics/explorer.md
-"""
+"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Fit named parameters to a record by least squares, with the exact sensitivities of the orbit.
-
-Method: docs/numerics/measurement.md
-"""
+"""Fit named parameters to a record by least squares, with the exact sensitivities of the orbit."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Where a system rests under its mean load alone: its equilibria, and which clearances are open there.
-
-Method: docs/numerics/equilibria.md
-"""
+"""Where a system rests under its mean load alone: its equilibria, and which clearances are open there."""
 
 from __future__ import annotations
 

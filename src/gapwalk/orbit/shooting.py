@@ -1,7 +1,4 @@
-"""Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments.
-
-Method: docs/numerics/continuation.md
-"""
+"""Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments."""
 
 from __future__ import annotations
 

@@ -11,8 +11,6 @@ contact force and every load, and the error of its flexibility grows with the sq
 first mode that is left out. Forces that act on many coordinates bring their static response, made orthogonal to the
 modes, instead of kept coordinates. Where much accuracy is asked for, the response to the inertia of the shapes Psi
 serves better than as many modes more: the error then grows with the fourth power.
-
-Method: docs/numerics/reduction.md
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Reduce a system of many degrees of freedom to a few: those at its contacts, and its lowest modes.
-
-Method: docs/numerics/reduction.md
-"""
+"""Reduce a system of many degrees of freedom to a few: those at its contacts, and its lowest modes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Compare two results: which branches and loci are the same ones, and how far apart they are.
-
-Method: docs/numerics/results.md
-"""
+"""Compare two results: which branches and loci are the same ones, and how far apart they are."""
 
 from __future__ import annotations
 

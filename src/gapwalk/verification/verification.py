@@ -1,7 +1,4 @@
-"""The record of a verification: what was checked, how far from the ideal the worst figures are, and where.
-
-Method: docs/numerics/verification.md
-"""
+"""The record of a verification: what was checked, how far from the ideal the worst figures are, and where."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Follow a special point in two parameters: its locus, with the points of codimension two on the way.
-
-Method: docs/numerics/loci.md
-"""
+"""Follow a special point in two parameters: its locus, with the points of codimension two on the way."""
 
 from __future__ import annotations
 

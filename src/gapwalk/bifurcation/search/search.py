@@ -1,7 +1,4 @@
-"""The search for isolated branches and other attractors: orbits at several values of a parameter, from many starts.
-
-Method: docs/numerics/isolated-branches.md
-"""
+"""The search for isolated branches and other attractors: orbits at several values of a parameter, from many starts."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The mass flow: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps.
-
-Method: docs/numerics/batch-integrator.md
-"""
+"""The mass flow: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps."""
 
 from __future__ import annotations
 

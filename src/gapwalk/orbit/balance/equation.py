@@ -1,7 +1,4 @@
-"""Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections.
-
-Method: docs/numerics/harmonic-balance.md
-"""
+"""Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The family: the branches of one system for several values of one parameter, their special points joined.
-
-Method: docs/numerics/families.md
-"""
+"""The family: the branches of one system for several values of one parameter, their special points joined."""
 
 from __future__ import annotations
 

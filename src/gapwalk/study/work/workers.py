@@ -1,7 +1,4 @@
-"""Where independent pieces of work run: in this process, on all local cores, or on a cluster.
-
-Method: docs/numerics/results.md
-"""
+"""Where independent pieces of work run: in this process, on all local cores, or on a cluster."""
 
 from __future__ import annotations
 
