@@ -195,7 +195,8 @@ _OVERLAPPING = replace(
 )
 
 # The place nearest to the printed numbers of figures 5 and 6 that was found to have both of their motions, with all
-# multipliers below 0.9 (docs/design.md: how). Over Te1 or Tm1 alone each of them exists, but not both at one place.
+# multipliers below 0.9 (docs/numerics/reproduction.md: how). Over Te1 or Tm1 alone each of them exists, but not both at
+# one place.
 _NEAR = {"mean.q1": 0.2143, "mean.q3": 0.2047, _AMPLITUDE: 0.2968, "frequency": 0.1679}
 _FOUR_PEAKS = (2.432, 0.709, 0.46, 0.282)  # a state on the motion of figure 5
 _VERY_LOW = {"mean.q1": 0.05, "mean.q3": 0.05, "frequency": 0.35}

@@ -1,4 +1,7 @@
-"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to."""
+"""The record of basins of attraction: which attractor each cell of a plane of initial states leads to.
+
+Method: docs/numerics/basins.md
+"""
 
 from __future__ import annotations
 

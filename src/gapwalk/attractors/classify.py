@@ -1,4 +1,7 @@
-"""Classification of the attractor on which a motion settles, with the evidence."""
+"""Classification of the attractor on which a motion settles, with the evidence.
+
+Method: docs/numerics/attractors.md
+"""
 
 from __future__ import annotations
 

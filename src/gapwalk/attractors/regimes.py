@@ -1,4 +1,7 @@
-"""The record of a regime map: the kind of motion at each cell of a plane of two parameters."""
+"""The record of a regime map: the kind of motion at each cell of a plane of two parameters.
+
+Method: docs/numerics/basins.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Settling: follow a transient just long enough to decide to which motion it leads."""
+"""Settling: follow a transient just long enough to decide to which motion it leads.
+
+Method: docs/numerics/attractors.md
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ norm in which it is a contraction, ``|x|^2 = x' P x`` with ``A' P A / g^2 - P + 
 multiplier (Lyapunov's equation). The ellipsoids of that norm are tested from large to small on the exact flow. The
 trapping region is the first one for which random points of its surface, and of smaller ones inside, all return to a
 smaller ellipsoid. The return map is one-to-one and continuous, so points inside the surface stay inside.
+
+Method: docs/numerics/basins.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Detection and location of every special point in one step of a walk, kind by kind."""
+"""Detection and location of every special point in one step of a walk, kind by kind.
+
+Method: docs/numerics/special-points.md
+"""
 
 from __future__ import annotations
 

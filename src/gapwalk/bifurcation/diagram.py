@@ -1,4 +1,7 @@
-"""Diagram: a tree of branches over one parameter, each once, with parents, children and cascades."""
+"""Diagram: a tree of branches over one parameter, each once, with parents, children and cascades.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 

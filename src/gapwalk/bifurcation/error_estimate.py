@@ -2,6 +2,8 @@
 
 Shooting uses one segment more, harmonic balance 50 % more harmonics. The difference between the two computations is an
 estimate of the error.
+
+Method: docs/numerics/special-points.md
 """
 
 from __future__ import annotations

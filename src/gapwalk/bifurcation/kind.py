@@ -1,4 +1,7 @@
-"""Kind of special point: the contract that every kind fulfils, and the registry of all kinds."""
+"""Kind of special point: the contract that every kind fulfils, and the registry of all kinds.
+
+Method: docs/numerics/special-points.md
+"""
 
 from __future__ import annotations
 

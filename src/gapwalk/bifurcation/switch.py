@@ -1,4 +1,7 @@
-"""Branch switching: the beginnings of the branches that begin or cross at a special point."""
+"""Branch switching: the beginnings of the branches that begin or cross at a special point.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The batch integrator: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps."""
+"""The batch integrator: many trajectories of a system at moderate accuracy, for basins, sweeps and regime maps.
+
+Method: docs/numerics/batch-integrator.md
+"""
 
 from __future__ import annotations
 

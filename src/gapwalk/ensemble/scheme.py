@@ -4,6 +4,8 @@ Over one step the linear part (stiffness, damping, mean load, harmonics) is prop
 The contact forces enter by Duhamel's integral over a polynomial through their values at the end of the step and at
 three earlier times: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
 the polynomial through the three earlier values as its predictor, and one evaluation of each force per step.
+
+Method: docs/numerics/batch-integrator.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set."""
+"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set.
+
+Method: docs/numerics/explorer.md
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 A `Flow` is compiled once for a structure and a pattern of non-zero coefficients (heyoka, Taylor series of high
 order, LLVM) and then serves every value. Each breakpoint of each contact is a terminal event, found to rounding.
+
+Method: docs/numerics/flow.md
 """
 
 from __future__ import annotations

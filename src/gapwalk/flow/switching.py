@@ -1,4 +1,7 @@
-"""The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked."""
+"""The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked.
+
+Method: docs/numerics/flow.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Fit named parameters to a record by least squares, with the exact sensitivities of the orbit."""
+"""Fit named parameters to a record by least squares, with the exact sensitivities of the orbit.
+
+Method: docs/numerics/measurement.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Where a system rests under its mean load alone: its equilibria, and which clearances are open there."""
+"""Where a system rests under its mean load alone: its equilibria, and which clearances are open there.
+
+Method: docs/numerics/equilibria.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments."""
+"""Shooting: a periodic orbit as the fixed point of the flow over m forcing periods, in one or more segments.
+
+Method: docs/numerics/continuation.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Where independent pieces of work run: in this process, on all local cores, or on a cluster."""
+"""Where independent pieces of work run: in this process, on all local cores, or on a cluster.
+
+Method: docs/numerics/results.md
+"""
 
 from __future__ import annotations
 

@@ -11,6 +11,8 @@ equilibrium, under all contact forces and loads, and the error of its flexibilit
 over that of the first omitted mode. For forces that act on many coordinates, their static response (made orthogonal to
 the modes) is included instead of retained coordinates. For high accuracy, the response to the inertia of the shapes Psi
 is more effective than the same number of additional modes: the error then grows with the fourth power.
+
+Method: docs/numerics/reduction.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Reduction of a system with many degrees of freedom to those at its contacts and its lowest modes."""
+"""Reduction of a system with many degrees of freedom to those at its contacts and its lowest modes.
+
+Method: docs/numerics/reduction.md
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ one file. Killed at any moment, the file holds all parts up to some moment, so w
 
 The seal is the sum of the checksums of all parts: it is kept up to date by each transaction, however long the file is.
 Nothing in it is secret: it finds what was changed by something else than gapwalk, but not a change with a new seal.
+
+Method: docs/numerics/results.md
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Compare two results: which branches and loci are the same ones, and how far apart they are."""
+"""Compare two results: which branches and loci are the same ones, and how far apart they are.
+
+Method: docs/numerics/results.md
+"""
 
 from __future__ import annotations
 

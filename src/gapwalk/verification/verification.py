@@ -1,4 +1,7 @@
-"""Record of a verification: the checks made, their worst figures, and the places of these."""
+"""Record of a verification: the checks made, their worst figures, and the places of these.
+
+Method: docs/numerics/verification.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Search for isolated branches and other attractors: orbits at several values of a parameter, from many starts."""
+"""Search for isolated branches and other attractors: orbits at several values of a parameter, from many starts.
+
+Method: docs/numerics/isolated-branches.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Continuation of a special point in two parameters: its locus, with its points of codimension two."""
+"""Continuation of a special point in two parameters: its locus, with its points of codimension two.
+
+Method: docs/numerics/loci.md
+"""
 
 from __future__ import annotations
 

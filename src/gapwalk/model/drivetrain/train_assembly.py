@@ -21,6 +21,8 @@ angle would be 1. With ``G = diag(g)``, zero for deflections, the equations beco
 
 for ``x_s`` has no stiffness and deflects no contact. The leak g is twice the rate at which the drag by itself ends the
 slip: it follows from inertias and damping alone, and the equations of two inertias keep two different multipliers.
+
+Method: docs/numerics/drive-trains.md
 """
 
 from __future__ import annotations

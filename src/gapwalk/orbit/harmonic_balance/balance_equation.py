@@ -1,4 +1,7 @@
-"""Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections."""
+"""Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections.
+
+Method: docs/numerics/harmonic-balance.md
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The family: the branches of one system for several values of one parameter, their special points joined."""
+"""The family: the branches of one system for several values of one parameter, their special points joined.
+
+Method: docs/numerics/families.md
+"""
 
 from __future__ import annotations
 
