@@ -12,7 +12,6 @@ from gapwalk.attractors.line_names import line_name
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.card import card_of
-from gapwalk.studies.settle.study import _line
 
 INERTIA, STIFFNESS, DAMPING = 0.01, 40.0, 0.2
 TORQUES = {2: 10.0, 4: 3.0, 6: 1.0}
@@ -114,11 +113,3 @@ def test_names_of_lines() -> None:
     ]
     assert line_name(1.2345, (1,), turns=2) == "order 1.234"
     assert [line_name(order, (1, 3)) for order in (2, 5 / 3, 0.231)] == ["2W", "5W/3", "0.231W"]
-
-
-def test_lines_of_older_results_are_counted_anew() -> None:
-    assert _line(2, "W", 1.0, 0.5) == ("order 2", 2.0, 0.5)
-    assert _line(2, "W/3", 1.0 / 3.0, 0.5) == ("order 2/3", 2.0 / 3.0, 0.5)
-    assert _line(2, "order 2", 2.0, 0.5) == ("order 2", 2.0, 0.5)
-    assert _line(None, "W", 1.0, 0.5) == ("W", 1.0, 0.5)
-    assert _line(2, "0.231W", 0.231, 0.5).name == "order 0.462"

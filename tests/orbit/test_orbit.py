@@ -172,7 +172,7 @@ def test_measures_are_refused_with_what_is_allowed():
         orbit.measure("peak.a")
     with pytest.raises(ModelError, match="no signal 'c'; signals are a, b"):
         orbit.measure("max.c")
-    with pytest.raises(ModelError, match="no order"):
+    with pytest.raises(ModelError, match="is not an order"):
         orbit.measure("hx.a")
 
 
