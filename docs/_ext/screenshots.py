@@ -139,7 +139,7 @@ def follow(page: Page) -> None:
 
 
 def search(page: Page) -> None:
-    """A search for motions that hang together with no branch that is known; a short one."""
+    """A search for motions connected to no known branch; a short one."""
     page.fill("#search-count", "6")
     page.click("#search")
     until(page, "gapwalk.page.results[3]?.state === 'done'")

@@ -8,7 +8,7 @@ class GapwalkError(Exception):
 
 
 class ModelError(GapwalkError, ValueError):
-    """A system, a study or a request that makes no sense: the user can mend it."""
+    """A system, a study or a request that makes no sense: the user can correct it."""
 
 
 class StoreError(ModelError):

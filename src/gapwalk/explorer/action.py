@@ -63,7 +63,7 @@ class Switch(_Part):
 
 
 class Search(_Part):
-    """Search for motions that hang together with no known branch, between two values of a parameter.
+    """Search for motions connected to no known branch, between two values of a parameter.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 Each is stored as a result of a kind that there is: a switch and a search as a diagram, a locus as a map. What Ctrl-C
 has interrupted keeps what it has found. A search that goes on keeps its branches; a switch and a locus are walked
-anew, for they take seconds, and so they come to the same as without the interruption.
+again, for they take seconds, and so they give the same result as without the interruption.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class SwitchFollowUp:
 
 @dataclass(frozen=True)
 class SearchFollowUp:
-    """Search for motions that hang together with no known branch, and follow what is found.
+    """Search for motions connected to no known branch, and follow what is found.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class SearchFollowUp:
     known: tuple[Branch, ...]
 
     def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
-        """Search and follow; an interrupted search begins anew, the branches of one that was complete are kept."""
+        """Search and follow; an interrupted search begins again, the branches of one that was complete are kept."""
         options = study.options
         assert isinstance(options, DiagramStudyOptions)
         within = (options.begin, options.end)

@@ -60,7 +60,7 @@ class ModelFileError(ModelError):
     Parameters
     ----------
     problems
-        All that was found, one problem for each thing to mend.
+        All that was found, one problem for each thing to correct.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:

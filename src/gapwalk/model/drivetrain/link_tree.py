@@ -1,4 +1,4 @@
-"""How the parts of a train hang together: a tree of links that reaches all of them, and the links that close loops."""
+"""The connections of the parts of a train: a tree of links that reaches all of them, and the links that close loops."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """The way from a root to all that hangs together with it.
+    """The way from a root to all that is connected to it.
 
     Parameters
     ----------

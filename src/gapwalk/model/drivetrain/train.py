@@ -36,7 +36,7 @@ class Train:
     Parameters
     ----------
     inertias, shafts, gears
-        Its parts; all of them hang together. Loops may be closed, as far as the ratios around them agree.
+        Its parts; all of them are connected. Loops may be closed, as far as the ratios around them agree.
     mean
         Constant torques by inertia. Where they do not balance, a free train accelerates steadily as a whole.
     harmonics
@@ -296,7 +296,7 @@ def _joints(train: Train) -> tuple[dict[str, int], list[Edge]]:
 
 
 def _connection_problems(train: Train) -> Iterator[str]:
-    """What does not hang together, and what cannot move."""
+    """Report parts that are not connected, and parts that cannot move."""
     _, edges = _joints(train)
     tree = tree_of(edges, len(train.inertias))
     reached = {tree.root, *(step.child for step in tree.steps)}

@@ -1,4 +1,4 @@
-"""A train without its numbers: its parts, how they hang together, and where each of its numbers stands."""
+"""A train without its numbers: its parts, how they are connected, and the place of each of its numbers."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class TrainForm:
 
     @cached_property
     def tree(self) -> Tree:
-        """How the links hang together."""
+        """The connections of the links."""
         return tree_of([Edge(link.ends, link.rigid, link.drag) for link in self.links], self.ground)
 
     @property

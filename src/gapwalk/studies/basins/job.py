@@ -138,7 +138,7 @@ class BasinJob:
         self._explore(np.flatnonzero(self.labels == UNRESOLVED))
 
     def check(self, hands: Workers, neighbours: NDArray[np.intp], at_borders: int | None, elsewhere: int) -> None:
-        """Find labels at borders, and some others, again with the exact flow, and mend what is wrong.
+        """Find labels at borders, and some others, again with the exact flow, and correct what is wrong.
 
         Wrong labels are not alone: where one was found, those about it are found again too. And where a sample holds
         one, there are more; so others are drawn, until a sample holds none. In the end some are followed once more from

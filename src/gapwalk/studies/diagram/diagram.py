@@ -44,7 +44,7 @@ class DiagramOptions:
     workers
         Processes to work in; by default one for each local core. The result does not depend on it.
     search_values
-        Values of the parameter at which branches are sought that hang together with no other. A number of them is
+        Values of the parameter at which branches not connected to others are sought. A number of them is
         spread evenly over the range; 0 for no search.
     search
         How thoroughly to search there.
@@ -236,7 +236,7 @@ class Grower:
         self._grow_from(self.diagram.members[:1], hands)
 
     def search(self, system: System, hands: Workers) -> None:
-        """Add the branches that hang together with no other, with all that grows from them.
+        """Add the branches connected to no other, with all that grows from them.
 
         The search knows the branches that were found without it. Its result is kept with the first branch that it
         leads to, so that a diagram that is resumed plants the same orbits in the same order.

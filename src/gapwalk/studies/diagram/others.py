@@ -1,4 +1,4 @@
-"""The branches that hang together with no known one: a search over a range of one parameter, and all it leads to."""
+"""The branches connected to no known one: a search over a range of one parameter, and all it leads to."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def find_others(
     report: Report | None = None,
     resume: Diagram | None = None,
 ) -> Diagram:
-    """Search for motions that hang together with no known branch, and follow all that is found.
+    """Search for motions connected to no known branch, and follow all that is found.
 
     What the search has covered, and what it may have missed, is in the `notes` of the diagram.
 

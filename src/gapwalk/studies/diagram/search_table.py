@@ -1,4 +1,4 @@
-"""The table ``[study.search]`` of a model file: the search for branches that hang together with no other."""
+"""The table ``[study.search]`` of a model file: the search for branches connected to no other."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class MapOptions:
     workers
         Processes to work in; by default one for each local core. The result does not depend on it.
     search_values
-        Values of the first parameter on each section at which branches are sought that hang together with no other;
+        Values of the first parameter on each section at which branches not connected to others are sought;
         as in `DiagramOptions`.
     search
         How thoroughly to search there.

@@ -1,4 +1,4 @@
-"""A reduced system as it was before: modes are computed anew each time, to rounding the same."""
+"""A reduced system as it was before: modes are computed again each time, to rounding the same."""
 
 from __future__ import annotations
 
