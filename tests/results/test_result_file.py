@@ -203,7 +203,7 @@ class CtrlC:
         sys.settrace(None)
 
     def _trace(self, frame, event, argument):
-        if not frame.f_code.co_filename.endswith((os.sep + "files.py", os.path.join("results", "file.py"))):
+        if not frame.f_code.co_filename.endswith((os.sep + "files.py", os.path.join("results", "result_file.py"))):
             return None
         if event == "line":
             self.lines += 1
