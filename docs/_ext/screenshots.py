@@ -193,9 +193,9 @@ SHOTS = tuple(shot for scene in SCENES for shot in scene.shots)
 
 def rest(page: Page) -> None:
     """Wait until a motion is shown whole, and stop it where something touches."""
-    until(page, "gapwalk.flow.motion && document.querySelectorAll('#section .dot').length > 0")
+    until(page, "gapwalk.motion.motion && document.querySelectorAll('#section .dot').length > 0")
     page.wait_for_timeout(800)  # what was asked for on the way is not shown any more
-    page.evaluate("gapwalk.flow.bodies.at(Math.round(0.3 * gapwalk.flow.motion.theta.length))")
+    page.evaluate("gapwalk.motion.bodies.at(Math.round(0.3 * gapwalk.motion.motion.theta.length))")
 
 
 def panel(page: Page, heading: str):

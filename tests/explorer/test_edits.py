@@ -56,7 +56,7 @@ def test_what_the_page_shows_is_what_it_computes(page, folder) -> None:
     page.fill(field(page, "stop.clearance"), "0.5")
     computed(page, "#compute-values", 1)
     page.evaluate("gapwalk.diagram.chosen({ curve: [...gapwalk.curves.all.values()][0], index: 2 })")
-    until(page, "gapwalk.flow.motion?.parameters['stop.clearance'] === 0.5")
+    until(page, "gapwalk.motion.motion?.parameters['stop.clearance'] === 0.5")
     until(page, f"document.querySelector(\"{field(page, 'stop.clearance')}\").value === '0.5'")
     page.fill(field(page, "mean.x"), "0.1")
     shown = page.evaluate("[...document.querySelectorAll('.parameter.changed')].map((row) => row.dataset.name)")

@@ -78,13 +78,13 @@ def place_of(page: Page, name: str, point: int) -> list[float]:
 def test_figure_13_is_computed_a_click_shows_a_motion_and_a_flip_leads_on(page, workspace) -> None:
     name = computed(page)
     (result,) = gw.load(next((workspace / "clutch.explorer").glob("*.gapwalk"))).branches
-    assert page.evaluate(f"gapwalk.curves.all.get('{name}').count") == len(result.points)
+    until(page, f"gapwalk.curves.all.get('{name}').count === {len(result.points)}")
     x, y = place_of(page, name, 30)  # a click beside a point chooses it
     page.mouse.click(x + 1, y + 1)
-    until(page, "Boolean(gapwalk.flow.motion)")
+    until(page, "Boolean(gapwalk.motion.motion)")
     number = page.evaluate("gapwalk.page.chosen.start.point")
     assert abs(number - 30) <= 1
-    shown = np.array(page.evaluate("gapwalk.flow.motion.q.q1"))
+    shown = np.array(page.evaluate("gapwalk.motion.motion.q.q1"))
     np.testing.assert_allclose(shown[0], result.points[number].orbit.state[0], rtol=1e-6)
     assert page.locator("#history path.curve").count() == 1
     until(page, "document.querySelectorAll('#section .dot').length === 1")
@@ -110,7 +110,7 @@ def test_keys_walk_along_the_branch_and_say_where(page) -> None:
     assert page.evaluate("gapwalk.page.chosen.start.point") == 11
     assert page.inner_text("#chosen") != first
     # the second of two quick steps is the one that is shown
-    until(page, "gapwalk.flow.place?.point === 11 && document.querySelectorAll('#spectrum .bar').length > 5")
+    until(page, "gapwalk.motion.place?.point === 11 && document.querySelectorAll('#spectrum .bar').length > 5")
     assert "Ω" in page.inner_text("#motion-title")
 
 
@@ -181,7 +181,7 @@ def test_a_motion_settles_at_the_values_of_the_sliders(page) -> None:
     page.click("#settle")
     until(page, "gapwalk.curves.settled.size === 1")
     page.click("#results button:text-is('Show')")
-    until(page, "gapwalk.flow.motion?.parameters.frequency === 0.6")
+    until(page, "gapwalk.motion.motion?.parameters.frequency === 0.6")
     assert "stable" in page.inner_text("#motion-text")
 
 
@@ -193,13 +193,13 @@ def test_each_signal_of_a_train_is_shown_and_none_in_the_place_of_another(page, 
     until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size > 0")
     page.focus("#diagram")
     page.keyboard.press("Home")
-    until(page, "Boolean(gapwalk.flow.motion)")
+    until(page, "Boolean(gapwalk.motion.motion)")
     result, *_ = (workspace / "drivetrain.explorer").glob("*.gapwalk")
     motion = gw.load(result).branches[0].points[0].orbit.motion(64)
     for signal in ("clutch", "clutch'", "clutch.force", "clutch.torque", "flywheel''"):
         page.select_option("#signal", signal)
-        until(page, f'gapwalk.flow.details?.signal === "{signal}"')
-        values = np.array(page.evaluate("gapwalk.flow.values"))
+        until(page, f'gapwalk.motion.details?.signal === "{signal}"')
+        values = np.array(page.evaluate("gapwalk.motion.values"))
         assert np.ptp(values) == pytest.approx(np.ptp(motion.signal(signal)), rel=0.02), signal
         assert "clutch" in page.inner_text("#loop")
 
@@ -218,7 +218,7 @@ def test_what_has_no_place_in_the_diagram_is_said_to_have_none(page) -> None:
         "Result",
     ]
     page.click("#results button:text-is('Show')")
-    until(page, "gapwalk.flow.motion?.period === null")
+    until(page, "gapwalk.motion.motion?.period === null")
 
 
 def test_nothing_is_cut_off_at_200_percent(page) -> None:
@@ -260,7 +260,7 @@ def test_a_locus_is_followed_and_shown_in_its_plane(page) -> None:
     exact = np.hypot(1.0 - np.square(x), 0.05 * np.array(x))
     np.testing.assert_allclose(y, exact, rtol=1e-6)
     page.evaluate("gapwalk.diagram.chosen({ curve: gapwalk.curves.subject()[0], index: 0 })")
-    until(page, "gapwalk.flow.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
+    until(page, "gapwalk.motion.motion?.parameters.frequency === gapwalk.curves.subject()[0].x[0]")
     page.click(f"#results li:nth-child({key + 1}) button:text-is('Show')")  # back to the diagram
     until(page, "!gapwalk.curves.hasLoci && gapwalk.curves.all.size >= 1")
 
