@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
-from tests.explorer.test_app import amplitude, unpacked
 
 import gapwalk as gw
 from gapwalk.explorer.exploration import Exploration
 from gapwalk.explorer.web_app import application
 from tests.explorer.conftest import CLUTCH, ORIGIN, STOP, wait
+from tests.explorer.test_web_app import amplitude, unpacked
 
 SYMMETRIC = """
 title = "A gap on both sides"

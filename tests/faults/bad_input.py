@@ -14,7 +14,7 @@ from typing import Any
 import gapwalk as gw
 from gapwalk.cli import main
 from tests.cli.conftest import MODEL
-from tests.model.drivetrain.test_file import GOOD as TRAIN
+from tests.model.drivetrain.test_train_file import GOOD as TRAIN
 from tests.studies.studies import stop_study
 
 DATA = Path(__file__).parents[1] / "data"
