@@ -10,7 +10,7 @@ PYTHON ?=
 WORKERS ?= 2
 CANDIDATES = $(or $(PYTHON),python3.11 python3 python3.14 python3.13 python3.12 python)
 
-# Bytecode is kept: each process of the tests would compile all of them anew.
+# Bytecode is kept: each process of the tests would compile all of them again.
 TESTS = MPLBACKEND=Agg PYTHONDONTWRITEBYTECODE= $(PY) -m pytest -p no:cacheprovider
 
 .DEFAULT_GOAL := help
@@ -42,7 +42,7 @@ test: lint browser  ## lint, types and all tests that are not slow (WORKERS=4: t
 tests: kernels
 	$(TESTS) --numprocesses=$(WORKERS) --dist=worksteal
 
-# The kernels of harmonic balance are compiled before: each process of the tests would do it anew.
+# The kernels of harmonic balance are compiled before: each process of the tests would compile them again.
 kernels: $(STAMP)
 	@PYTHONDONTWRITEBYTECODE= $(PY) -c "import gapwalk.orbit.harmonic_balance.kernels"
 

@@ -1,4 +1,4 @@
-"""What follows from an orbit and is no study of a model file: a switch, a search for others, a locus.
+"""Work that starts from an orbit and is not a study of a model file: a switch, a search for others, a locus.
 
 Each is stored as a result of a kind that there is: a switch and a search as a diagram, a locus as a map. What Ctrl-C
 has interrupted keeps what it has found. A search that goes on keeps its branches; a switch and a locus are walked
@@ -134,7 +134,7 @@ class LocusFollowUp:
 
 
 def _to_end(steps: Iterator[S], tell: Callable[[S], None]) -> bool:
-    """Walk to the end, or until Ctrl-C, and tell each step; whether it was to the end.
+    """Walk to the end, or until Ctrl-C, and report each step; return True at the end.
 
     Raises
     ------

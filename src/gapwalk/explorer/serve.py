@@ -44,7 +44,7 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
     """
     root, name = _workspace(file)
     if name:
-        Exploration(Workspace(root), name)  # what is wrong with the file is told here rather than on a page
+        Exploration(Workspace(root), name)  # errors of the file are reported here, not on a page
     with _listen(host, port) as listener:
         token = "" if is_loopback(host) else new_token()
         session = Session(root, name)

@@ -1,4 +1,4 @@
-"""What the server keeps: the workspace, the explorations that are open, the jobs, and who listens."""
+"""State of the server: the workspace, the open explorations, the jobs, and the pages that listen."""
 
 from __future__ import annotations
 

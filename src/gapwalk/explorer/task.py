@@ -15,7 +15,7 @@ from gapwalk.studies.run import run
 
 
 class FollowUp(Protocol):
-    """What is to be done where it is no study of a model file; see `gapwalk.explorer.follow_ups`."""
+    """Work that starts from an orbit and is not a study of a model file; see `gapwalk.explorer.follow_ups`."""
 
     def do(self, study: Study, output: Path, news: News, *, resume: bool) -> bool:
         """Do it, and write the result file; whether it was done to its end, False after Ctrl-C."""

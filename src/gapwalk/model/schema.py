@@ -167,7 +167,7 @@ def _located(error: Exception, model: type[Part], path: Path) -> tuple[str, Path
 
 
 def _unknown_key(key: str, owner: type[Part] | None, root: type[Part], at: Path) -> str:
-    """What to write in place of a key that is none."""
+    """Suggest what to write in place of an unknown key."""
     known = _fields(owner) if owner else {}
     homes = [name for name, info in root.model_fields.items() if key in _keys_below(info.annotation)]
     if owner is not root and key in _fields(root):
