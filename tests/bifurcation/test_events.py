@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gapwalk as gw
+from gapwalk.bifurcation.kind import Kind, register
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 
@@ -85,3 +86,12 @@ def test_an_event_keeps_its_function_in_a_pickle():
 def test_a_mistake_is_explained(make, message):
     with pytest.raises(ModelError, match=message):
         make()
+
+
+def test_the_name_of_another_kind_is_refused() -> None:
+    class Other(Kind):
+        pass
+
+    with pytest.raises(ModelError, match="there is a kind 'fold' already, Fold; choose another name"):
+        register(Other("fold"))
+    assert type(Kind.named("fold")).__name__ == "Fold"

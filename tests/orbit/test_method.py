@@ -150,3 +150,12 @@ def test_what_is_no_method_is_refused():
         chosen("relay")
     with pytest.raises(ModelError, match="there is no method 'rely'; there are shooting, harmonic-balance, relay"):
         Method.named("rely")
+
+
+def test_the_name_of_another_method_is_refused() -> None:
+    class Other(Method):
+        name = "shooting"
+
+    with pytest.raises(ModelError, match="there is a method 'shooting' already, Shooting; choose another name"):
+        register(Other)
+    assert Method.named("shooting") is gw.Shooting

@@ -250,5 +250,15 @@ _WITH_A_LOCUS = "follow a fold, a flip, a neimark-sacker or a grazing point"
 
 
 def register(kind: Kind) -> Kind:
-    """Register a kind under its name."""
-    return _KINDS.setdefault(str(kind), kind)
+    """Register a kind under its name; a class that is defined again replaces its earlier definition.
+
+    Raises
+    ------
+    ModelError
+        If a kind of another class has the name.
+    """
+    known = _KINDS.get(str(kind), kind)
+    if type(known).__qualname__ != type(kind).__qualname__:
+        raise ModelError(f"there is a kind {str(kind)!r} already, {type(known).__qualname__}; choose another name")
+    _KINDS[str(kind)] = kind
+    return kind

@@ -1,4 +1,4 @@
-"""What a way to find orbits is: the contract that every method fulfils, and the registry of all methods."""
+"""Methods to compute orbits: the contract that every method fulfils, and the registry of all methods."""
 
 from __future__ import annotations
 
@@ -97,8 +97,17 @@ _METHODS: dict[str, type[Method]] = {}
 
 
 def register(method: type[Method]) -> None:
-    """Make a method known by its name."""
-    _METHODS.setdefault(method.name, method)
+    """Register a method under its name; a class that is defined again replaces its earlier definition.
+
+    Raises
+    ------
+    ModelError
+        If another method has the name.
+    """
+    known = _METHODS.get(method.name, method)
+    if known.__qualname__ != method.__qualname__:
+        raise ModelError(f"there is a method {method.name!r} already, {known.__qualname__}; choose another name")
+    _METHODS[method.name] = method
 
 
 def chosen(method: Method | None) -> Method:
