@@ -1,1 +1,1 @@
-"""How fast gapwalk is, each line beside SciPy in the same process: ``python -m benchmarks``."""
+"""Benchmarks that compare gapwalk with SciPy in the same process: ``python -m benchmarks``."""

@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: measure, print one table, and write it as JSON if asked to."""
+"""``python -m benchmarks``: measure, print one table, and write it as JSON on request."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded: CPU time of one core on both sides
 
-_WIDTH = 140  # columns, where the output is no terminal
+_WIDTH = 140  # columns, if the output is not a terminal
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the benchmarks that were asked for."""
+    """Run the requested benchmarks."""
     parser = _parser()
     options = parser.parse_args(arguments)
     for name in options.only:

@@ -1,11 +1,12 @@
-"""Harmonic balance beside shooting, against the number of harmonics, of degrees of freedom and of contacts.
+"""Harmonic balance compared with shooting, over the number of harmonics, of degrees of freedom and of contacts.
 
-    python -m benchmarks balance            # figures 12 and 9b beside a peer
+    python -m benchmarks balance            # figures 12 and 9b compared with another program
     python -m benchmarks.balance            # the same figures, with 3 to 50 harmonics
     python -m benchmarks.balance chains     # chains of up to 1,000 degrees of freedom
 
-CPU seconds of one core; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing from threads. The peer is
-SKHiPPR, the fastest program for harmonic balance with stability that was found. It locates no special points.
+Times are CPU seconds of one core; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing from threads. The
+other program is SKHiPPR, the fastest one for harmonic balance with stability that was found. It locates no special
+points.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ T = TypeVar("T")
 
 
 def rows(effort: Effort) -> list[Row]:
-    """The paper's figures beside the peer."""
+    """Compare the paper's figures with the other program."""
     return [peer_row(name, harmonics, seconds, effort) for (name, harmonics), seconds in PEER.items()]
 
 
 def peer_row(name: str, harmonics: int, seconds: float, effort: Effort) -> Row:
-    """One figure at one number of harmonics, with every special point that shooting finds."""
+    """Measure one figure at one number of harmonics, with every special point that shooting finds."""
     start, method = find_orbit(case(name), frequency=2.0), Balance(harmonics, error=1.0)
 
     def ours() -> Branch:
@@ -64,7 +65,7 @@ def peer_row(name: str, harmonics: int, seconds: float, effort: Effort) -> Row:
 
 
 def main() -> None:
-    """Print the lines asked for."""
+    """Print the requested lines."""
     if sys.argv[1:] == ["chains"]:
         for size, contacts in CHAINS:
             print(chain_line(size, contacts), flush=True)
@@ -77,7 +78,7 @@ def main() -> None:
 
 
 def harmonics_line(name: str, harmonics: int, reference: Branch) -> str:
-    """Time and errors of one of the paper's figures at a number of harmonics."""
+    """Return time and errors of one of the paper's figures at a number of harmonics."""
     branch, seconds = timed(lambda: response(name, Balance(harmonics, error=1.0), LONG_STEPS), 3)
     errors = [f"{kind.value} {error(branch, reference, kind)}" for kind in (Kind.FOLD, Kind.FLIP, Kind.GRAZING)]
     truncation = max(point.orbit.truncation for point in branch.points)  # type: ignore[attr-defined]
@@ -90,18 +91,18 @@ def harmonics_line(name: str, harmonics: int, reference: Branch) -> str:
 
 
 def chain_line(size: int, contacts: int) -> str:
-    """Time of the frequency response of a chain, with stability and every special point."""
+    """Return the time of the frequency response of a chain, with stability and every special point."""
     (branch, started), seconds = timed(lambda: chain_response(size, contacts), 1)
     return f"chain of {size}, {contacts} gaps: {seconds:.1f} s (begun after {started:.1f} s), {summary(branch)}"
 
 
 def response(name: str, method: Method, walk: WalkOptions) -> Branch:
-    """The frequency response of a figure, from 2 down to 0.15."""
+    """Walk the frequency response of a figure, from 2 down to 0.15."""
     return follow(find_orbit(case(name), frequency=2.0), "frequency", to=0.15, method=method, walk=walk)
 
 
 def chain_response(size: int, contacts: int) -> tuple[Branch, float]:
-    """The response of a chain over its second resonance, and when the walk began."""
+    """Walk the response of a chain over its second resonance; also return when the walk began."""
     began, method = time.process_time(), Balance(7, error=0.1)
     orbit = find_orbit(chain(size, contacts), start="rest", method=method)
     started = time.process_time() - began
@@ -110,7 +111,7 @@ def chain_response(size: int, contacts: int) -> tuple[Branch, float]:
 
 
 def chain(size: int, contacts: int) -> System:
-    """A rod between two walls, cut into masses, with gaps to ground along it; the same rod whatever the size."""
+    """Return a rod between two walls, divided into masses, with gaps to ground; the same rod for every size."""
     names = tuple(f"q{index}" for index in range(size))
     stiffness = (size / 20.0) ** 2 * (2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1))
     damping = 0.02 * np.eye(size) + 0.002 * stiffness
@@ -124,7 +125,7 @@ def chain(size: int, contacts: int) -> System:
 
 
 def error(branch: Branch, reference: Branch, kind: Kind) -> str:
-    """Largest error of the special points of one kind."""
+    """Return the largest error of the special points of one kind."""
     found, known = (np.array([special.value for special in each.special(kind)]) for each in (branch, reference))
     if len(found) != len(known):
         return f"({len(found)} of {len(known)})"
@@ -132,13 +133,13 @@ def error(branch: Branch, reference: Branch, kind: Kind) -> str:
 
 
 def summary(branch: Branch) -> str:
-    """Points and special points of a branch."""
+    """Count points and special points of a branch."""
     kinds = ", ".join(f"{len(branch.special(kind))} {kind.value}" for kind in Kind.known() if branch.special(kind))
     return f"{len(branch.points)} points, {kinds or 'no special points'}, {branch.ends[-1].reason.name.lower()}"
 
 
 def timed(work: Callable[[], T], times: int) -> tuple[T, float]:
-    """What some work returns, and the fewest CPU seconds it took."""
+    """Return the result of some work, and the fewest CPU seconds that it took."""
     best, result = float("inf"), None
     for _ in range(times):
         began = time.process_time()

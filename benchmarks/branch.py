@@ -21,7 +21,7 @@ from gapwalk.flow.flow import Flow
 
 GROUP = "Branch of figure 13"
 _REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "special_points.json"
-_EXACT = 1e-9  # of a special point's W, against the reference
+_EXACT = 1e-9  # of the frequency of a special point, compared with the reference
 _AGREE = 1e-6  # of the states of the two walks
 _STEPS = WalkOptions(initial_step=0.05, largest_step=0.1)  # in shares of a range that is short
 
@@ -32,7 +32,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_branch(effort: Effort) -> Row:
-    """The whole branch from W = 1.9 to 0.15; the baseline is an estimate from its number of flow calls."""
+    """Measure the branch from Omega = 1.9 to 0.15; the baseline is an estimate from its number of flow calls."""
     start = _start(1.9)
 
     def ours() -> Branch:
@@ -62,7 +62,7 @@ def measure_branch(effort: Effort) -> Row:
 
 
 def measure_walk(effort: Effort) -> Row:
-    """A short part of it, really walked by both, to the same points; SciPy finds no special points there."""
+    """Walk a short part of it with both programs, to the same points; SciPy finds no special points there."""
     start, clutch = _start(0.9), ScipyClutch(paper.case("13"))
 
     def ours() -> Branch:
@@ -90,7 +90,7 @@ def _start(frequency: float) -> Orbit:
 
 
 def _count_calls(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
-    """The result of some work, and how many integrations it took with sensitivities and without."""
+    """Return the result of some work, and how many integrations it took with sensitivities and without."""
     counts: Counter[str] = Counter()
     integrate = Flow.integrate
 
@@ -103,7 +103,7 @@ def _count_calls(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
 
 
 def _estimate(start: Orbit, calls: Counter[str], effort: Effort) -> float:
-    """What the same number of forcing periods takes SciPy, at its speed at W = 0.5."""
+    """Return the time that SciPy takes for the same number of forcing periods, at its speed at Omega = 0.5."""
     clutch, state = ScipyClutch(start.system), _start(0.5).state
     plain, sensitive = side_by_side(
         [lambda: clutch.period(state, 0.5), lambda: clutch.period_with_sensitivities(state, 0.5)], effort
@@ -116,7 +116,7 @@ def _expected() -> list[dict[str, Any]]:
 
 
 def _points_found(branch: Branch) -> int:
-    """How many of the reference's special points the branch has."""
+    """Count the special points of the reference that the branch has."""
     return sum(
         any(abs(special.value - expected["W"]) <= _EXACT for special in branch.special(expected["kind"]))
         for expected in _expected()

@@ -1,4 +1,4 @@
-"""A chain of masses that ends at a stop: the system that is made longer, for gapwalk and for SciPy."""
+"""A chain of masses of any length that ends at a stop, for gapwalk and for SciPy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GAP, _STOP, _FORCE = 0.2, 4.0, 0.5
 
 
 def chain(size: int) -> System:
-    """`size` masses between two walls, joined by springs and dampers; the last, which is shaken, meets a stop."""
+    """Return `size` masses between two walls with springs and dampers; the last is excited, and meets a stop."""
     stiffness = 2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1)
     names = [f"x{index + 1}" for index in range(size)]
     last = {names[-1]: 1.0}
@@ -31,7 +31,7 @@ def chain(size: int) -> System:
 
 
 class ScipyChain:
-    """The same for SciPy: one matrix product for all masses, and the stop's force on the last.
+    """The same chain for SciPy: one matrix product for all masses, and the force of the stop on the last.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class ScipyChain:
         self.closed[-1, size - 1] -= r * _STOP
 
     def period(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The state after one forcing period."""
+        """Return the state after one forcing period."""
         last, r = self.size - 1, 1.0 / FREQUENCY
 
         def free(theta: float, y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ PERIOD = 2.0 * math.pi
 
 
 class Period(NamedTuple):
-    """One forcing period: the final state, its derivative by the initial one, and that by the frequency."""
+    """One forcing period: the final state, and its derivatives by the initial state and by the frequency."""
 
     state: NDArray[np.float64]
     transition: NDArray[np.float64]
@@ -25,8 +25,8 @@ class Period(NamedTuple):
 class ScipyClutch:
     """A two-mass system with one symmetric gap, Hunt and Crossley's damping, and one harmonic.
 
-    It is integrated over theta = W t. A stage is the side on which the contact touches: 0 none, 1 positive,
-    2 negative; each has right-hand sides of its own, without branches.
+    It is integrated over theta = Omega t. A stage is the side on which the contact touches: 0 none, 1 positive,
+    2 negative. Each stage has its own right-hand sides, without branches.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ class ScipyClutch:
         self.amplitude = system["harmonic1.amplitude"]
 
     def period(self, state: NDArray[np.float64], frequency: float) -> NDArray[np.float64]:
-        """The state after one forcing period."""
+        """Return the state after one forcing period."""
         stages = [Stage(self._slope(frequency, side), self._exits(side)) for side in (0, 1, -1)]
         return integrate(stages, self._stage_of(state), state, PERIOD)
 
     def period_with_sensitivities(
         self, state: NDArray[np.float64], frequency: float, *, by_frequency: bool = True
     ) -> Period:
-        """The same with the derivatives by the initial state and, if wanted, by the frequency."""
+        """Return the same with the derivatives by the initial state and, on request, by the frequency."""
         columns = 4 + by_frequency
         stages = [Stage(self._full_slope(frequency, side, columns), self._exits(side)) for side in (0, 1, -1)]
         start = np.concatenate((state, np.eye(4, columns).ravel()))
@@ -72,7 +72,7 @@ class ScipyClutch:
         ]
 
     def _slope(self, frequency: float, side: int):
-        """Right-hand side in plain floats, several times faster than arrays of this size."""
+        """Return the right-hand side in plain floats, several times faster than arrays of this size."""
         r, cosine = 1.0 / frequency, math.cos
         (k11, k12), (k21, k22) = self.stiffness.tolist()
         (c11, c12), (c21, c22) = self.damping.tolist()
@@ -92,7 +92,7 @@ class ScipyClutch:
         return slope
 
     def _full_slope(self, frequency: float, side: int, columns: int):
-        """The same with the variational equations, one matrix product for all columns."""
+        """Return the same with the variational equations, one matrix product for all columns."""
         slope, r = self._slope(frequency, side), 1.0 / frequency
         linear = np.zeros((4, 4))
         linear[:2, 2:] = r * np.eye(2)

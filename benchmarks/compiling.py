@@ -40,13 +40,13 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def cold_seconds(build: Build, repeats: int = 1) -> float:
-    """CPU seconds to build and compile a flow as on a machine that has never seen it."""
+    """Return the CPU seconds to build and compile a flow on a machine without any cache."""
     with _disk_cache(None):
         return _least(build, repeats)
 
 
 def warm_seconds(build: Build, repeats: int = _COLD) -> float:
-    """CPU seconds to build a flow whose compiled code is in a cache on disk, one of our own."""
+    """Return the CPU seconds to build a flow whose compiled code is in a cache on disk of our own."""
     with tempfile.TemporaryDirectory() as folder, _disk_cache(folder):
         _least(build, 1)
         return _least(build, repeats)
@@ -75,7 +75,7 @@ def _forget() -> None:
 
 @contextmanager
 def _disk_cache(folder: str | None) -> Iterator[None]:
-    """Within it heyoka keeps compiled code in this folder, or nowhere."""
+    """Let heyoka keep compiled code in this folder, or nowhere, within the context."""
     state = hy.llvm_state
     enabled, path = state.get_diskcache_enabled(), state.get_diskcache_path()
     state.set_diskcache_enabled(folder is not None)

@@ -17,11 +17,11 @@ from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, DiagramOptions, Orbit, diagram, find_orbit, follow, paper
 from gapwalk.bifurcation.isolated import values_between
 from gapwalk.flow.flow import PERIOD, Flow
-from gapwalk.orbit.identity import true_period
+from gapwalk.orbit.orbit import true_period
 
 GROUP = "Diagram of figure 15"
 _RANGE = (0.15, 1.9)
-_NARROWEST = (_RANGE[1] - _RANGE[0]) / 300  # of the islands; in any part of the range the same
+_NARROWEST = (_RANGE[1] - _RANGE[0]) / 300  # isolated branch to find; the same in any part of the range
 _AT, _EIGHT = 0.408896, (3.70, 0.83, 0.74, 0.95)  # a frequency, and a state there near a motion of period 8
 _AGREE = 1e-6
 
@@ -40,7 +40,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
-    """One branch with all its special points: CPU time of a point."""
+    """Measure the CPU time per point of one branch with all its special points."""
 
     def ours() -> Branch:
         return follow(start, "frequency", to=_RANGE)
@@ -61,7 +61,7 @@ def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
 
 
 def measure(start: Orbit, effort: Effort) -> Row:
-    """The whole diagram in one process, once: period 1 to 8, with the search for what is attached to nothing."""
+    """Measure the whole diagram in one process, once: period 1 to 8, with the search for isolated branches."""
     low, high = effort.diagram_from, _RANGE[1]
     values = len(values_between(low, high, _NARROWEST))
     options = DiagramOptions(workers=1, search_values=values)
@@ -92,7 +92,7 @@ def measure(start: Orbit, effort: Effort) -> Row:
 
 
 def count_periods(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
-    """The result of some work, and over how many forcing periods it integrated with sensitivities and without."""
+    """Return the result of some work, and its numbers of forcing periods with sensitivities and without."""
     counts: Counter[str] = Counter()
     integrate, sample = Flow.integrate, Flow.sample
 
@@ -111,7 +111,7 @@ def count_periods(work: Callable[[], Any]) -> tuple[Any, Counter[str]]:
 
 
 def estimate(periods: Counter[str], effort: Effort) -> float:
-    """What as many forcing periods take SciPy, at its speed at W = 0.5."""
+    """Return the time that SciPy takes for as many forcing periods, at its speed at Omega = 0.5."""
     orbit = find_orbit(paper.case("15"), frequency=0.5)
     clutch, state = ScipyClutch(orbit.system), orbit.state
     difference = float(np.abs(clutch.period(state, 0.5) - state).max())

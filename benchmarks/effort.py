@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Effort:
-    """How often things are repeated, and how large they get.
+    """Numbers of repeats, and sizes of the jobs.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ class Effort:
     sizes
         Degrees of freedom of the chains.
     walk_to
-        Where the walk beside SciPy's ends; it begins at 0.9.
+        Frequency at which the walk that is compared with SciPy ends; it begins at 0.9.
     diagram_from
         Lowest frequency of the diagram.
     mass_periods

@@ -2,8 +2,8 @@
 
     python -m benchmarks.explorer
 
-Needs Chromium. Milliseconds of a wall clock, so on a machine that nobody else uses. Without a GPU, as here, frames take
-longer than at a session.
+This needs Chromium. Times are wall-clock milliseconds, so measure on an idle machine. Without a GPU, frames take longer
+than in ordinary use.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ FRAMES = """() => {
 
 
 def main() -> None:
-    """Measure, and print a line for each thing."""
+    """Measure, and print a line for each figure."""
     with copied() as model, served(model) as address, browser() as chrome:
         page = chrome.new_page(viewport={"width": 1280, "height": 720})
         page.goto(address)
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def walk(page: Page) -> list[float]:
-    """Milliseconds from a key to the motion of the next point."""
+    """Return the milliseconds from a key to the motion of the next point."""
     times = []
     page.focus("#diagram")
     for key in ["Home", "s", *["ArrowLeft"] * STEPS]:
@@ -83,7 +83,7 @@ def walk(page: Page) -> list[float]:
 
 
 def drag(page: Page) -> list[float]:
-    """Milliseconds of each frame while the diagram is dragged."""
+    """Return the milliseconds of each frame while the diagram is dragged."""
     x, y = middle(page)
     page.mouse.move(x, y)
     page.mouse.down()
@@ -98,7 +98,7 @@ def drag(page: Page) -> list[float]:
 
 
 def zoom(page: Page) -> list[float]:
-    """Milliseconds of each frame while the wheel is turned."""
+    """Return the milliseconds of each frame while the wheel is turned."""
     page.mouse.move(*middle(page))
     for _ in range(20):
         page.mouse.wheel(0, -60)
@@ -107,14 +107,14 @@ def zoom(page: Page) -> list[float]:
 
 
 def middle(page: Page) -> tuple[float, float]:
-    """The middle of the diagram."""
+    """Return the middle of the diagram."""
     box = page.locator("#diagram").bounding_box()
     assert box is not None
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
 def say(what: str, times: Sequence[float]) -> None:
-    """Print the middle one of some times, and the one that a tenth of them exceeds."""
+    """Print the median of some times, and their 90th percentile."""
     ordered = sorted(times)
     print(
         f"{what}: {ordered[len(ordered) // 2]:.0f} ms; slowest tenth {ordered[int(0.9 * len(ordered))]:.0f} ms",
@@ -124,7 +124,7 @@ def say(what: str, times: Sequence[float]) -> None:
 
 @contextmanager
 def copied() -> Iterator[Path]:
-    """A copy of the clutch in a folder of its own."""
+    """Copy the clutch to its own folder."""
     with tempfile.TemporaryDirectory() as folder:
         yield Path(shutil.copy(MODEL, folder))
 

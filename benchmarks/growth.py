@@ -13,7 +13,7 @@ from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 
 GROUP = "One forcing period of a chain of masses with one stop"
-_SETTLE = 60  # forcing periods, so that the stop is met as in steady motion
+_SETTLE = 60  # forcing periods, so that the mass meets the stop as in steady motion
 _AGREE = 1e-6
 
 
@@ -23,7 +23,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_chain(size: int, effort: Effort) -> list[Row]:
-    """Time of a period, state alone and with the transition matrix, and of compiling cold."""
+    """Measure the time of a period, state alone and with the transition matrix, and of compiling without a cache."""
     system, peer = chain(size), ScipyChain(size)
     coefficients, start = coefficients_of(system), np.zeros(2 * size)
     plain, full = flow_of(system), flow_of(system, transition=True)

@@ -1,4 +1,4 @@
-"""What earlier runs have measured, one line of JSON for each, and what has changed since the last on such a machine."""
+"""The history of measurements, one line of JSON for each run, and the changes since the last run on such a machine."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from benchmarks.row import Row
 FILE = Path(__file__).with_name("history.jsonl")
 
 SLOWER = 0.8
-"""A line that reaches less than this share of its last speed is told as a regression: noise of shared machines is less,
-where the ratio to a baseline in the same run is what counts."""
+"""A line that reaches less than this share of its last speed is reported as a regression. The ratio to a baseline in
+the same run is compared; its noise on shared machines is smaller than that."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What is kept of a row: CPU seconds, and the ratio to its baseline, if it has one."""
+    """The stored figures of a row: CPU seconds, and the ratio to its baseline, if it has one."""
 
     seconds: float
     ratio: float | None
@@ -36,7 +36,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Entry:
-    """One run: when, of which commit (with a + if files had changed), on what machine, how thorough, and what."""
+    """One run: its date, commit (with a + if files had changed), machine, effort, and figures."""
 
     date: str
     commit: str
@@ -45,7 +45,7 @@ class Entry:
     figures: Mapping[str, Figure]
 
     def change(self, row: Row, since: Entry | None) -> float | None:
-        """How many times as fast a row of this run is as in an earlier one; None if that one has no such row."""
+        """Return how many times as fast a row of this run is as in an earlier run; None if that run has no such row."""
         name = name_of(row)
         if since is None or name not in since.figures:
             return None
@@ -53,31 +53,31 @@ class Entry:
 
 
 def name_of(row: Row) -> str:
-    """What a row is called in the history."""
+    """Return the name of a row in the history."""
     return f"{row.group}: {row.what}"
 
 
 def entry_of(rows: Sequence[Row], effort: str) -> Entry:
-    """This run."""
+    """Return the entry of this run."""
     figures = {name_of(row): Figure(row.seconds, row.ratio) for row in rows}
     return Entry(f"{datetime.now(UTC):%Y-%m-%d}", _commit(), machine(), effort, figures)
 
 
 def machine() -> str:
-    """What kind of machine this is, in general terms."""
+    """Describe the kind of this machine in general terms."""
     version = ".".join(platform.python_version_tuple()[:2])
     return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {version}"
 
 
 def read(file: Path = FILE) -> list[Entry]:
-    """All entries, the oldest first."""
+    """Return all entries, the oldest first."""
     if not file.exists():
         return []
     return [_entry(json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines() if line]
 
 
 def last_like(entry: Entry, entries: Sequence[Entry]) -> Entry | None:
-    """The last entry of the same kind of machine and the same effort."""
+    """Return the last entry of the same kind of machine and the same effort."""
     alike = [each for each in entries if (each.machine, each.effort) == (entry.machine, entry.effort)]
     return alike[-1] if alike else None
 
@@ -89,7 +89,7 @@ def append(entry: Entry, file: Path = FILE) -> None:
 
 
 def regressions(entry: Entry, rows: Sequence[Row], since: Entry | None) -> list[str]:
-    """A sentence for each row that is clearly slower than in an earlier run."""
+    """Return a sentence for each row that is clearly slower than in an earlier run."""
     told = []
     for row in rows:
         change = entry.change(row, since)
@@ -104,7 +104,7 @@ def _entry(plain: dict) -> Entry:
 
 
 def _commit() -> str:
-    """The commit that is measured; "unknown" outside of a clone."""
+    """Return the measured commit; "unknown" outside of a clone."""
     words = ["git", "describe", "--always", "--abbrev=10", "--exclude=*", "--dirty=+"]
     try:
         done = subprocess.run(words, cwd=FILE.parent, capture_output=True, text=True, check=True)

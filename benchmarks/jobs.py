@@ -1,4 +1,4 @@
-"""Whole jobs on one and on two processes, in wall time, the start of the processes and compiling included."""
+"""Wall time of whole jobs on one and on two processes, including the start of the processes and compiling."""
 
 from __future__ import annotations
 

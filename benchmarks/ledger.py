@@ -1,7 +1,7 @@
-"""Where the time of figure 13's branch goes, and how often each part is called: ``python -m benchmarks.ledger``.
+"""Time and number of calls of each part of the walk of figure 13: ``python -m benchmarks.ledger``.
 
-The parts are wrapped by clocks, each of which counts its own CPU time only, not that of the parts that it calls. The
-clocks cost something too, about a microsecond a call, so the shares are good to a few per cent.
+Each part is wrapped by a clock. It counts the CPU time of the part itself, without that of the parts that it calls. The
+clocks take about a microsecond per call, so the shares are accurate to a few per cent.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from gapwalk.orbit.shooting import ShootingEquation
 
 _REPEATS = 7
 
-# (part, where it stands, its name); what stands nowhere here counts for the part that calls it.
+# (part, where it is, its name); a function that is not listed counts for the part that calls it.
 PARTS = (
     ("heyoka", Flow, "_run"),
     ("around each flow call", Flow, "integrate"),
@@ -52,7 +52,7 @@ PARTS = (
     ("nature of flips", tracer, "with_nature"),
 )
 
-# parts whose flow calls are counted, apart from those that stand within another of them
+# parts whose flow calls are counted, without those that are inside another of these parts
 STAGES = ("the walk", "detection", "locating zeros", "locating grazing", "surveys", "nature of flips")
 
 
@@ -67,7 +67,7 @@ class Ledger:
         self._stages = ["the rest"]
 
     def clock(self, part: str, function: Callable) -> Callable:
-        """The function with a clock around it."""
+        """Wrap a function with a clock."""
 
         def clocked(*args: Any, **options: Any) -> Any:
             if part == "heyoka":
@@ -88,7 +88,7 @@ class Ledger:
 
 
 def measure() -> Ledger:
-    """The ledger of the fastest of several walks."""
+    """Return the ledger of the fastest of several walks."""
     orbit = find_orbit(paper.case("13"), frequency=1.9)
     ledgers = []
     for _ in range(_REPEATS):
@@ -111,7 +111,7 @@ def measure() -> Ledger:
 
 
 def as_table(ledger: Ledger) -> Table:
-    """The ledger for people."""
+    """Return the ledger as a table of text."""
     table = Table("part", "share", "ms", "calls", "us a call", "flow calls of this stage")
     whole = sum(ledger.seconds.values())
     for part, seconds in ledger.seconds.most_common():

@@ -1,4 +1,4 @@
-"""Many trajectories of figure 15 at W = 0.45: the batch integrator beside a hand-written SIMD kernel, and SciPy."""
+"""Many trajectories of figure 15: the batch integrator compared with a hand-written SIMD kernel, and with SciPy."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from gapwalk import System, paper
 from gapwalk.ensemble import BatchOptions, batch_flow_of
 from gapwalk.ensemble import kernel as kernels
 from gapwalk.ensemble.batch import batch_of
-from gapwalk.ensemble.kernel_form import Form
-from gapwalk.ensemble.kernel_source import Source
+from gapwalk.ensemble.kernel_source import Form, Source
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
 
 GROUP = "Batch integrator of figure 15 at W = 0.45, a trajectory and forcing period"
 _TRAJECTORIES = 1024
-_COMPARED = 200  # trajectories whose error is measured beside the exact flow
+_COMPARED = 200  # trajectories that are compared with the exact flow
 _SCIPY_TOLERANCE = 1e-6
 _SPREAD = 1e-6  # of the frequencies, where each trajectory has its own
 
@@ -44,7 +43,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_core(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
-    """One core, checks of the error included; the baseline has an error of its own."""
+    """Measure one core, including the checks of the error; the baseline has a different error."""
     flow, baseline, periods = batch_flow_of(system, BatchOptions(threads=1)), SimdClutch(system), effort.mass_periods
     exact = _exact(system, states[:_COMPARED])
     mine = _error(flow.run(states, 1).states[:_COMPARED], exact)
@@ -62,7 +61,7 @@ def measure_core(system: System, states: NDArray[np.float64], effort: Effort) ->
 
 
 def measure_scipy(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
-    """The same beside SciPy's LSODA, one trajectory after the other."""
+    """Measure the same compared with SciPy's LSODA, one trajectory after the other."""
     flow, periods = batch_flow_of(system, BatchOptions(threads=1)), effort.mass_periods
     slope, state = _slope(system), states[0]
     ends = np.array([0.0, 2.0 * np.pi / system.frequency])
@@ -78,7 +77,7 @@ def measure_scipy(system: System, states: NDArray[np.float64], effort: Effort) -
 
 
 def measure_parameters(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
-    """Each trajectory with a frequency of its own, as for a regime map."""
+    """Measure trajectories with different frequencies, as for a regime map."""
     flow, periods = batch_flow_of(system, BatchOptions(threads=1)), effort.mass_periods
     frequencies = system.frequency + _SPREAD * np.arange(len(states))
 
@@ -89,7 +88,7 @@ def measure_parameters(system: System, states: NDArray[np.float64], effort: Effo
 
 
 def measure_threads(system: System, states: NDArray[np.float64], effort: Effort) -> Row:
-    """Wall time of two threads beside one."""
+    """Measure the wall time of two threads compared with one."""
     periods = effort.mass_periods
     one, two = (
         _least_wall(lambda count=count: batch_flow_of(system, BatchOptions(threads=count)).run(states, periods), effort)
@@ -101,7 +100,7 @@ def measure_threads(system: System, states: NDArray[np.float64], effort: Effort)
 
 
 def measure_compiling(system: System) -> Row:
-    """The kernel, made anew."""
+    """Measure the compilation of the kernel from scratch."""
     text = Source(_form(system)).text
 
     def ours() -> None:
@@ -112,7 +111,7 @@ def measure_compiling(system: System) -> Row:
 
 
 def measure_loading(system: System) -> Row:
-    """The kernel from the disk, as in the second process that needs it."""
+    """Measure the loading of the kernel from the disk, as in the second process that needs it."""
     form = _form(system)
 
     def ours() -> None:
@@ -147,7 +146,7 @@ def _error(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
 
 
 def _slope(system: System) -> Callable[[NDArray[np.float64], float], tuple[float, ...]]:
-    """The right-hand side over time, in plain floats."""
+    """Return the right-hand side over time, in plain floats."""
     (k11, k12), (k21, k22) = system.matrix("stiffness").tolist()
     (c11, c12), (c21, c22) = system.matrix("damping").tolist()
     m1, m3, n1, n3 = (system[name] for name in ("mean.q1", "mean.q3", "stage2.force.q1", "stage2.force.q3"))

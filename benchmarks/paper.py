@@ -11,7 +11,7 @@ from benchmarks.row import Row, Target
 GROUP = "The paper, on one core"
 _TARGET = 60.0
 
-# On one core it works in one process. A motion that it cannot tell the kind of is no fault of the benchmark.
+# On one core it works in one process. A motion that it cannot classify is not a fault of the benchmark.
 _ALL = """\
 import os, sys
 if hasattr(os, "sched_setaffinity"):

@@ -1,4 +1,4 @@
-"""One forcing period of figure 13 at W = 0.5, on its stable orbit."""
+"""One forcing period of figure 13 at Omega = 0.5, on its stable orbit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def measure_state(orbit: Orbit, effort: Effort) -> Row:
-    """The state alone."""
+    """Measure the state alone."""
     flow, clutch = flow_of(orbit.system), ScipyClutch(orbit.system)
     coefficients = _line(orbit).coefficients(_FREQUENCY)[0]
 
@@ -40,7 +40,7 @@ def measure_state(orbit: Orbit, effort: Effort) -> Row:
 
 
 def measure_transition(orbit: Orbit, effort: Effort) -> Row:
-    """State and transition matrix."""
+    """Measure state and transition matrix."""
     flow, clutch = flow_of(orbit.system, transition=True), ScipyClutch(orbit.system)
     coefficients = _line(orbit).coefficients(_FREQUENCY)[0]
 
@@ -55,7 +55,7 @@ def measure_transition(orbit: Orbit, effort: Effort) -> Row:
 
 
 def measure_both(orbit: Orbit, effort: Effort) -> Row:
-    """State, transition matrix and the sensitivity to the frequency."""
+    """Measure state, transition matrix and the sensitivity to the frequency."""
     flow, clutch = flow_of(orbit.system, "frequency", transition=True), ScipyClutch(orbit.system)
     coefficients, direction = _line(orbit).coefficients(_FREQUENCY)
 
@@ -80,7 +80,7 @@ def _row(what: str, ours: float, theirs: float, targets: tuple[Target, ...] = ()
 
 
 def _check(ours, theirs) -> None:
-    """A fast wrong answer is no answer."""
+    """Raise if the two integrators disagree: the time of a wrong result means nothing."""
     difference = float(np.abs(np.asarray(ours) - np.asarray(theirs)).max())
     if not difference < _AGREE:
         raise RuntimeError(f"gapwalk and SciPy differ by {difference:.3g}")

@@ -1,9 +1,9 @@
-"""Chains of many degrees of freedom reduced, then shot: time and error against the number of modes, and of contacts.
+"""Reduction of long chains, then shooting: time and error over the number of modes, and of contacts.
 
     python -m benchmarks.reduction
 
-CPU seconds of one core, compiling included; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing from
-threads. The error is what the full system's own equation says (`Reduction.check`).
+Times are CPU seconds of one core, including compiling; set OPENBLAS_NUM_THREADS=1, because small matrices gain nothing
+from threads. The error is computed from the equations of the full system (`Reduction.check`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ def main() -> None:
 
 
 def soft(size: int, contacts: int) -> System:
-    """The chain of the benchmark of harmonic balance, with softer stops and a smaller load."""
+    """Return the chain of the benchmark of harmonic balance, with softer stops and a smaller load."""
     stops = {f"gap{k}.stiffness": 0.05 * size for k in range(contacts)}
     return chain(size, contacts).at({"frequency": BEGIN, "harmonic1.amplitude": 0.003 * size, **stops})
 
 
 def line(size: int, contacts: int, modes: int) -> str:
-    """Times to reduce a chain, to walk its frequency response by shooting, and to check it."""
+    """Return the times to reduce a chain, to walk its frequency response by shooting, and to check it."""
     full = soft(size, contacts)
     times = [time.process_time()]
     reduction = reduce(full, modes=modes, up_to=END)

@@ -1,4 +1,4 @@
-"""One line of the table: what was measured, beside its baseline, and the target it should reach."""
+"""One line of the table: a measurement, its baseline, and the targets that it should reach."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Row:
     Parameters
     ----------
     group
-        The heading under which it stands.
+        The heading above it.
     what
         What was done.
     seconds
@@ -58,7 +58,7 @@ class Row:
 
     @property
     def ratio(self) -> float | None:
-        """How many times faster than the baseline."""
+        """How many times as fast as the baseline."""
         return None if self.baseline is None else self.baseline / self.seconds
 
     @property

@@ -23,7 +23,7 @@ class Shot(NamedTuple):
 
 
 def walk(clutch: ScipyClutch, state: NDArray[np.float64], frequencies: Sequence[float]) -> list[Shot]:
-    """The orbits at given frequencies, each predicted along the tangent at the one before.
+    """Return the orbits at given frequencies, each predicted along the tangent at the previous one.
 
     It does less than gapwalk: no folds, no step-size control, no special points.
     """
@@ -37,7 +37,7 @@ def walk(clutch: ScipyClutch, state: NDArray[np.float64], frequencies: Sequence[
 
 
 def _shoot(clutch: ScipyClutch, state: NDArray[np.float64], frequency: float) -> tuple[Shot, NDArray[np.float64]]:
-    """Newton's method at one frequency; also the derivative of the orbit by the frequency."""
+    """Run Newton's method at one frequency; also return the derivative of the orbit by the frequency."""
     for iteration in range(1, _ITERATIONS + 1):
         period = clutch.period_with_sensitivities(state, frequency)
         residual = period.state - state

@@ -1,4 +1,4 @@
-"""The batch integrator's baseline: a Runge-Kutta method for the paper's clutch, by hand for SIMD, in numba."""
+"""The baseline of the batch integrator: a Runge-Kutta method for the paper's clutch, written by hand for SIMD."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class SimdClutch:
         self._force = system["harmonic1.amplitude"] * np.cos(np.pi * np.arange(2 * STEPS + 1) / STEPS)
 
     def run(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
-        """The states, shape (N, 4), after some forcing periods."""
+        """Return the states, shape (N, 4), after some forcing periods."""
         blocks = np.ascontiguousarray(states.reshape(-1, LANES, 4).transpose(0, 2, 1))
         for block in blocks:
             _advance(block, periods, STEPS, self._h, self._force, *self._numbers)

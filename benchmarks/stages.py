@@ -1,4 +1,4 @@
-"""The baseline's integrator: SciPy's DOP853, stopped at each contact by an event and started again behind it."""
+"""The integrator of the baseline: SciPy's DOP853, which an event stops at each contact and which restarts there."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ RELATIVE, ABSOLUTE = 1e-9, 1e-11
 
 @dataclass(frozen=True)
 class Exit:
-    """A way out of a stage.
+    """An event that ends a stage.
 
     Parameters
     ----------
     gap
         Function of theta and the state that crosses zero there.
     rising
-        Whether it does so rising; the other way it is the entry, and is not looked for.
+        Whether it crosses zero from below; a crossing in the other direction enters the stage, and is ignored.
     leads_to
         Index of the next stage.
     """
@@ -31,7 +31,7 @@ class Exit:
     leads_to: int
 
     def event(self):
-        """The same for `solve_ivp`."""
+        """Return this event as a function for `solve_ivp`."""
 
         def event(theta: float, y: NDArray[np.float64]) -> float:
             return self.gap(theta, y)
@@ -43,16 +43,16 @@ class Exit:
 
 @dataclass(frozen=True)
 class Stage:
-    """The smooth equations between two contacts: their right-hand side, and where they cease to hold."""
+    """The smooth equations between two contacts: their right-hand side, and the events that end them."""
 
     slope: Callable[[float, NDArray[np.float64]], object]
     exits: Sequence[Exit]
 
 
 def integrate(stages: Sequence[Stage], stage: int, y: NDArray[np.float64], stop: float) -> NDArray[np.float64]:
-    """The state at theta = `stop`, from the state `y` at 0 in a stage.
+    """Return the state at theta = `stop`, from the state `y` at 0 in a stage.
 
-    No event is missed by starting on one: each stage looks only for crossings in the direction that leaves it.
+    A start on an event loses no event: each stage looks only for crossings in the direction that leaves it.
     """
     theta = 0.0
     while True:

@@ -1,4 +1,4 @@
-"""How long a person waits for the command line: the help, the check of a file, and the first point of a walk."""
+"""Time until the command line responds: the help, the check of a file, and the first point of a walk."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def rows(effort: Effort) -> list[Row]:
 
 
 def least(words: list[str], repeats: int) -> float:
-    """CPU seconds of a process of Python with these words, its own children included; the least of some."""
+    """Return the CPU seconds of a Python process with these arguments and of its children; the least of several."""
     return min([once(words) for _ in range(repeats + 1)][1:])  # one more, that compiles
 
 
 def once(words: list[str]) -> float:
-    """CPU seconds of one process of Python with these words, its own children included."""
+    """Return the CPU seconds of one Python process with these arguments and of its children."""
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
     before = _children()
     subprocess.run([sys.executable, *words], env=environment, check=True, stdout=subprocess.DEVNULL)

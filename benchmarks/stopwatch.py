@@ -1,4 +1,4 @@
-"""Measures CPU time on machines that others share: the least of many short measurements, taken in turns."""
+"""Measurement of CPU time on shared machines: the least of many short measurements, taken in turns."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from benchmarks.effort import Effort
 
 Work = Callable[[], Any]
 
-_LONG = 0.5  # CPU seconds of a single call from which a few repeats must do
+_LONG = 0.5  # CPU seconds of a single call above which few repeats suffice
 _FEW = 3
 
 
 def fastest(work: Work, effort: Effort) -> float:
-    """CPU seconds of one call, the least of several measurements."""
+    """Return the CPU seconds of one call, the least of several measurements."""
     return side_by_side([work], effort)[0]
 
 
 def side_by_side(works: list[Work], effort: Effort) -> list[float]:
-    """CPU seconds of one call of each, measured in turns so that noise falls on all of them alike."""
+    """Return the CPU seconds of one call of each, measured in turns so that noise affects all of them alike."""
     sizes = [_calls_a_burst(work, effort.burst) for work in works]
     least = [float("inf")] * len(works)
     for repeat in range(effort.repeats):
@@ -31,7 +31,7 @@ def side_by_side(works: list[Work], effort: Effort) -> list[float]:
 
 
 def cpu_seconds(work: Work, calls: int = 1) -> float:
-    """CPU seconds of one call, of this process and all its threads, averaged over some calls."""
+    """Return the CPU seconds of one call, of this process and all its threads, averaged over some calls."""
     start = time.process_time()
     for _ in range(calls):
         work()

@@ -1,4 +1,4 @@
-"""The rows as a table for people, and as JSON for programs."""
+"""The rows as a table of text, and as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEADINGS = ("what", "gapwalk", "baseline", "ratio", "target", "reached", "since
 
 
 def as_table(rows: Sequence[Row], changes: Sequence[float | None] = ()) -> Table:
-    """All rows under the headings of their groups; for each, how many times as fast it is as the last time."""
+    """Return all rows under the headings of their groups; for each, how many times as fast it is as in the last run."""
     table = Table(title="CPU time, the least of several repeats", title_justify="left")
     for heading in _HEADINGS:
         is_text = heading == "what"
@@ -33,12 +33,12 @@ def as_table(rows: Sequence[Row], changes: Sequence[float | None] = ()) -> Table
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
-    """The remarks, each with the row to which it belongs."""
+    """Return the remarks, each with its row."""
     return [f"{row.group}, {row.what}: {row.note}." for row in rows if row.note]
 
 
 def cells(row: Row, change: float | None = None) -> tuple[str, ...]:
-    """The texts of one row."""
+    """Return the texts of one row."""
     baseline = "" if row.baseline is None else f"{duration(row.baseline)} [dim]({row.against})[/dim]"
     ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
     targets = ", ".join(_wanted(target) for target in row.targets)
@@ -48,7 +48,7 @@ def cells(row: Row, change: float | None = None) -> tuple[str, ...]:
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit that suits it."""
+    """Return a time in a suitable unit."""
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
@@ -56,7 +56,7 @@ def duration(seconds: float) -> str:
 
 
 def as_json(rows: Sequence[Row]) -> str:
-    """All rows, and the machine in general terms."""
+    """Return all rows, and the machine in general terms."""
     machine: dict[str, Any] = {
         "processor": platform.machine(),
         "cores": os.cpu_count(),

@@ -1,4 +1,4 @@
-"""Where starts lead: basins of attraction of figure 15's system at W = 0.45, and their shares of a box of states.
+"""Basins of attraction of the system of figure 15 at Omega = 0.45, and their shares of a box of states.
 
 python examples/basins.py [cells along each axis]
 """
@@ -12,7 +12,7 @@ cells = int(sys.argv[1]) if len(sys.argv) > 1 else 256
 
 found = gw.basins(system, {"q1": (-4, 4), "q1'": (-4, 4)}, cells)
 print(found)
-print(f"{found.check.border_wrong} labels at borders were mended; at most {found.check.limit:.2%} of all are wrong")
+print(f"{found.check.border_wrong} labels at borders were corrected; at most {found.check.limit:.2%} of all are wrong")
 gw.plot.save(found, "basins.png", title="Starts with q3 = q3' = 0", strobes="all")
 
 whole = gw.basin_shares(system, {"q1": (-4, 4), "q3": (-4, 4), "q1'": (-4, 4), "q3'": (-4, 4)}, starts=10 * cells)

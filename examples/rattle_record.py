@@ -1,10 +1,11 @@
-"""Make rattle.csv: a synthetic record of a rattling clutch, as an accelerometer and a speed sensor would give it.
+"""Make rattle.csv: a synthetic record of a rattling clutch, as measured by an accelerometer and a speed sensor.
 
 python examples/rattle_record.py [file]
 
-The motion is that of the clutch of figure 8 of Padmanabhan and Singh (1995) under a mean load of 0.05 at W = 0.35, with
-impacts on both sides. Units are physical: w = 480 rad/s, deflections in units of 2 degrees, and an excitation twice a
-turn. Noise is added to the acceleration; its seed is fixed, so that the file is always the same.
+The motion is that of the clutch of figure 8 of Padmanabhan and Singh (1995) under a mean load of 0.05 at
+Omega = 0.35, with impacts on both sides. Units are physical: w = 480 rad/s, deflections are in units of 2 degrees, and
+there are two forcing periods per turn. Noise is added to the acceleration; its seed is fixed, so that the file never
+changes.
 """
 
 import math
@@ -14,8 +15,8 @@ import numpy as np
 
 import gapwalk as gw
 
-W, BC, ORDER = 480.0, math.radians(2.0), 2  # rad/s, rad, excitations a turn
-RATE, PERIODS = 3000, 10  # samples a second, forcing periods
+W, BC, ORDER = 480.0, math.radians(2.0), 2  # rad/s, rad, forcing periods per turn
+RATE, PERIODS = 3000, 10  # samples per second, forcing periods
 PHASE, NOISE, SEED = 1.234, 0.03, 1995  # rad; in units of the model; of the noise
 
 system = gw.paper.case("8a").at({"mean.q1": 0.05, "mean.q3": 0.05, "frequency": 0.35})

@@ -1,8 +1,8 @@
-"""What kind of motion there is: a regime map of figure 15's system over frequency and amplitude.
+"""Kinds of motion: a regime map of the system of figure 15 over frequency and amplitude.
 
     python examples/regimes.py [cells along each axis]
 
-It writes the file regimes.cells as it goes: stopped at any moment, it goes on from there when it is run again.
+It writes the file regimes.cells during the computation. If you stop it, the next run continues from there.
 """
 
 import sys
@@ -21,5 +21,5 @@ found = gw.regimes(
     system, {"frequency": (0.15, 1.9), "harmonic1.amplitude": (0, 1)}, cells, report=tell, output="regimes.cells"
 )
 print(found)
-print(f"{len(found.check.different)} of {found.check.checked} cells are something else by the exact flow")
+print(f"{len(found.check.different)} of {found.check.checked} cells have another kind by the exact flow")
 found.plot("What a start from rest settles on", panels=("peak force", "impacts")).savefig("regimes.png")

@@ -12,7 +12,7 @@ from gapwalk.model.system import System
 
 def contact_force_of(form, values):
     """Force of one contact as a function of its deflection x and rate v, from the law's definition."""
-    law, name = form.damping.value, form.name
+    law, name = form.law.name, form.name
     sides = []
     for stage in form.stages:
         b, k, c = (values[f"{form.stage_prefix(stage)}.{name}"] for name in ("clearance", "stiffness", "cubic"))

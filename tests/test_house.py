@@ -4,12 +4,14 @@ import ast
 import re
 import subprocess
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import gapwalk
+from tests.tiers import QUICK, TESTS
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "src" / "gapwalk"
@@ -21,6 +23,7 @@ ORDER = (
     "errors",
     "files",
     "notebook",
+    "summary",
     "model",
     "paper",
     "flow",
@@ -51,21 +54,29 @@ PERMITTED = {
     ("attractors/basins.py", "plot", "plot"): "basins.plot() is a convenience; finding them never draws",
     ("attractors/contrast.py", "plot", "plot"): "contrast.plot() is a convenience; comparing motions never draws",
     ("attractors/regimes.py", "plot", "plot"): "regimes.plot() is a convenience; finding them never draws",
-    ("attractors/settled.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
-    ("attractors/waterfall.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
+    ("attractors/attractor.py", "plot", "plot"): "settled.plot() is a convenience; settling never draws",
+    ("attractors/spectrum.py", "plot", "plot"): "waterfall.plot() is a convenience; computing it never draws",
     ("bifurcation/diagram.py", "plot", "plot"): "diagram.plot() is a convenience; finding branches never draws",
     ("bifurcation/follow.py", "follow", "verification"): "follow(verify=True) is a convenience; walking never verifies",
     ("bifurcation/branch.py", "unexplained", "bifurcation"): "derived when it is asked for; walking never looks at it",
     ("bifurcation/branch.py", "plot", "plot"): "branch.plot() is a convenience; the walk itself never draws",
     ("measurement/alignment.py", "plot", "plot"): "alignment.plot() is a convenience; aligning never draws",
     ("flow/hysteresis.py", "plot", "plot"): "hysteresis.plot() is a convenience; the loop itself never draws",
-    ("notebook/shown.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
-    ("studies/family/record.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
-    ("studies/map/chart.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
-    ("studies/sweep/record.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
+    ("notebook.py", "_repr_html_", "plot"): "a card is a convenience of notebooks; its value never draws",
+    ("studies/family.py", "plot", "plot"): "family.plot() is a convenience; joining special points never draws",
+    ("studies/map.py", "plot", "plot"): "map.plot() is a convenience; following loci never draws",
+    ("studies/sweep.py", "plot", "plot"): "sweep.plot() is a convenience; driving a sweep never draws",
 }
 
 MAX_LINES = 500
+
+# File names that occur more than once below src/gapwalk: why.
+SAME_NAMES = {
+    "load.py": "a load of a model, and the loading of a result: each is what its folder calls it",
+    "measure.py": "the command `gapwalk measure`, and the comparison that it prints",
+    "result.py": "the commands on result files, and the result of a study",
+    "units.py": "units of a model, and of a study's quantities",
+}
 
 # Folders of the machine that the software was written on. Put together here so that this file names none.
 LOCAL_PATH = re.compile(rb"(?<![\w.])/(?:" + b"|".join((b"work", b"root", b"tmp/play")) + rb")/")
@@ -93,7 +104,7 @@ def test_reproductions_use_the_public_api_only() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        "from gapwalk.studies.run import run",
+        "from gapwalk.studies.runner import run",
         "from gapwalk import follow",
         "import gapwalk.plot.style",
         "import gapwalk",
@@ -130,6 +141,24 @@ def test_no_file_is_crowded() -> None:
     assert not crowded, f"more than {MAX_LINES} lines, so probably more than one noun: {crowded}"
 
 
+def test_a_file_name_occurs_once() -> None:
+    places: dict[str, list[str]] = {}
+    for file in FILES:
+        places.setdefault(file.name, []).append(file.relative_to(SOURCE).as_posix())
+    repeated = {
+        name: files
+        for name, files in places.items()
+        if len(files) > 1 and name != "__init__.py" and name not in SAME_NAMES
+    }
+    assert not repeated, f"give each of these files a name of its own: {repeated}"
+
+
+def test_every_pattern_of_quick_tests_names_a_file() -> None:
+    files = [file.relative_to(TESTS).as_posix() for file in TESTS.rglob("test_*.py")]
+    stale = [pattern for pattern in QUICK if not any(fnmatch(file, pattern) for file in files)]
+    assert not stale, f"rename these in tests/tiers.py too, or make quick leaves their tests out: {stale}"
+
+
 def test_no_committed_file_names_a_path_of_one_machine() -> None:
     hits = [
         f"{name}:{number}: {line.decode(errors='replace').strip()[:120]}"
@@ -144,17 +173,17 @@ def test_no_committed_file_names_a_path_of_one_machine() -> None:
 @pytest.mark.parametrize(
     ("file", "source"),
     [
-        ("orbit/newton.py", "from gapwalk.continuation import walk"),
-        ("orbit/newton.py", "import gapwalk.plot.style"),
-        ("orbit/newton.py", "from gapwalk import study"),
-        ("orbit/newton.py", "from gapwalk import Branch"),
-        ("orbit/newton.py", "import gapwalk"),
-        ("orbit/newton.py", "from ..continuation.walk import follow"),
-        ("orbit/newton.py", "from .. import plot"),
+        ("orbit/orbit_equation.py", "from gapwalk.continuation import walk"),
+        ("orbit/orbit_equation.py", "import gapwalk.plot.style"),
+        ("orbit/orbit_equation.py", "from gapwalk import study"),
+        ("orbit/orbit_equation.py", "from gapwalk import Branch"),
+        ("orbit/orbit_equation.py", "import gapwalk"),
+        ("orbit/orbit_equation.py", "from ..continuation.walk import follow"),
+        ("orbit/orbit_equation.py", "from .. import plot"),
         ("orbit/__init__.py", "from ..cli import main"),
-        ("orbit/newton.py", "def f():\n    from gapwalk.plot import draw"),
+        ("orbit/orbit_equation.py", "def f():\n    from gapwalk.plot import draw"),
         ("errors.py", "from gapwalk.model import System"),
-        ("orbit/newton.py", "from gapwalk.attic import x"),
+        ("orbit/orbit_equation.py", "from gapwalk.attic import x"),
         ("attic/box.py", "import numpy"),
         ("bifurcation/branch.py", "from gapwalk.plot import draw"),
         ("bifurcation/branch.py", "def show():\n    from gapwalk.plot import draw"),
@@ -168,11 +197,11 @@ def test_an_upward_import_is_seen(file: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("file", "source"),
     [
-        ("orbit/newton.py", "import numpy as np\nfrom scipy import linalg"),
-        ("orbit/newton.py", "from gapwalk.flow.flow import Flow\nfrom gapwalk.errors import GapwalkError"),
-        ("orbit/newton.py", "from gapwalk import model, __version__"),
-        ("orbit/newton.py", "from .floquet import multipliers\nfrom . import equation"),
-        ("orbit/newton.py", "from ..model import System\nfrom .. import flow"),
+        ("orbit/orbit_equation.py", "import numpy as np\nfrom scipy import linalg"),
+        ("orbit/orbit_equation.py", "from gapwalk.flow.flow import Flow\nfrom gapwalk.errors import GapwalkError"),
+        ("orbit/orbit_equation.py", "from gapwalk import model, __version__"),
+        ("orbit/orbit_equation.py", "from .floquet import multipliers\nfrom . import equation"),
+        ("orbit/orbit_equation.py", "from ..model import System\nfrom .. import flow"),
         ("orbit/__init__.py", "from .newton import find_orbit"),
         ("cli.py", "from gapwalk.explorer import serve\nfrom .plot import draw"),
         ("__init__.py", "from .cli import main\nfrom .orbit import Orbit"),

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import gapwalk as gw
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 from tests.systems import clutch
 
 

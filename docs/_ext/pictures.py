@@ -2,7 +2,7 @@
 
 python docs/_ext/pictures.py FOLDER
 
-A notebook that does not show a figure says nothing, so a page without its picture is built without a warning.
+A notebook that does not show a figure gives no warning, so a page without its picture would be built unnoticed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ INPUT, OUTPUT = "cell_input", "cell_output"
 
 @dataclass
 class Cell:
-    """A cell of a page: its code, and how many pictures stand below it."""
+    """A cell of a page: its code, and the number of pictures below it."""
 
     code: str = ""
     pictures: int = 0

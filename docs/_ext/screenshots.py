@@ -1,4 +1,4 @@
-"""The pictures of the explorer in these pages: examples are opened in it, it is driven, and photographed.
+"""Screenshots of the explorer for these pages: it opens examples, is operated, and is photographed.
 
     python -m docs._ext.screenshots [FOLDER]
 
@@ -76,7 +76,7 @@ def until(page: Page, condition: str) -> None:
 
 
 def grow(page: Page) -> None:
-    """A diagram while it grows: held, for a picture takes a moment."""
+    """Show a diagram while it grows; it is paused, because a picture takes a moment."""
     page.select_option("#study", "fig13")
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.branches.length > 1")
@@ -86,13 +86,13 @@ def grow(page: Page) -> None:
 
 
 def leave(page: Page) -> None:
-    """Stop what was held; what it has found stays."""
+    """Stop the paused computation; what it has found stays."""
     page.click("#results button:text-is('Stop')")
     until(page, "gapwalk.page.results[0].state === 'stopped'")
 
 
 def respond(page: Page) -> None:
-    """Figure 13, the doubled branch at its first flip, and a motion of twice the period on it."""
+    """Show figure 13, the branch of period 2 at its first flip, and a motion on it."""
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
     choose_special(page, "flip", 6)
@@ -108,7 +108,7 @@ def respond(page: Page) -> None:
 
 
 def settle(page: Page) -> None:
-    """A motion that never repeats."""
+    """Show a motion that never repeats."""
     page.select_option("#study", "torus")
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.state === 'done'")
@@ -117,7 +117,7 @@ def settle(page: Page) -> None:
 
 
 def drive(page: Page) -> None:
-    """A drive train over the engine's speed, and the motion at the highest point of its response."""
+    """Show a drive train over the engine's speed, and the motion at the highest point of its response."""
     page.click("#compute")
     until(page, "gapwalk.page.results[0]?.state === 'done' && gapwalk.curves.all.size === 1")
     choose_special(page, "fold")
@@ -125,7 +125,7 @@ def drive(page: Page) -> None:
 
 
 def follow(page: Page) -> None:
-    """The locus of a flip over frequency and excitation: where it moves to, and what it meets."""
+    """Show the locus of a flip over frequency and excitation, with the points at which it meets other curves."""
     page.focus("#diagram")
     page.keyboard.press("ArrowDown")  # from the doubled branch to the first one
     choose_special(page, "flip", 6)
@@ -139,7 +139,7 @@ def follow(page: Page) -> None:
 
 
 def search(page: Page) -> None:
-    """A search for motions connected to no known branch; a short one."""
+    """Show a short search for motions connected to no known branch."""
     page.fill("#search-count", "6")
     page.click("#search")
     until(page, "gapwalk.page.results[3]?.state === 'done'")

@@ -174,7 +174,7 @@ def _motion(
 ) -> Job:
     """A settled motion. The sign of the largest exponent decides its kind, so errors may be of a tenth."""
     lyapunov = gw.LyapunovOptions(max_periods=max_periods, relative=0.1)
-    options = gw.SettleStudyOptions(signal, start, lyapunov=lyapunov)
+    options = gw.SettleStudyOptions(signal=signal, start=start, lyapunov=lyapunov)
     return Job(case=case, options=options, name=name, changes=changes or {}, effort=effort)
 
 

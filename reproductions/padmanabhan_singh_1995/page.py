@@ -130,17 +130,17 @@ def _counts(checked: Checked) -> str:
 _HEAD = """\
 # The paper, claim by claim
 
-What C. Padmanabhan and R. Singh say in "Dynamics of a piecewise non-linear system subject to dual harmonic excitation
-using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), each statement as a check on what
-gapwalk computes. This page is written by
+This page compares the statements of C. Padmanabhan and R. Singh, "Dynamics of a piecewise non-linear system subject to
+dual harmonic excitation using parametric continuation" (Journal of Sound and Vibration 184(5), 767-799, 1995), with
+what gapwalk computes. Each statement is a check. This command writes the page:
 
     python -m reproductions.padmanabhan_singh_1995 --claims docs/paper.md
 
-and the tests compare its verdicts with those of the checks. Parameters are those of the tables that the paper prints;
-where two readings are possible (slope of the second stage: reduced or literal; impact damping: dissipative or as
-printed), the verdict names the reading if it is not the default, reduced and dissipative. Nothing is tuned: where the
-printed numbers do not give what is described, the evidence says what they give, and where the nearest motion is that
-does it.
+The tests compare its verdicts with those of the checks. The parameters are those of the tables in the paper. Some of
+them have two readings (slope of the second stage: reduced or literal; impact damping: dissipative or as printed). The
+default is reduced and dissipative; the verdict names any other reading. Nothing is tuned. If the printed numbers do not
+give what the paper describes, the evidence reports what they give, and where the nearest motion is that agrees with the
+paper.
 """
 
 

@@ -187,13 +187,13 @@ def _loops() -> dict[str, gw.Hysteresis]:
     larger than in any of its sets, so that the loop can be seen.
     """
 
-    def loop(law: gw.DampingLaw, impact: float, damper: float) -> gw.Hysteresis:
+    def loop(law: str, **numbers: float) -> gw.Hysteresis:
         stop = (gw.Stage(clearance=1.0, side=gw.Side.POSITIVE),)
-        return gw.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, impact, damper), 2.0)
+        return gw.hysteresis(gw.Contact("stop", {"x": 1.0}, stop, None, law, numbers), 2.0)
 
-    impact = loop(gw.DampingLaw.HUNT_CROSSLEY, 0.5, 0.0)
-    damper = impact.loss / loop(gw.DampingLaw.VISCOUS, 0.0, 1.0).loss
-    return {VISCOUS: loop(gw.DampingLaw.VISCOUS, 0.0, damper), IMPACT: impact}
+    impact = loop("hunt-crossley", impact_damping=0.5)
+    damper = impact.loss / loop("viscous", viscous_damping=1.0).loss
+    return {VISCOUS: loop("viscous", viscous_damping=damper), IMPACT: impact}
 
 
 LOOPS = _loops()

@@ -9,22 +9,18 @@ from gapwalk.homes import HOMES
 
 if TYPE_CHECKING:
     from gapwalk import errors, paper, plot
-    from gapwalk.attractors.attractor import Attractor
+    from gapwalk.attractors.attractor import Attractor, Settled
+    from gapwalk.attractors.attractor_catalogue import match
     from gapwalk.attractors.basins import Basins, BasinShares
     from gapwalk.attractors.classify import ClassifyOptions, classify
     from gapwalk.attractors.contrast import Contrast, contrast
     from gapwalk.attractors.lyapunov import LyapunovOptions, lyapunov
-    from gapwalk.attractors.match import match
     from gapwalk.attractors.rattle import rattle
-    from gapwalk.attractors.regime import Regime
     from gapwalk.attractors.regime_judge import RegimeOptions
-    from gapwalk.attractors.regimes import Regimes
-    from gapwalk.attractors.section import section, strobe
-    from gapwalk.attractors.section_plane import Plane, impact_plane
+    from gapwalk.attractors.regimes import Regime, Regimes
+    from gapwalk.attractors.section import Plane, impact_plane, section, strobe
     from gapwalk.attractors.settle import SettleOptions, settle
-    from gapwalk.attractors.settled import Settled
-    from gapwalk.attractors.spectrum import spectrum
-    from gapwalk.attractors.waterfall import waterfall
+    from gapwalk.attractors.spectrum import spectrum, waterfall
     from gapwalk.bifurcation.branch import Branch, SpecialPoint
     from gapwalk.bifurcation.branch_comparison import Comparison, compare
     from gapwalk.bifurcation.diagram import Cascade, Diagram, DiagramBranch
@@ -36,7 +32,7 @@ if TYPE_CHECKING:
     from gapwalk.continuation.branch_point import BranchPoint
     from gapwalk.continuation.walk_options import WalkOptions
     from gapwalk.ensemble import BatchOptions, batch_flow_of
-    from gapwalk.explorer.saved import save_html
+    from gapwalk.explorer.saved_page import save_html
     from gapwalk.flow.hysteresis import Hysteresis, hysteresis
     from gapwalk.flow.motion import integrate
     from gapwalk.flow.signal import Signal
@@ -45,7 +41,7 @@ if TYPE_CHECKING:
     from gapwalk.measurement.fit import Fit, FitOptions, fit
     from gapwalk.measurement.measured_record import Record
     from gapwalk.measurement.read_record import read_measurement
-    from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
+    from gapwalk.model.contact import Contact, Side, Stage, backlash, stop
     from gapwalk.model.damping import ModalDamping, ProportionalDamping
     from gapwalk.model.drivetrain import (
         Gear,
@@ -59,42 +55,42 @@ if TYPE_CHECKING:
         paper_numbers,
     )
     from gapwalk.model.equilibria import Equilibrium, Rest, rest_of
-    from gapwalk.model.excitation import Harmonic
+    from gapwalk.model.laws import Law
+    from gapwalk.model.loads import Harmonic, Load
     from gapwalk.model.modes import Modes, modes_of
     from gapwalk.model.system import System
-    from gapwalk.notebook.progress_line import show_progress
+    from gapwalk.notebook import show_progress
     from gapwalk.orbit.find import find_orbit
     from gapwalk.orbit.harmonic_balance import Balance
     from gapwalk.orbit.orbit import Orbit
     from gapwalk.orbit.shooting import Shooting
     from gapwalk.parallel.workers import on_cluster, workers
     from gapwalk.reduction import Reduction, reduce
-    from gapwalk.studies.basins.basins import basin_shares, basins
-    from gapwalk.studies.basins.options import BasinOptions
-    from gapwalk.studies.compare import compare_results
-    from gapwalk.studies.comparison import ResultComparison
-    from gapwalk.studies.diagram.diagram import DiagramOptions, diagram
-    from gapwalk.studies.diagram.others import find_others
+    from gapwalk.studies.basin_study import basins
+    from gapwalk.studies.basin_work import BasinOptions, basin_shares
+    from gapwalk.studies.compare import ResultComparison, compare_results
+    from gapwalk.studies.diagram_study import DiagramStudyOptions
     from gapwalk.studies.export import save_tables
-    from gapwalk.studies.family.family import family
-    from gapwalk.studies.family.options import FamilyOptions
-    from gapwalk.studies.family.over import MemberParameter
-    from gapwalk.studies.family.record import Family
-    from gapwalk.studies.file import Study, read_studies, read_study
+    from gapwalk.studies.family import Family, MemberParameter
+    from gapwalk.studies.family_joining import FamilyOptions
+    from gapwalk.studies.family_study import family
     from gapwalk.studies.load import load
-    from gapwalk.studies.locus.study_options import LocusStudyOptions
-    from gapwalk.studies.map import Map, MapOptions, bifurcation_map
-    from gapwalk.studies.options import DiagramStudyOptions, MapStudyOptions, ResponseOptions, SecondParameter
-    from gapwalk.studies.regimes.mapping import regimes
-    from gapwalk.studies.regimes.options import RegimeMapOptions
+    from gapwalk.studies.locus_study import LocusStudyOptions
+    from gapwalk.studies.map import Map, MapOptions
+    from gapwalk.studies.map_charting import bifurcation_map
+    from gapwalk.studies.map_study import MapStudyOptions
+    from gapwalk.studies.options import SecondParameter
+    from gapwalk.studies.regime_study import regimes
+    from gapwalk.studies.regime_work import RegimeMapOptions
+    from gapwalk.studies.response_study import ResponseOptions
     from gapwalk.studies.result import Result
-    from gapwalk.studies.run import run
-    from gapwalk.studies.settle.finding import SettleFinding
-    from gapwalk.studies.settle.study_options import SettleStudyOptions
-    from gapwalk.studies.sweep.options import SweepOptions
-    from gapwalk.studies.sweep.record import Sweep
-    from gapwalk.studies.sweep.sweeping import sweep
+    from gapwalk.studies.runner import run
+    from gapwalk.studies.settle_study import SettleFinding, SettleStudyOptions
+    from gapwalk.studies.study_file import Study, read_studies, read_study
+    from gapwalk.studies.sweep import Sweep, SweepOptions
+    from gapwalk.studies.sweep_study import sweep
     from gapwalk.studies.verify import verify
+    from gapwalk.studies.whole_diagram import DiagramOptions, diagram, find_others
     from gapwalk.verification import Check, Verification
 
     __version__: str
@@ -116,7 +112,6 @@ __all__ = [
     "Comparison",
     "Contact",
     "Contrast",
-    "DampingLaw",
     "DampingMatch",
     "Diagram",
     "DiagramBranch",
@@ -133,6 +128,8 @@ __all__ = [
     "Hysteresis",
     "Inertia",
     "Kind",
+    "Law",
+    "Load",
     "Locus",
     "LocusStudyOptions",
     "LyapunovOptions",

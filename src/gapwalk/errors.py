@@ -20,7 +20,7 @@ class NumericalError(GapwalkError, ArithmeticError):
 
 
 class FlowError(NumericalError):
-    """The integration of a motion failed: it ran away, chattered without end, or lost its contact stage."""
+    """The integration of a motion failed: it diverged, chattered without end, or missed a contact event."""
 
 
 class ConvergenceError(NumericalError):

@@ -9,8 +9,8 @@ from enum import StrEnum
 from typing import TypeVar
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, DampingLaw, Stage
-from gapwalk.model.excitation import Harmonic
+from gapwalk.model.contact import Contact, Stage
+from gapwalk.model.loads import Harmonic
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.system import System
 
@@ -249,8 +249,8 @@ def case(
     stage = Stage(clearance=1.0, stiffness=1.0 if slope is SlopeReading.REDUCED else 1.0 - k11)
     # The viscous figures have the same law with beta = 0: systems of one structure share one compiled flow.
     dissipative = damping is DampingReading.DISSIPATIVE
-    law = DampingLaw.HUNT_CROSSLEY if dissipative else DampingLaw.HUNT_CROSSLEY_AS_PRINTED
-    contact = Contact("stage2", {"q1": 1.0}, (stage,), {"q1": n1, "q3": -n2}, law, numbers.beta)
+    law = "hunt-crossley" if dissipative else "hunt-crossley-as-printed"
+    contact = Contact("stage2", {"q1": 1.0}, (stage,), {"q1": n1, "q3": -n2}, law, impact_damping=numbers.beta)
     harmonics = [Harmonic(numbers.excitation, {"q1": 1.0})]
     if numbers.second:
         amplitude, order, phase = numbers.second

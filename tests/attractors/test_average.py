@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.average import average, birkhoff_mean, birkhoff_weights, block_error
+from gapwalk.attractors.lyapunov import average, birkhoff_mean, birkhoff_weights, block_error
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 

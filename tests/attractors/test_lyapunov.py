@@ -5,9 +5,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors.lyapunov import LyapunovOptions, lyapunov, of_multipliers
-from gapwalk.attractors.quadrature import quadrature
+from gapwalk.attractors.rattle import quadrature
+from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import settle
-from gapwalk.attractors.strobe import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from tests.attractors.references import figure15, largest_exponent, ueda

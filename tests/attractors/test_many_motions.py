@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.batch_motions import BatchMotions, motions_of
-from gapwalk.attractors.many_motions import ExactMotions
+from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, motions_of
 from gapwalk.errors import FlowError
 from tests.systems import clutch
 

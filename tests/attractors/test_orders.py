@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.attractors import agreement
-from gapwalk.attractors.line_names import line_name
+from gapwalk.attractors import contrast as agreement
+from gapwalk.attractors.spectrum import line_name
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.card import card_of

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.batch_motions import motions_of
-from gapwalk.attractors.exact_recheck import settle_doubts
-from gapwalk.attractors.many_motions import ContactFigures
-from gapwalk.attractors.regime import Regime, regime_word
-from gapwalk.attractors.regime_judge import RegimeOptions, judge
+from gapwalk.attractors.many_motions import ContactFigures, motions_of
+from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
+from gapwalk.attractors.regimes import Regime, regime_word
 from gapwalk.errors import ModelError
 from gapwalk.orbit import find_orbit
 from tests.systems import clutch, linear
@@ -45,7 +43,7 @@ class MapMotions:
 
 
 def logistic(states, a):
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond a = 4 it runs away
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond a = 4 it diverges
         x = a * states[:, 0] * (1.0 - states[:, 0])
     return np.column_stack((x, 0.3 * states[:, 1]))
 
@@ -147,7 +145,7 @@ def test_a_doubtful_motion_that_spirals_into_an_orbit_is_called_periodic():
 def test_words_and_options():
     assert regime_word(Regime.PERIODIC, 3) == "period 3"
     assert regime_word(Regime.CHAOTIC, 0) == "chaotic"
-    assert [Regime(k).text for k in (-2, -1, 0, 1)] == ["runs away", "undecided", "periodic", "quasi-periodic"]
+    assert [Regime(k).text for k in (-2, -1, 0, 1)] == ["diverges", "undecided", "periodic", "quasi-periodic"]
     with pytest.raises(ModelError, match="max_period is 200; it must be at most 128"):
         RegimeOptions(max_period=200)
     with pytest.raises(ModelError, match="longest is 0"):

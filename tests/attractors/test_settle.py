@@ -5,11 +5,11 @@ import pytest
 from numpy.linalg import norm
 
 import gapwalk as gw
+from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.attractors.strobe import Strobe
 from gapwalk.errors import ModelError
 from gapwalk.model import Harmonic, System
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import stroboscopic
 from tests.attractors.references import figure15, strobes
 from tests.systems import clutch, linear
 

@@ -7,7 +7,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.attractors import SpectrumOptions, settle, spectrum
-from gapwalk.attractors.line_names import line_name
+from gapwalk.attractors.spectrum import line_name
 from gapwalk.errors import ModelError
 from gapwalk.model import Harmonic, System
 from tests.systems import linear, viscous_stop

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gapwalk.attractors.strobe import Strobe
+from gapwalk.attractors.section import Strobe
 from gapwalk.attractors.trapping_region import trapping_region_of
 from gapwalk.orbit import find_orbit
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 from tests.independent import integrate
 from tests.systems import linear

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gapwalk.attractors.strobe import Strobe
+from gapwalk.attractors.section import Strobe
 from gapwalk.bifurcation import Branch, BranchTracer, Kind, SpecialPoint, follow, switch, walk_out
 from gapwalk.bifurcation.diagram import Diagram, Origin
 from gapwalk.bifurcation.follow import join

@@ -10,8 +10,8 @@ import pytest
 from gapwalk import stop
 from gapwalk.bifurcation import Branch, Kind, follow
 from gapwalk.bifurcation.error_estimate import _location_error, _Seen
-from gapwalk.bifurcation.kinds.zero_search import Zero
-from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+from gapwalk.bifurcation.step_interval import Zero
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.orbit import find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from tests.orbit.test_edges import oscillator
@@ -23,7 +23,7 @@ def two_stages() -> System:
         Stage(0.20252991376213203, 13.01846879987457, name="s1"),
         Stage(0.5796835263946352, 13.737950887958013, name="s2"),
     )
-    contact = Contact("c", {"x": 1.0}, stages, damping=DampingLaw.VISCOUS, viscous_damping=0.15)
+    contact = Contact("c", {"x": 1.0}, stages, law="viscous", viscous_damping=0.15)
     loads = [Harmonic(0.7997351240115564, {"x": 1.0})]
     return System(["x"], [[0.3]], [[0.08763205483255498]], contacts=[contact], harmonics=loads, frequency=2.0)
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gapwalk as gw
-from gapwalk.bifurcation.kind import Kind, register
+from gapwalk.bifurcation.special_point_kind import Kind, register
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 
@@ -92,6 +92,6 @@ def test_the_name_of_another_kind_is_refused() -> None:
     class Other(Kind):
         pass
 
-    with pytest.raises(ModelError, match="there is a kind 'fold' already, Fold; choose another name"):
+    with pytest.raises(ModelError, match="there is a kind of special point 'fold' already, Fold; choose another name"):
         register(Other("fold"))
     assert type(Kind.named("fold")).__name__ == "Fold"

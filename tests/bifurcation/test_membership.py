@@ -10,7 +10,7 @@ from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation import EndReason, WalkOptions
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.orbit import Shooting, find_orbit
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 
 FINER = WalkOptions(initial_step=0.001, largest_step=0.004)

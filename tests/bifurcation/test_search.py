@@ -16,18 +16,16 @@ from gapwalk.bifurcation.isolated import (
     unseen_share,
     values_between,
 )
-from gapwalk.bifurcation.isolated.deflation import Deflation, newton_aside
-from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.isolated.search_chunk import search_chunk
-from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
-from gapwalk.bifurcation.isolated.settling import Settler
+from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
+from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk
+from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
 from gapwalk.bifurcation.membership import Curve, lies_on
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import Flow
 from gapwalk.model import System
 from gapwalk.orbit import ShootingEquation, find_orbit
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.paper import case
 from gapwalk.parallel.workers import workers
 from tests.computed import paper_response

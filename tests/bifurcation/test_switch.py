@@ -12,7 +12,7 @@ from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit import find_orbit
-from gapwalk.orbit.identity import is_same, true_period
+from gapwalk.orbit.orbit import is_same, true_period
 from gapwalk.paper import case
 from tests.bifurcation.test_special_points import symmetric
 from tests.computed import paper_response

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 import gapwalk as gw
-from gapwalk.cli import file_commands as cli_files
-from gapwalk.cli import main
+from gapwalk.cli import file_commands, main
 from tests.studies.studies import stop_study
 
 STUDY = 'frequency = 2.0\nstudy = { kind = "response", parameter = "frequency", to = 0.5 }\n'
@@ -125,7 +124,7 @@ def test_a_bug_is_1_and_says_so(result, monkeypatch, capsys) -> None:
     def fail(*_: object, **__: object) -> int:
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr(cli_files, "show_result", fail)
+    monkeypatch.setattr(file_commands, "show_result", fail)
     assert main(["show", result]) == 1
     text = capsys.readouterr().err
     assert "this is a bug in gapwalk, please report it: ZeroDivisionError: by nothing" in text

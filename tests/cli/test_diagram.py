@@ -17,7 +17,7 @@ from gapwalk.cli.progress import DiagramProgress
 from gapwalk.errors import StoreError
 from tests.interruption import until_ctrl_c
 from tests.models import CLUTCH
-from tests.studies.diagrams import islands
+from tests.studies.diagrams import clutch_diagram, islands
 from tests.studies.same import assert_same_result
 from tests.waiting import until
 
@@ -126,8 +126,8 @@ def test_one_study_that_fails_does_not_stop_the_others(clutch, capsys) -> None:
     [
         (["--study", "lop"], "has no study 'lop'; did you mean loop?"),
         (["--study", "loop", "--output", "x.png"], "x.png is not a name for a result"),
-        (["--set", "study.loop.max_period=0"], 'study "loop".max_period is 0; it must be >= 1'),
-        (["--set", "study.max_period=4"], 'study "curve".max_period is no key here'),
+        (["--set", "study.loop.max_period=0"], 'study "loop".max_period is 0; it must be an integer from 1 to 100,000'),
+        (["--set", "study.max_period=4"], 'study "curve".max_period is not a key here'),
     ],
 )
 def test_bad_input_is_2(clutch, words, message, capsys) -> None:
@@ -247,7 +247,7 @@ def test_an_incomplete_diagram_says_so(clutch, capsys) -> None:
 
 def test_the_line_of_progress_counts(clutch, monkeypatch) -> None:
     shown = []
-    progress = DiagramProgress("loop", show=False)
+    progress = DiagramProgress(clutch_diagram().options, "loop", show=False)
     monkeypatch.setattr(progress._line, "update", lambda *texts: shown.append(texts))
     result = gw.run(gw.read_study(clutch, name="loop"), report=progress)
     points = sum(len(branch.points) for branch in result.branches)

@@ -90,7 +90,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
         pytest.skip("has one part")
     with monkeypatch.context() as patch:
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regimes.job.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
 
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
@@ -110,7 +110,7 @@ def test_ctrl_c_says_what_is_stored_and_how_to_go_on(kind, monkeypatch, capsys) 
             assert "x.gapwalk is not complete" in capsys.readouterr().err
         patch.undo()
         if kind == "regimes":
-            patch.setattr("gapwalk.studies.regimes.job.ROWS", 3)
+            patch.setattr("gapwalk.studies.regime_work.ROWS", 3)
         assert main(["run", "x.toml", "--resume", "--quiet"]) == 0
     assert Path("x.png").exists()
 
@@ -131,7 +131,7 @@ def test_motions_that_run_away_are_told_and_are_3(tmp_path, monkeypatch, capsys)
     assert main(["show", "sweep.gapwalk"]) == 0
     assert capsys.readouterr().out.count("failed: start 1, ") == 2
     assert main(["run", "settle.toml", *words]) == 3
-    assert "runs away" in capsys.readouterr().err
+    assert "diverges" in capsys.readouterr().err
     assert not Path("settle.gapwalk").exists()
 
 
@@ -142,7 +142,7 @@ def test_a_motion_that_cannot_be_told_is_3(tmp_path, monkeypatch, capsys) -> Non
     def doubt(settled, options) -> gw.Attractor:
         return replace(identify(settled, options), kind=AttractorKind.UNDECIDED, evidence=("nobody knows",))
 
-    monkeypatch.setattr("gapwalk.studies.settle.study.identify", doubt)
+    monkeypatch.setattr("gapwalk.studies.settle_study.identify", doubt)
     assert main(["run", "x.toml"]) == 3
     captured = capsys.readouterr()
     assert "gapwalk: nobody knows" in captured.err
@@ -167,7 +167,7 @@ def test_a_cluster_does_the_work(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.toml").write_text(MODELS["sweep"])
     assert main(["run", "x.toml", "--quiet"]) == 0
-    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": None, "silence_logs": 50}
+    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": ":0", "silence_logs": 50}
     with distributed.LocalCluster(n_workers=1, **options) as cluster:
         words = ["run", "x.toml", "--output", "y.gapwalk", "--quiet", "--scheduler", cluster.scheduler_address]
         assert main(words) == 0

@@ -13,8 +13,8 @@ import pytest
 from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.file import read_study
-from gapwalk.studies.measure.table import read_measured_model
+from gapwalk.studies.measure import read_measured_model
+from gapwalk.studies.study_file import read_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TRUE = {"stage2.impact_damping": 0.1, "mean.q1": 0.05, "stage2.clearance": 1.0, "phase": 1.234}

@@ -44,7 +44,7 @@ def test_a_run_is_shown_in_units_and_without(tmp_path, capsys) -> None:
     assert main(["run", str(EXAMPLE), *SHORT, "--units", "none", "--output", str(plain)]) == 0
     assert "motions over Ω from" in capsys.readouterr().out
     assert main(["show", str(plain)]) == 0
-    assert "changed: units = none: 1 stands for an angle of 3 deg" in capsys.readouterr().out
+    assert "changed: units = none: 1 means an angle of 3 deg" in capsys.readouterr().out
     physical, other = gw.load(file), gw.load(plain)
     scales = gw.nondimensional(physical.system).scales
     first, same = (result.branches[0].points[0] for result in (physical, other))
@@ -75,7 +75,7 @@ def test_what_is_wrong_with_units_is_told_with_its_line(tmp_path, capsys) -> Non
         'shaft "clutch".stage[0].stiffness is "19.5 N m": N m is the unit of a torque; a stiffness is expected',
         'speed is "1500 U/min": write rpm',
         'harmonic "firing".amplitude is "100 J": J is the unit of an energy; write a torque in N m',
-        "inertia[3].naem is no key here",
+        "inertia[3].naem is not a key here",
     ):
         (line,) = [line for line in lines if words in line]
         number = int(line.split("wrong.toml:")[1].split(":")[0])

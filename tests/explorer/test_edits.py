@@ -84,7 +84,7 @@ def test_an_edit_is_noticed_a_broken_model_is_told_whole_and_results_stay(page, 
     (folder / "stop.toml").write_text(many + STOP, encoding="utf-8")
     until(page, "!document.getElementById('error').hidden")
     told = page.inner_text("#error")
-    assert all(f"stop.toml:{line}: nonsense{line - 1} is no key here" in told for line in range(1, 31))
+    assert all(f"stop.toml:{line}: nonsense{line - 1} is not a key here" in told for line in range(1, 31))
     assert page.is_disabled("#compute")
     assert page.evaluate("gapwalk.curves.all.size") == 2
     page.reload()
@@ -108,7 +108,7 @@ def test_after_a_kill_and_a_restart_the_page_goes_on_by_itself(chrome, folder) -
     with served(folder / "long.toml", port):
         until(chrome, "gapwalk.page.results[0]?.state === 'stopped'")
         until(chrome, "[...gapwalk.curves.all.values()][0].count === gapwalk.page.results[0].branches[0].points")
-        assert chrome.locator("#results button:text-is('Go on')").count() == 1
+        assert chrome.locator("#results button:text-is('Resume')").count() == 1
         assert "is being computed" not in chrome.inner_text("#results")
         assert "does not answer" not in chrome.inner_text("#status")
         chrome.goto("about:blank")

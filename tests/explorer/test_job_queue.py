@@ -50,7 +50,7 @@ def test_a_job_grows_is_held_goes_on_and_is_stopped(client, session, long) -> No
     growing(client, long, key, held)
     job(client, "stop", long, key)
     found = wait(client, long, key)
-    assert (found["state"], found["can_go_on"]) == ("stopped", True)
+    assert (found["state"], found["can_resume"]) == ("stopped", True)
     # all that it had found is in the file, and it goes on from there
     (path,) = session.workspace.exploration(session.workspace.path(long)).glob("*.gapwalk")
     (branch,) = gw.load(path).branches

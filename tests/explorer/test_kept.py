@@ -12,9 +12,7 @@ from playwright.sync_api import Page
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.explorer.saved.blob import STEPS, Blob
-from gapwalk.explorer.saved.content import content_of
-from gapwalk.explorer.saved.saved_branches import lines_of
+from gapwalk.explorer.saved_page import STEPS, Blob, content_of, lines_of
 from tests.explorer.browser import browser, until
 
 TITLE = "</script><script>window.stolen = 1</script><b>&amp;"
@@ -66,7 +64,7 @@ def test_a_drawn_curve_is_off_by_less_than_a_level(values) -> None:
     blob = Blob()
     kept = blob.drawn(values)
     low_bytes, high_bytes = np.frombuffer(blob.content, dtype=np.uint8).reshape(2, -1).astype(int)
-    levels = np.cumsum(np.cumsum(low_bytes + 256 * high_bytes)) % 65536  # as shelf.js does
+    levels = np.cumsum(np.cumsum(low_bytes + 256 * high_bytes)) % 65536  # as saved_data.js does
     step = (kept["high"] - kept["low"]) / (STEPS - 1)
     np.testing.assert_allclose(kept["low"] + levels * step, values, rtol=0, atol=0.51 * step + 1e-9)
 

@@ -147,7 +147,7 @@ def test_a_locus_is_followed_shown_and_repeated(client, do, session, hard) -> No
     ("change", "words"),
     [
         ({"second": "frequency"}, "second parameter other than"),
-        ({"second_low": 0.3}, "must hold 0.2"),
+        ({"second_low": 0.3}, "it must contain the value of the point, 0.2"),
         ({"second": "nothing"}, "no parameter"),
         ({"start": {"special": 99}}, "no such special point"),
     ],
@@ -199,12 +199,12 @@ def test_a_stopped_switch_keeps_what_it_found_and_goes_on_to_the_same_end(client
     client.post("/api/job/stop", json={"file": clutch, "result": key})
     stopped = wait(client, clutch, key)
     assert stopped["state"] == "stopped"
-    assert stopped["can_go_on"]
+    assert stopped["can_resume"]
     if stopped["branches"]:  # it may have been stopped before its first step was stored
         assert not gw.load(result_file(session, clutch, key)).complete
     assert client.post("/api/job/resume", json={"file": clutch, "result": key}).status_code == 200
     resumed = wait(client, clutch, key)
-    assert (resumed["state"], resumed["can_go_on"]) == ("done", False)
+    assert (resumed["state"], resumed["can_resume"]) == ("done", False)
     whole = do(clutch, **{name: value for name, value in action.items() if name != "file"}, low=0.15, high=2.0)
     (one,), (other,) = (gw.load(result_file(session, clutch, each)).branches for each in (key, whole["key"]))
     np.testing.assert_array_equal([p.orbit.state for p in one.points], [p.orbit.state for p in other.points])

@@ -144,7 +144,7 @@ def test_a_long_walk_grows_and_is_stopped(page) -> None:
     until(page, f"[...(window.gapwalk?.curves.all.values() ?? [])][0]?.count > {count}")
     page.click("#results button:text-is('Stop')")
     until(page, "gapwalk.page.results[0].state === 'stopped'")
-    assert page.locator("#results button:text-is('Go on')").count() == 1
+    assert page.locator("#results button:text-is('Resume')").count() == 1
 
 
 def test_a_bad_file_is_told_in_sentences_and_another_can_be_opened(page) -> None:
@@ -271,7 +271,7 @@ def test_a_search_is_begun_and_stopped(page) -> None:
     page.fill("#search-count", "40")
     page.click("#search")
     until(page, f"gapwalk.page.results[{count}]?.state === 'running'")
-    assert "others" in page.inner_text("#results li:last-child")
+    assert "isolated branches" in page.inner_text("#results li:last-child")
     page.reload()
     until(page, f"window.gapwalk?.page.results[{count}]?.state === 'running'")
     page.click("#results button:text-is('Stop')")

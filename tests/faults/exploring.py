@@ -22,7 +22,7 @@ def main(path: str) -> None:
     desk = Session(root)
     client = TestClient(application(desk), base_url=ORIGIN)
     known = client.get("/api/about", params={"file": MODEL}).json()["results"]
-    going = [each for each in known if each["can_go_on"]]
+    going = [each for each in known if each["can_resume"]]
     if going:
         key = going[0]["key"]
         client.post("/api/job/resume", json={"file": MODEL, "result": key})

@@ -83,11 +83,15 @@ def test_not_all_of_very_many_names_are_told() -> None:
     ("old", "new", "words"),
     [
         ("clearance = 1.0", "clearance = -1.0", 'contact "stop".clearance is -1.0; it must be >= 0'),
-        ("clearance = 1.0", "clearance = 1.0\nfriction = 0.2", 'contact "stop".friction is no key here; the keys are'),
-        ("clearance = 1.0", 'clearance = "1 mm"', "a number without a unit, in units that fit together"),
+        (
+            "clearance = 1.0",
+            "clearance = 1.0\nfriction = 0.2",
+            '"stop".friction is not a key here; the keys are',
+        ),
+        ("clearance = 1.0", 'clearance = "1 mm"', "a number without a unit, in consistent units"),
         ("clearance = 1.0", 'clearance = "0,5"', "it has a point, not a comma: 0.5"),
         ("clearance = 1.0", "clearance = 0,5", "a number has a point, not a comma, as in 0.5"),
-        ("[study]", "[study]\n[study]", "[study] stands here a second time; where there are several, write [[study]]"),
+        ("[study]", "[study]\n[study]", "[study] is here a second time; if there are several, write [[study]]"),
     ],
 )
 def test_a_slip_in_a_model_file_is_told(tmp_path, old, new, words) -> None:

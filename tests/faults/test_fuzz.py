@@ -30,7 +30,7 @@ from gapwalk.explorer.web_app import application
 from gapwalk.model.model_source import Source, parse_source
 from gapwalk.model.units import QuantityKind, read_quantity
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.file import check_studies
+from gapwalk.studies.study_file import check_studies
 from tests.explorer.conftest import ORIGIN, STOP
 from tests.faults.bad_input import MODELS
 from tests.results.tampering import change_sealed

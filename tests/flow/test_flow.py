@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 
 from gapwalk.errors import FlowError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.laws import LAWS
 from tests.independent import integrate as reference
 from tests.systems import backlash_oscillator, clutch, linear, random_systems, viscous_stop
 
 STATE = np.array([1.5, 0.3, -0.4, 0.2])
-DAMPED = {"none": {}, "viscous": {"viscous_damping": 0.1}, "hunt-crossley": {"impact_damping": 0.2}}
+DAMPED = {"elastic": {}, "viscous": {"viscous_damping": 0.1}, "hunt-crossley": {"impact_damping": 0.2}}
 
 
 def advance(system, state, stop=PERIOD):
@@ -49,9 +50,9 @@ def test_linear_motion_agrees_with_the_matrix_exponential():
     assert arc.contacts == []
 
 
-@pytest.mark.parametrize("law", list(DampingLaw))
+@pytest.mark.parametrize("law", list(LAWS))
 def test_state_agrees_with_an_independent_integrator(law):
-    damping = {"none": {}, "viscous": {"viscous_damping": 0.3}}.get(law.value, {"impact_damping": 0.2})
+    damping = {"elastic": {}, "viscous": {"viscous_damping": 0.3}}.get(law, {"impact_damping": 0.2})
     contact = Contact("c", {"q1": 1.0, "q3": -0.3}, (Stage(0.4, 3.0),), None, law, **damping)
     system = System(("q1", "q3"), [[1.0, -0.2], [-0.2, 0.5]], np.eye(2) * 0.1, contacts=[contact], frequency=0.3)
     assert len(advance(system, STATE).contacts) >= 6
@@ -95,7 +96,7 @@ def test_sensitivities_agree_with_differences(system, seed, data):
 
 
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(system=random_systems(laws=(DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY)), seed=st.integers(0, 1000))
+@given(system=random_systems(laws=("elastic", "hunt-crossley")), seed=st.integers(0, 1000))
 def test_determinant_identity(system, seed):
     """det Phi = exp(-integral of trace(M^-1 (C + sum d (df/dv) e'))) (Liouville), by quadrature of a sampled motion."""
     state = np.random.default_rng(seed).normal(size=2 * system.size)
@@ -104,7 +105,7 @@ def test_determinant_identity(system, seed):
     thetas = np.unique(np.concatenate((np.linspace(0, PERIOD, 4001), [event.theta for event in arc.contacts])))
     states, _ = flow_of(system).sample(coefficients_of(system), state, thetas)
     for form in system.structure.contacts:
-        if form.damping is DampingLaw.NONE:
+        if form.law.name == "elastic":
             continue
         e = system.values[system.structure.block(f"{form.name}.deflection", system.size)]
         g = _spring_force(system, form, states[:, : system.size] @ e)
@@ -135,11 +136,11 @@ def test_a_start_at_rest_on_a_breakpoint_is_decided_by_the_acceleration():
 
 @pytest.mark.parametrize("phase", [math.pi / 2, -math.pi / 2, 0.0])
 @pytest.mark.parametrize("clearance", [0.0, 1e-20, 1e-16, 1e-13])
-@pytest.mark.parametrize("law", ["none", "hunt-crossley", "viscous"])
+@pytest.mark.parametrize("law", ["elastic", "hunt-crossley", "viscous"])
 def test_a_mass_at_rest_leaves_a_gap_of_hardly_any_width(law, clearance, phase):
     # under a sine its acceleration is zero at the start, or 3e-17 to the wrong side by rounding
     contacts = [
-        Contact("c", {"x": 1.0}, (Stage(clearance, 3.0, 0.5),), None, DampingLaw(law), **DAMPED[law]),
+        Contact("c", {"x": 1.0}, (Stage(clearance, 3.0, 0.5),), None, law, **DAMPED[law]),
         Contact("d", {"x": 1.0}, (Stage(clearance, 0.4, side=Side.POSITIVE),)),
     ]
     load = [Harmonic(0.5, {"x": 1.0}, phase=phase)]
@@ -209,12 +210,10 @@ def test_a_viscous_stop_has_the_right_sensitivities():
         assert len(arc.contacts) >= 2
 
 
-def test_a_motion_that_runs_away_is_refused():
-    contact = Contact(
-        "c", {"x": 1.0}, (Stage(0.1, 1.0),), None, DampingLaw.HUNT_CROSSLEY_AS_PRINTED, impact_damping=3.0
-    )
+def test_a_motion_that_diverges_is_refused():
+    contact = Contact("c", {"x": 1.0}, (Stage(0.1, 1.0),), None, "hunt-crossley-as-printed", impact_damping=3.0)
     system = System(("x",), [[0.0]], contacts=[contact], frequency=0.05)
-    with pytest.raises(FlowError, match="run"):
+    with pytest.raises(FlowError, match="diverges"):
         advance(system, [-3.0, -3.0], 20 * PERIOD)
 
 
@@ -232,9 +231,9 @@ def test_work_of_one_period_does_not_grow():
     assert len(arc.contacts) == 4
 
 
-@pytest.mark.parametrize("law", ["none", "hunt-crossley", "viscous"])
+@pytest.mark.parametrize("law", ["elastic", "hunt-crossley", "viscous"])
 def test_a_gap_of_no_width_switches_both_sides_at_once(law):
-    contact = Contact("c", {"x": 1.0}, (Stage(0.0, 2.0, 0.5),), None, DampingLaw(law), **DAMPED[law])
+    contact = Contact("c", {"x": 1.0}, (Stage(0.0, 2.0, 0.5),), None, law, **DAMPED[law])
     system = System(("x",), [[1.0]], [[0.1]], contacts=[contact], frequency=0.7)
     arc = advance(system, [0.5, 0.0])
     assert len(arc.contacts) >= 4

@@ -85,7 +85,7 @@ def test_without_a_folder_nothing_is_kept(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     assert not compiles()
-    monkeypatch.setattr(flow_cache, "_desk", lambda: None)
+    monkeypatch.setattr(flow_cache, "_working_folder", lambda: None)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert not compiles()
     assert not [*(tmp_path / "gapwalk" / "flows").iterdir()]
@@ -136,7 +136,7 @@ def test_what_a_killed_process_left_is_cleared_away(tmp_path: Path) -> None:
     for desk in (left, *used):
         desk.mkdir()
         (desk / "cache.db").write_bytes(b"copy")
-    flow_cache._clear_away(tmp_path)
+    flow_cache._remove_abandoned(tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted(used)
 
 

@@ -7,12 +7,12 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.model import Contact, DampingLaw, Side, Stage
+from gapwalk.model import Contact, Side, Stage
 from tests.systems import clutch
 
 
 def hunt_crossley(beta: float, side: Side = Side.BOTH) -> Contact:
-    return Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0, side=side),), None, DampingLaw.HUNT_CROSSLEY, beta)
+    return Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0, side=side),), None, "hunt-crossley", {"impact_damping": beta})
 
 
 def side_integral(amplitude: float, depth: float) -> float:
@@ -35,7 +35,9 @@ def test_the_loss_of_impact_damping_is_the_closed_integral(mean, amplitude, freq
 
 
 def test_the_loss_of_a_viscous_contact_is_the_closed_integral() -> None:
-    stop = Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0, side=Side.POSITIVE),), None, DampingLaw.VISCOUS, 0.0, 0.4)
+    stop = Contact(
+        "stop", {"x": 1.0}, (Stage(0.5, 3.0, side=Side.POSITIVE),), None, "viscous", {"viscous_damping": 0.4}
+    )
     loop = gw.hysteresis(stop, 1.3, frequency=0.7)
     t = math.acos(0.5 / 1.3)  # it touches for |theta| < t
     assert loop.loss == pytest.approx(0.4 * 0.7 * 1.3**2 * (t - math.sin(2 * t) / 2.0), rel=1e-13)
@@ -43,7 +45,7 @@ def test_the_loss_of_a_viscous_contact_is_the_closed_integral() -> None:
 
 def test_the_loss_of_a_cubic_spring_in_two_stages_is_the_area_of_the_drawn_loop() -> None:
     stages = (Stage(0.2, 1.0, name="soft"), Stage(0.6, 2.0, 0.7, name="hard"))
-    contact = Contact("c", {"x": 1.0}, stages, None, DampingLaw.HUNT_CROSSLEY, 0.3)
+    contact = Contact("c", {"x": 1.0}, stages, None, "hunt-crossley", {"impact_damping": 0.3})
     loop = gw.hysteresis(contact, 1.1, mean=-0.1, samples=20_000)
     assert loop.breakpoints == (-0.6, -0.2, 0.2, 0.6)
     assert loop.loss == pytest.approx(float(np.trapezoid(loop.force, loop.deflection)), rel=1e-6)
@@ -52,7 +54,7 @@ def test_the_loss_of_a_cubic_spring_in_two_stages_is_the_area_of_the_drawn_loop(
 def test_a_spring_costs_nothing_and_the_printed_law_feeds_energy_in() -> None:
     assert abs(gw.hysteresis(clutch(**{"stage2.impact_damping": 0.0}), 2.0).loss) < 1e-14
     stage = (Stage(0.5, 3.0, side=Side.NEGATIVE),)
-    printed = Contact("stop", {"x": 1.0}, stage, None, DampingLaw.HUNT_CROSSLEY_AS_PRINTED, 0.2)
+    printed = Contact("stop", {"x": 1.0}, stage, None, "hunt-crossley-as-printed", {"impact_damping": 0.2})
     dissipative = gw.hysteresis(hunt_crossley(0.2, Side.NEGATIVE), 1.3)
     assert gw.hysteresis(printed, 1.3).loss == pytest.approx(-dissipative.loss, rel=1e-13)
     assert dissipative.loss > 0.01
@@ -60,7 +62,9 @@ def test_a_spring_costs_nothing_and_the_printed_law_feeds_energy_in() -> None:
 
 def test_only_the_viscous_contact_pulls_while_it_parts() -> None:
     """Figure 1 of the paper: the anomaly of the viscous law, and that Hunt and Crossley's has none."""
-    viscous = Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0, side=Side.POSITIVE),), None, DampingLaw.VISCOUS, 0.0, 0.4)
+    viscous = Contact(
+        "stop", {"x": 1.0}, (Stage(0.5, 3.0, side=Side.POSITIVE),), None, "viscous", {"viscous_damping": 0.4}
+    )
     loop = gw.hysteresis(viscous, 1.3)
     jump = 0.4 * 1.3 * math.sin(math.acos(0.5 / 1.3))
     assert loop.force.min() == pytest.approx(-jump, rel=1e-6)

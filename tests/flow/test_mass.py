@@ -13,10 +13,10 @@ from scipy.linalg import expm
 
 from gapwalk import find_orbit, integrate, paper
 from gapwalk.ensemble import BatchOptions, batch_flow_of, kernel
-from gapwalk.ensemble import code_chunks as chunks
+from gapwalk.ensemble import force_source as chunks
 from gapwalk.errors import FlowError, ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
-from gapwalk.model import Contact, DampingLaw, Harmonic, Stage, System
+from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import coefficients_of
 from tests.independent import integrate as reference
 from tests.systems import backlash_oscillator, clutch, linear, random_systems, viscous_stop
@@ -39,7 +39,7 @@ def chain(masses=5):
     """Masses in a row with one gap between the last of them and a wall, so that modal coordinates pay."""
     stiffness = 2.0 * np.eye(masses) - np.eye(masses, k=1) - np.eye(masses, k=-1)
     names = tuple(f"q{i}" for i in range(masses))
-    stop = Contact("stop", {names[-1]: 1.0}, (Stage(0.2, 2.0),), None, DampingLaw.HUNT_CROSSLEY, 0.1)
+    stop = Contact("stop", {names[-1]: 1.0}, (Stage(0.2, 2.0),), None, "hunt-crossley", {"impact_damping": 0.1})
     return System(
         names, stiffness, 0.03 * stiffness, contacts=[stop], harmonics=[Harmonic(0.4, {"q0": 1.0})], frequency=0.7
     )

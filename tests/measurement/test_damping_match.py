@@ -8,7 +8,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System
+from gapwalk.model import Contact, Harmonic, Side, Stage, System
 from tests.systems import clutch, linear
 
 C = 0.05
@@ -16,7 +16,9 @@ C = 0.05
 
 def held(mean: float = 2.0, load: float = 0.1, frequency: float = 0.8) -> System:
     """A mass on a one-sided spring that a load holds closed, with Hunt and Crossley's damping."""
-    stop = Contact("stop", {"x": 1.0}, (Stage(0.5, 1.0, side=Side.POSITIVE),), None, DampingLaw.HUNT_CROSSLEY, 0.1)
+    stop = Contact(
+        "stop", {"x": 1.0}, (Stage(0.5, 1.0, side=Side.POSITIVE),), None, "hunt-crossley", {"impact_damping": 0.1}
+    )
     return System(
         ("x",),
         [[0.0]],
@@ -35,9 +37,9 @@ def test_a_closed_contact_needs_the_damper_over_its_static_force() -> None:
 
 
 def test_a_contact_that_opens_costs_the_same_as_the_damper() -> None:
-    stop = Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0),), None, DampingLaw.NONE)
+    stop = Contact("stop", {"x": 1.0}, (Stage(0.5, 3.0),), None, "elastic")
     beta = gw.impact_damping_of(stop, C, 1.3)
-    matched = replace(stop, damping=DampingLaw.HUNT_CROSSLEY, impact_damping=beta)
+    matched = replace(stop, law="hunt-crossley", impact_damping=beta)
     loop = gw.hysteresis(matched, 1.3, frequency=0.7)
     assert loop.loss == pytest.approx(math.pi * C * 0.7 * 1.3**2, rel=1e-12)
 
@@ -63,7 +65,9 @@ def test_small_motions_match_as_one_harmonic_says() -> None:
 
 def test_a_viscous_contact_is_a_damper_while_it_is_closed() -> None:
     impact = held()
-    contact = Contact("stop", {"x": 1.0}, (Stage(0.5, 1.0, side=Side.POSITIVE),), None, DampingLaw.VISCOUS, 0.0, C)
+    contact = Contact(
+        "stop", {"x": 1.0}, (Stage(0.5, 1.0, side=Side.POSITIVE),), None, "viscous", {"viscous_damping": C}
+    )
     viscous = System(("x",), [[0.0]], contacts=[contact], mean={"x": 2.0}, harmonics=[Harmonic(0.1, {"x": 1.0})])
     found = gw.match_impact_damping(gw.find_orbit(viscous, frequency=0.8), impact)
     assert found.viscous_damping == pytest.approx(C, rel=1e-9)
@@ -107,5 +111,5 @@ def test_what_cannot_be_matched_is_refused() -> None:
     with pytest.raises(ModelError, match="differ in their coordinates or contacts"):
         gw.match_impact_damping(gw.find_orbit(linear()), bare)
     none = System(("x",), [[1.0]], contacts=[Contact("stop", {"x": 1.0}, (Stage(0.5),))])
-    with pytest.raises(ModelError, match="has the damping law 'none'; give it impact damping"):
+    with pytest.raises(ModelError, match="has the force law 'elastic'; give it impact damping"):
         gw.impact_damping_of(none, C, 1.0)

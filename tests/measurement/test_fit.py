@@ -7,7 +7,7 @@ import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.signal import signal_of
 from gapwalk.measurement.misfit import Misfit
-from gapwalk.orbit.carry_orbit import carry
+from gapwalk.orbit.find import carry
 from gapwalk.orbit.sensitivity import signal_along
 from tests.systems import linear
 

@@ -9,8 +9,8 @@ from scipy.io import savemat
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.measurement.mat_file import mat_variables
 from gapwalk.measurement.measured_record import MAX_SAMPLES
+from gapwalk.measurement.read_record import mat_variables
 
 TIME = np.arange(40) * 0.1
 

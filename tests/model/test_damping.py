@@ -8,7 +8,7 @@ import scipy.linalg
 
 from gapwalk.errors import ModelError
 from gapwalk.model import ModalDamping, ProportionalDamping, System
-from gapwalk.model.model_file import check_system
+from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
 
 MASS = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.0], [0.0, 0.0, 1.5]])
@@ -88,10 +88,10 @@ MODEL = 'coordinates = ["a", "b", "c"]\nstiffness = [[3, -1, 0], [-1, 2, -1], [0
     ],
 )
 def test_a_model_file_may_give_a_law(line: str, law) -> None:
-    part, problems = check_system(parse_source(MODEL + line, "m.toml"))
+    model, problems = check_model(parse_source(MODEL + line, "m.toml"))
     assert not problems
-    assert part is not None
-    assert part.system() == System(NAMES, STIFFNESS, law)
+    assert model is not None
+    assert model.system == System(NAMES, STIFFNESS, law)
 
 
 @pytest.mark.parametrize(
@@ -105,6 +105,6 @@ def test_a_model_file_may_give_a_law(line: str, law) -> None:
     ],
 )
 def test_a_wrong_law_in_a_file_has_one_problem(line: str, path: str, words: str) -> None:
-    (problem,) = check_system(parse_source(MODEL + line, "m.toml"))[1]
+    (problem,) = check_model(parse_source(MODEL + line, "m.toml"))[1]
     assert (problem.line, problem.path) == (4, path)
     assert words in problem.message

@@ -129,7 +129,9 @@ def test_of_very_many_combinations_a_way_through_them_is_gone() -> None:
 
 
 def test_negative_damping_is_not_stable() -> None:
-    mesh = gw.Contact("mesh", {"x": 1.0}, (gw.Stage(0.1, 9.0),), None, gw.DampingLaw.HUNT_CROSSLEY_AS_PRINTED, 0.3)
+    mesh = gw.Contact(
+        "mesh", {"x": 1.0}, (gw.Stage(0.1, 9.0),), None, "hunt-crossley-as-printed", {"impact_damping": 0.3}
+    )
     system = gw.System(["x"], [[1.0]], contacts=[mesh], mean={"x": 1.0})
     assert gw.rest_of(system).equilibria[0].stable
     assert not gw.rest_of(system.at({"mean.x": -1.0})).equilibria[0].stable  # as printed, it feeds energy in there

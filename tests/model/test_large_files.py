@@ -111,18 +111,18 @@ def packed(**arrays) -> bytes:
     [
         ("none.mtx", None, "cannot be read"),
         ("k.txt", b"1 2", "a list of rows, or a file in the form of Matrix Market (.mtx)"),
-        ("k.mtx", b"no matrix", "no Matrix Market file"),
-        ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 6 1\n7 1 1.0\n", "no Matrix Market file"),
+        ("k.mtx", b"no matrix", "not a Matrix Market file"),
+        ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 6 1\n7 1 1.0\n", "not a Matrix Market file"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 5 1\n1 1 1.0\n", "a matrix of 6 x 5"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n90000 90000 1\n1 1 1.0\n", "there may be 1000"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate complex general\n6 6 1\n1 1 1 1\n", "complex"),
         ("k.mtx", b"%%MatrixMarket matrix coordinate real general\n6 6 1\n1 1 nan\n", "not finite"),
-        ("k.npz", b"PK no archive", "no sparse matrix of SciPy"),
-        ("k.npz", packed(a=np.eye(6)), "no sparse matrix of SciPy"),
-        ("k.npz", packed(format=np.array([object()])), "no sparse matrix of SciPy"),  # pickled
-        ("k.npy", b"no array", "no array of NumPy"),
+        ("k.npz", b"PK no archive", "not a sparse matrix of SciPy"),
+        ("k.npz", packed(a=np.eye(6)), "not a sparse matrix of SciPy"),
+        ("k.npz", packed(format=np.array([object()])), "not a sparse matrix of SciPy"),  # pickled
+        ("k.npy", b"no array", "not an array of NumPy"),
         ("k.npy", array([[object()]]), "holds objects"),
-        ("k.npy", array(np.eye(6))[:-1], "no array of NumPy"),
+        ("k.npy", array(np.eye(6))[:-1], "not an array of NumPy"),
         ("k.npy", array(np.ones((6, 5))), "a matrix of 6 x 5"),
         ("k.npy", array(np.ones((1, 6, 6))), "a matrix of 1 x 6 x 6"),
         ("k.npy", array(2.0), "holds one number"),
@@ -134,16 +134,16 @@ def packed(**arrays) -> bytes:
         ("k.npy", array(np.full((6, 6), 2.0, np.longdouble) ** 5000), "not finite"),
         ("k.csv", b"", "holds no numbers"),
         ("k.csv", b"# only words\n\n", "holds no numbers"),
-        ("k.csv", b"q1,q2\n1,0\n0,1\n", '"q1", where only real numbers may stand in line 1'),
-        ("k.csv", b"1,0\n0,1+2j\n", '"1+2j", where only real numbers may stand in line 2'),
-        ("k.csv", b"1,0\n0,1_0\n", '"1_0", where only real numbers may stand'),
-        ("k.csv", b"1,0\n0,\n", '"", where only real numbers may stand in line 2'),
+        ("k.csv", b"q1,q2\n1,0\n0,1\n", '"q1", where only real numbers are allowed in line 1'),
+        ("k.csv", b"1,0\n0,1+2j\n", '"1+2j", where only real numbers are allowed in line 2'),
+        ("k.csv", b"1,0\n0,1_0\n", '"1_0", where only real numbers are allowed'),
+        ("k.csv", b"1,0\n0,\n", '"", where only real numbers are allowed in line 2'),
         ("k.csv", b"1,5;0\n0;1,5\n", "write decimal points, not commas, in line 1"),
         ("k.csv", b"1,0\n0,1,2\n", "has 3 numbers in line 2, but 2 in the first row"),
         ("k.csv", b"1,0\n0,1\n1,1\n", "a matrix of 3 x 2"),
         ("k.csv", b"1,nan\n0,1\n", "not finite"),
         ("k.csv", b"1,1e999\n0,1\n", "not finite"),
-        ("k.csv", "1,2\n".encode("utf-16"), "no text in UTF-8"),
+        ("k.csv", "1,2\n".encode("utf-16"), "not UTF-8 text"),
         ("k.csv", b"0," * 1000 + b"0", "1,001 numbers"),
         ("k.csv", b" " * 200_000, "more than 100,000 characters"),
     ],
@@ -160,7 +160,7 @@ def test_indices_beyond_the_matrix_are_not_followed(tmp_path: Path) -> None:
         indptr=np.array([0, 1, 1, 1, 1, 1, 1]),
     )  # fmt: skip
     (tmp_path / "k.npz").write_bytes(wrong)
-    assert "no sparse matrix of SciPy" in problem_of(tmp_path, "k.npz")
+    assert "not a sparse matrix of SciPy" in problem_of(tmp_path, "k.npz")
 
 
 def test_an_archive_that_swells_is_not_unpacked(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gapwalk.errors import ModelError
-from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage, System, backlash
+from gapwalk.model import Contact, Harmonic, Side, Stage, System, backlash
 
 STIFFNESS = [[0.1, -0.6], [-0.06, 1.1]]
 
@@ -43,7 +43,7 @@ def test_every_number_is_a_named_parameter() -> None:
 
 def test_stages_of_one_contact_have_names_of_their_own() -> None:
     stages = (Stage(1.0, 2.0, name="soft"), Stage(3.0, 4.0, 5.0, Side.POSITIVE, "hard"))
-    system = make(contacts=[Contact("clutch", {"q1": 1.0}, stages, damping=DampingLaw.VISCOUS, viscous_damping=0.2)])
+    system = make(contacts=[Contact("clutch", {"q1": 1.0}, stages, law="viscous", viscous_damping=0.2)])
     names = [name for name in system.structure.names if name.startswith("clutch")]
     assert names == [
         "clutch.deflection.q1", "clutch.deflection.q3",

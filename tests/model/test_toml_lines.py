@@ -6,7 +6,7 @@ import tomllib
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapwalk.model.toml_lines import key_lines
+from gapwalk.model.model_source import key_lines
 
 TEXT = '''\
 # comment = 1

@@ -2,10 +2,9 @@ import tracemalloc
 
 import pytest
 
-from gapwalk.model.model_source import parse_source
+from gapwalk.model.model_source import MAX_ENTRIES, MAX_NESTS, MAX_PARTS, parse_source
 from gapwalk.model.problems import ModelFileError
-from gapwalk.model.toml_size import MAX_ENTRIES, MAX_NESTS, MAX_PARTS
-from gapwalk.studies.file import check_studies
+from gapwalk.studies.study_file import check_studies
 from tests.work import counted_calls
 
 LONG = ".".join(["a"] * 50_000)
@@ -69,7 +68,7 @@ def test_of_a_matrix_of_nonsense_one_row_is_told() -> None:
 def test_very_many_unknown_keys_are_told_with_work_that_grows_as_they_do() -> None:
     def work(keys: int) -> int:
         with counted_calls() as calls:
-            assert "k1 is no key here" in refusal(BASE + STUDY + "".join(f"k{i} = 1\n" for i in range(keys)))
+            assert "k1 is not a key here" in refusal(BASE + STUDY + "".join(f"k{i} = 1\n" for i in range(keys)))
         return calls()
 
     work(2)  # what is done once

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gapwalk.orbit.harmonic_balance import compiled
+from gapwalk.orbit.harmonic_balance import kernels as compiled
 
 
 def test_shooting_and_the_command_load_no_kernels() -> None:
@@ -45,7 +45,7 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch) -> None:
 
 SMALL = """
 import numpy as np
-from gapwalk.orbit.harmonic_balance.compiled import kernel, part
+from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 
 @part
 def term(x, k):

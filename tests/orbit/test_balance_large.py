@@ -7,8 +7,8 @@ from scipy.sparse import csr_array
 from gapwalk import Balance, Harmonic, System, backlash, find_orbit
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.orbit.harmonic_balance import balance_equation as equation
+from gapwalk.orbit.harmonic_balance.compliance import poles_of
 from gapwalk.orbit.harmonic_balance.linear_part import linear_of
-from gapwalk.orbit.harmonic_balance.poles import poles_of
 
 
 def chain(size: int, damping: np.ndarray | None = None, frequency: float = 0.5) -> System:

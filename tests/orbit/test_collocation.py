@@ -16,7 +16,7 @@ from gapwalk.flow.forces import accelerations
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
 from gapwalk.orbit import Evaluation, Method, Orbit, register
-from gapwalk.orbit.method import _METHODS
+from gapwalk.orbit.method import METHODS
 
 TINY = 1e-30  # a complex step
 
@@ -138,7 +138,7 @@ class TrapezoidEquation:
         unit = np.repeat([length, length * (frequency or self.system.frequency)], n)
         return np.tile(unit, self.count) * np.sqrt(n * self.count)
 
-    def doubt(self, orbit):
+    def inaccuracy(self, orbit):
         return ""
 
     def finer(self):
@@ -158,7 +158,7 @@ class TrapezoidEquation:
 def registered():
     register(Trapezoids)
     yield
-    del _METHODS[Trapezoids.name]
+    del METHODS[Trapezoids.name]
 
 
 def duffing(frequency):

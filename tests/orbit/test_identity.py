@@ -8,7 +8,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ConvergenceError
-from gapwalk.orbit.identity import is_same, phases, repeats
+from gapwalk.orbit.orbit import is_same, phases, repeats
 
 
 def stop(order: int, frequency: float) -> gw.System:

@@ -13,7 +13,7 @@ from gapwalk.cli import main
 from gapwalk.errors import ModelError
 from gapwalk.explorer.plan import method_of
 from gapwalk.orbit import Method, Orbit, ShootingEquation, register
-from gapwalk.orbit.method import _METHODS, chosen
+from gapwalk.orbit.method import METHODS, chosen
 from tests import models
 from tests.systems import clutch
 
@@ -66,7 +66,7 @@ def registered():
     """Known from here on, as by an import of its file, and forgotten again."""
     register(Relay)
     yield
-    del _METHODS[Relay.name]
+    del METHODS[Relay.name]
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_an_exploration_goes_on_as_an_orbit_was_found(branch):
 def test_what_is_no_method_is_refused():
     with pytest.raises(ModelError, match=r"method is 'relay'; write method=gw\.Balance"):
         chosen("relay")
-    with pytest.raises(ModelError, match="there is no method 'rely'; there are shooting, harmonic-balance, relay"):
+    with pytest.raises(ModelError, match="there is no method 'rely'; did you mean relay"):
         Method.named("rely")
 
 

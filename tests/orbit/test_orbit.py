@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD, Flow, flow_of
-from gapwalk.model import DampingLaw, Harmonic, System
+from gapwalk.model import Harmonic, System
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.orbit import Newton, Shooting, find_orbit
 from tests.independent import integrate as reference
@@ -96,7 +96,7 @@ def test_multipliers_do_not_depend_on_the_number_of_segments(frequency):
 
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
-    system=random_systems(laws=(DampingLaw.NONE, DampingLaw.VISCOUS, DampingLaw.HUNT_CROSSLEY)),
+    system=random_systems(laws=("elastic", "viscous", "hunt-crossley")),
     segments=st.integers(2, 5),
 )
 def test_random_systems_have_orbits_that_close(system, segments):

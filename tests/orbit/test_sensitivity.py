@@ -7,8 +7,7 @@ from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.flow import flow_of
 from gapwalk.flow.signal import signal_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.orbit.carry_orbit import carry
-from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.find import carry, find_orbit
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.sensitivity import sensitivity, signal_along
 from gapwalk.paper import case

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
+from gapwalk.model.words import full_measure, measure_words
 from gapwalk.plot import draw, save
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import picture_of
-from gapwalk.plot.words import full_measure, measure_words
 from tests.studies.studies import stop_study
 from tests.systems import clutch
 

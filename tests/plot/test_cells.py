@@ -10,8 +10,7 @@ from matplotlib.image import AxesImage
 from gapwalk.attractors import classify
 from gapwalk.attractors.basins import Basins, Check
 from gapwalk.attractors.box import Window
-from gapwalk.attractors.regime import Regime
-from gapwalk.attractors.regimes import RegimeCheck, Regimes
+from gapwalk.attractors.regimes import Regime, RegimeCheck, Regimes
 from gapwalk.bifurcation import Kind, follow
 from gapwalk.bifurcation.loci import follow_locus
 from gapwalk.errors import ModelError
@@ -63,7 +62,7 @@ def test_each_cell_has_the_colour_of_its_attractor(basins):
     assert len({tuple(color) for color in colors.reshape(-1, 4)}) == 4
     assert tuple(colors[0, 0]) == tuple(colors[1, 1]) != tuple(colors[0, 1])
     assert legend_of(figure) == [
-        "period 1a (50.0 %)", "period 1b (16.7 %)", "runs away (17 %)", "unresolved (17 %)", "orbit of period 1a",
+        "period 1a (50.0 %)", "period 1b (16.7 %)", "diverges (17 %)", "unresolved (17 %)", "orbit of period 1a",
         "orbit of period 1b",
     ]  # fmt: skip
     assert figure.legends[0].get_title().get_text() == (

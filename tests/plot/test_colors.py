@@ -4,7 +4,7 @@ import re
 from importlib.resources import files
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.plot.style import LINES, SYMBOLS, locus_options
+from gapwalk.plot.style import LINES, locus_options, symbol_style
 
 PAGE = files("gapwalk.explorer") / "page"
 
@@ -25,9 +25,9 @@ def test_symbols_have_the_colours_of_the_page() -> None:
     colors = _page_colors()
     script = (PAGE / "diagram.js").read_text(encoding="utf-8")
     found = {kind: colors[name] for kind, name in re.findall(r'"?([\w-]+)"?: \["[\w-]+", "--([\w-]+)", \d+\]', script)}
-    assert found == {kind.value: style.color.lower() for kind, style in SYMBOLS.items()}
+    assert found == {kind.value: symbol_style(kind).color.lower() for kind in Kind.known()}
 
 
 def test_loci_have_the_colours_of_their_special_points() -> None:
     for kind in (Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING):
-        assert locus_options(kind, 0)["color"] == SYMBOLS[kind].color
+        assert locus_options(kind, 0)["color"] == symbol_style(kind).color

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 import gapwalk as gw
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import ModelError
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot import draw, save
 from gapwalk.plot.diagrams import births_of, crowded_range
 from gapwalk.plot.picture import picture_of

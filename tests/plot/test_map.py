@@ -10,11 +10,10 @@ import gapwalk as gw
 from gapwalk.bifurcation.loci import Codim2, LocusEndReason
 from gapwalk.continuation import End, EndReason
 from gapwalk.errors import ModelError
+from gapwalk.model.words import parameter_words
 from gapwalk.plot import draw, save
 from gapwalk.plot.picture import picture_of
-from gapwalk.plot.style import CODIM2, LOCI, locus_options
-from gapwalk.plot.words import parameter_words
-from gapwalk.studies.map import KINDS
+from gapwalk.plot.style import CODIM2, locus_options
 from tests.studies.maps import clutch_map
 
 
@@ -63,9 +62,8 @@ def test_what_is_drawn_is_explained(result, figure) -> None:
 
 
 def test_kinds_are_told_apart_without_colour() -> None:
-    assert set(LOCI) == set(KINDS)
-    lines = [str(locus_options(kind, 0)["linestyle"]) for kind in KINDS]
-    assert len(set(lines)) == len(KINDS)
+    lines = [str(locus_options(kind, 0)["linestyle"]) for kind in gw.Kind.with_locus()]
+    assert len(set(lines)) == len(gw.Kind.with_locus())
     assert set(CODIM2) == set(Codim2)
     labels = [style.label for style in CODIM2.values() if style.label]
     assert len(set(labels)) == len(labels)

@@ -13,13 +13,13 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 import gapwalk as gw
-from gapwalk.bifurcation.counts import Unexplained
+from gapwalk.bifurcation.detector import Unexplained
 from gapwalk.errors import ModelError
 from gapwalk.plot import picture
 from gapwalk.plot.picture import picture_of
 from gapwalk.plot.sheet import new_sheet, write_legend
 from gapwalk.plot.style import UNEXPLAINED, sized, stroke
-from gapwalk.studies.settle.study_options import SettleStudyOptions
+from gapwalk.studies.settle_study import SettleStudyOptions
 from tests.studies.diagrams import clutch_diagram
 from tests.studies.maps import clutch_map
 from tests.studies.studies import stop_study
@@ -105,7 +105,7 @@ def test_no_empty_window_stays_open_after_an_error(branch) -> None:
 
 def test_the_motion_of_a_study_is_drawn_in_axes_too(tmp_path) -> None:
     """Options of the study that the panel does not have (the phase of its section) are left out."""
-    options = SettleStudyOptions("x'", phase=1.0)
+    options = SettleStudyOptions(signal="x'", phase=1.0)
     result = gw.run(gw.Study(stop_study().system, options, "Settles"))
     ax = gw.plot.draw(result, ax=Figure().add_subplot())
     assert (ax.get_ylabel(), ax.get_title("left")) == ("x'", "Settles")

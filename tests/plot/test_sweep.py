@@ -11,8 +11,7 @@ import gapwalk as gw
 from gapwalk.errors import ModelError
 from gapwalk.plot import draw
 from gapwalk.plot.picture import picture_of
-from gapwalk.studies.sweep.options import Way
-from gapwalk.studies.sweep.record import Lane
+from gapwalk.studies.sweep import Lane, Way
 from tests.systems import clutch
 
 
@@ -33,7 +32,7 @@ def texts(ax) -> list[str]:
 
 
 def test_every_point_is_drawn_and_every_band_is_named() -> None:
-    regimes = ["period 1"] * 40 + ["period 3"] * 20 + ["chaotic"] * 30 + ["runs away"] + [""] * 9
+    regimes = ["period 1"] * 40 + ["period 3"] * 20 + ["chaotic"] * 30 + ["diverges"] + [""] * 9
     figure = picture_of(sweep_of([regimes, ["period 1"] * 100]), title="A title")
     strips, ax = figure.axes
     assert [line.get_xdata().size for line in ax.lines] == [100 * 20, 91 * 20]  # up lies over down
@@ -43,7 +42,7 @@ def test_every_point_is_drawn_and_every_band_is_named() -> None:
     assert strips.get_title(loc="left") == "A title"
     (legend,) = figure.legends
     labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == ["up", "down (beneath)", "period 1", "period 3", "chaotic", "runs away"]
+    assert labels == ["up", "down (beneath)", "period 1", "period 3", "chaotic", "diverges"]
     low, high = 0.2, 0.2 + 0.5 * (39 + 40) / 99
     first = strips.patches[0]
     assert (first.get_x(), first.get_x() + first.get_width()) == pytest.approx((low, high))

@@ -8,8 +8,8 @@ import pytest
 from matplotlib import pyplot as plt
 
 import gapwalk as gw
+from gapwalk.model.words import measure_words, parameter_symbol, parameter_words, value_words
 from gapwalk.plot import draw
-from gapwalk.plot.words import measure_words, parameter_symbol, parameter_words, value_words
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "drivetrain.toml"
 

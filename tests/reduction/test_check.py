@@ -87,7 +87,7 @@ def test_a_motion_is_within_its_estimate(modes: int, frequency: float) -> None:
 
 def _nearest(full: System, reduction, orbit):
     """The full system's orbit by Newton's method from the lines of the reduced one."""
-    from gapwalk.orbit.newton import solve
+    from gapwalk.orbit.orbit_equation import solve
 
     equation = METHOD.pose(full)
     unknowns, evaluation = solve(equation, METHOD.pose(reduction.system).unknowns(orbit), 0.0)

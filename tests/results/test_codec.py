@@ -233,4 +233,7 @@ def test_plain_values_are_those_of_json() -> None:
     assert "memo" not in document
     assert plain(np.array([1 + 2j])) == [[1.0, 2.0]]
     assert plain(gw.Balance(12))["name"] == "harmonic-balance"
-    assert plain(clutch())["parameters"]["stage2.clearance"] == clutch()["stage2.clearance"]
+    document = json.loads(json.dumps(plain(clutch()), allow_nan=False))
+    assert document["parameters"]["stage2.clearance"] == clutch()["stage2.clearance"]
+    assert {contact["law"] for contact in document["contacts"]} <= {"elastic", "hunt-crossley"}
+    assert {load["kind"] for load in document["harmonics"]} == {"harmonic"}

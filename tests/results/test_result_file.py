@@ -5,9 +5,8 @@ import os
 import signal
 import sqlite3
 import sys
-import types
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -15,9 +14,10 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import StoreError
-from gapwalk.results.result_file import SCHEMA, Part, ResultFile, lock, reading
-from gapwalk.studies import request as requests
-from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, call_file
+from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
+from gapwalk.studies import kinds
+from gapwalk.studies.kind import Content, StudyKind, Work
+from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
 
@@ -26,27 +26,49 @@ STATE = Part("state", Mapping[str, int])
 
 
 @dataclass(frozen=True)
-class TestCall(Call):
-    """A call whose result is the sum of its parts."""
+class Sums(StudyKind):
+    """Asks for the sum of all parts."""
 
-    __test__ = False
-    asks: ClassVar[str] = "sums"
+    kind: ClassVar[str] = "sums"
 
-    system: gw.System
     values: tuple[float, ...] = (1.0, 0.1)
     walk: gw.WalkOptions | None = None
     workers: int = field(default=1, compare=False)
 
-    def found(self, parts) -> float:
-        return sum(sum(values) for _, values in parts.all(NUMBERS))
+    def work(self, system: gw.System) -> "Sum":
+        return Sum()
+
+
+class Sum(Work):
+    """The sum of the parts of a file."""
+
+    complete, record = True, 0.0
+
+    def take(self, known: Parts) -> None:
+        self.record = sum(sum(values) for _, values in known.all(NUMBERS))
+
+    def parts(self, hands):
+        yield from ()
+
+    def content(self) -> Content:
+        return Content(True)
 
 
 @pytest.fixture(autouse=True)
 def known_request(monkeypatch) -> None:
-    home = types.ModuleType("gapwalk.studies.sums")
-    home.TestCall = TestCall
-    monkeypatch.setitem(sys.modules, home.__name__, home)
-    monkeypatch.setitem(requests._HOMES, "sums", "sums.TestCall")
+    monkeypatch.setitem(kinds._added, "sums", Sums)
+
+
+def call(system: gw.System, *values, **more) -> Call:
+    """A call whose result is the sum of its parts."""
+    return Call(system, Sums(*values, **more))
+
+
+@contextmanager
+def call_file(request: Call, output):
+    """The file of a call, open for writing."""
+    with claimed(request, output) as before, request_file(request, output, before) as file:
+        yield file
 
 
 @pytest.fixture
@@ -54,7 +76,7 @@ def path(tmp_path):
     return tmp_path / "job"
 
 
-CALL = TestCall(clutch())
+CALL = call(clutch())
 
 
 def test_what_is_written_is_read_while_it_is_written_and_later(path) -> None:
@@ -95,10 +117,10 @@ def test_versions_are_added_up(path, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("other", "difference"),
     [
-        (TestCall(clutch(), (1.0,)), r"values is \(1\.0,\), and was \(1\.0, 0\.1\)"),
-        (TestCall(clutch(), walk=gw.WalkOptions()), "walk is WalkOptions, and was NoneType"),
-        (TestCall(clutch().at({"stage2.clearance": 0.5})), r"stage2\.clearance is 0\.5, and was "),
-        (TestCall(gw.System(["x"], [[1.0]])), "the system is made of other parts"),
+        (call(clutch(), (1.0,)), r"values is \(1\.0,\), and was \(1\.0, 0\.1\)"),
+        (call(clutch(), walk=gw.WalkOptions()), "walk is WalkOptions, and was NoneType"),
+        (call(clutch().at({"stage2.clearance": 0.5})), r"stage2\.clearance is 0\.5, and was "),
+        (call(gw.System(["x"], [[1.0]])), "the system is made of other parts"),
     ],
 )
 def test_another_job_is_refused_with_its_differences(path, other, difference) -> None:
@@ -108,7 +130,7 @@ def test_another_job_is_refused_with_its_differences(path, other, difference) ->
     with pytest.raises(StoreError, match=difference), call_file(other, path):
         pass
     assert path.read_bytes() == content
-    with call_file(TestCall(clutch(), workers=7), path):  # the lock was given back, and workers change nothing
+    with call_file(call(clutch(), workers=7), path):  # the lock was given back, and workers change nothing
         pass
 
 
@@ -142,13 +164,13 @@ def test_strange_files(path, tmp_path) -> None:
         pass
     path.write_text("some text that is long enough to be no database at all" * 20)
     content = path.read_bytes()
-    with pytest.raises(StoreError, match="is no result file"), call_file(CALL, path):
+    with pytest.raises(StoreError, match="is not a result file"), call_file(CALL, path):
         pass
     assert path.read_bytes() == content
     path.unlink()
     change(path, "CREATE TABLE notes (text TEXT)")
     for use in (lambda: call_file(CALL, path).__enter__(), lambda: gw.load(path)):
-        with pytest.raises(StoreError, match="is no result file of gapwalk"):
+        with pytest.raises(StoreError, match="is not a result file of gapwalk"):
             use()
     path.write_bytes(b"")
     with call_file(CALL, path) as file:  # an empty file is no loss

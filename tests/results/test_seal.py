@@ -15,7 +15,7 @@ from gapwalk.cli import main
 from gapwalk.errors import StoreError
 from gapwalk.results import result_file as file
 from gapwalk.results.result_file import seal_fault, write_more
-from gapwalk.studies import walk_file
+from gapwalk.studies import response_study
 from gapwalk.studies.load import VERIFICATION
 from tests.results.tampering import change_sealed, tamper
 from tests.studies.same import assert_same_result
@@ -104,7 +104,7 @@ def test_verification_continues_where_only_the_seal_is_broken(response, tmp_path
 
 @pytest.fixture
 def at_once(monkeypatch) -> None:
-    monkeypatch.setattr(walk_file, "_SECONDS", 0.0)
+    monkeypatch.setattr(response_study, "_SECONDS", 0.0)
 
 
 @pytest.mark.usefixtures("at_once")

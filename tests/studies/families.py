@@ -5,7 +5,7 @@ import time
 
 import gapwalk as gw
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.file import check_study
+from gapwalk.studies.study_file import check_study
 from tests.models import CLUTCH
 from tests.systems import clutch
 

@@ -1,5 +1,7 @@
 """Whether two results are equal bit for bit, in everything that they hold."""
 
+import json
+
 import numpy as np
 
 from gapwalk import Branch, BranchPoint, Diagram, Locus, Map, Orbit, Result
@@ -20,6 +22,9 @@ def assert_same_result(one: Result, other: Result) -> None:
     assert (one.map is None) == (other.map is None)
     if one.map is not None and other.map is not None:
         assert_same_map(one.map, other.map)
+    assert (one.finding is None) == (other.finding is None)
+    if one.finding is not None and other.finding is not None:
+        assert json.dumps(one.finding.document(True)) == json.dumps(other.finding.document(True))
 
 
 def assert_same_map(one: Map, other: Map) -> None:

@@ -3,12 +3,14 @@
 import sys
 from functools import cache
 
-from gapwalk import Contact, DampingLaw, Harmonic, ResponseOptions, Result, Side, Stage, Study, System, WalkOptions, run
+from gapwalk import Contact, Harmonic, ResponseOptions, Result, Side, Stage, Study, System, WalkOptions, run
 
 
 def stop_study(largest_step: float = 0.02, end: float = 1.9, **changes) -> Study:
     """An oscillator against a one-sided stop: some folds and grazing points over the frequency."""
-    stop = Contact("stop", {"x": 1.0}, (Stage(1.0, 20.0, side=Side.POSITIVE),), None, DampingLaw.HUNT_CROSSLEY, 0.1)
+    stop = Contact(
+        "stop", {"x": 1.0}, (Stage(1.0, 20.0, side=Side.POSITIVE),), None, "hunt-crossley", {"impact_damping": 0.1}
+    )
     system = System(["x"], [[1.0]], [[0.05]], contacts=[stop], harmonics=[Harmonic(0.2, {"x": 1.0})], frequency=0.7).at(
         changes
     )

@@ -15,11 +15,11 @@ from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.results.plain import plain
-from gapwalk.studies import walk_file
+from gapwalk.studies import response_study as response
 from gapwalk.studies.document import result_document
 from gapwalk.studies.export import points_csv, special_points_csv
-from gapwalk.studies.file import check_study
-from gapwalk.studies.options import StudyOptions
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.study_file import check_study
 from tests.interruption import until_ctrl_c
 from tests.results.again import again
 from tests.results.tampering import change_sealed
@@ -101,8 +101,8 @@ def test_a_system_without_contacts_is_refused_before_it_runs() -> None:
 
 def test_options_survive_the_file() -> None:
     options = growing_study().options
-    assert again(options, StudyOptions) == options
-    assert again(stop_study().options, StudyOptions) == stop_study().options
+    assert again(options, StudyKind) == options
+    assert again(stop_study().options, StudyKind) == stop_study().options
 
 
 def test_a_balanced_response_is_that_of_shooting_to_the_truncation(growing) -> None:
@@ -126,7 +126,7 @@ def test_what_is_loaded_is_what_was_walked(growing, tmp_path) -> None:
 
 def test_it_is_resumed_wherever_the_number_of_harmonics_has_grown(growing, tmp_path, monkeypatch) -> None:
     """The walk goes on from two points, one of which may be from before the refinement."""
-    monkeypatch.setattr(walk_file, "_SECONDS", 0.0)
+    monkeypatch.setattr(response, "_SECONDS", 0.0)
     sizes = [len(point.x) for point in growing.branches[0].points]
     grown = [index for index in range(1, len(sizes)) if sizes[index] > sizes[index - 1]]
     assert len(grown) > 1

@@ -5,18 +5,17 @@ import pytest
 from scipy.stats import beta
 
 import gapwalk as gw
+from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Check, attractor_names, in_order
-from gapwalk.attractors.neighbours import about, beside_cells, beside_states, differs
-from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.box import about, beside_cells, beside_states, differs
+from gapwalk.ensemble.batch import BatchOptions
 from gapwalk.ensemble.batch_flow import batch_flow_of
-from gapwalk.ensemble.batch_options import BatchOptions
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model import Contact, Harmonic, Stage, System
 from gapwalk.paper import case
 from gapwalk.parallel.workers import Workers, workers
-from gapwalk.studies.basins.basins import basin_shares, basins
-from gapwalk.studies.basins.job import BasinJob
-from gapwalk.studies.basins.options import BasinOptions
+from gapwalk.studies.basin_study import basins
+from gapwalk.studies.basin_work import BasinOptions, BasinWork, basin_shares
 from gapwalk.studies.load import load_result
 from tests.independent import integrate
 from tests.interruption import until_ctrl_c
@@ -82,7 +81,9 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     until_ctrl_c(basins, double_well(), WELLS, size, options=in_process(check=9), report=stop, output=path)
-    with pytest.raises(StoreError, match=r"is not complete: 1 of 2 chunks are done; continue it by gapwalk\.basins"):
+    with pytest.raises(
+        StoreError, match=r"is not complete: 1 of 2 chunks of cells are stored; continue it by gapwalk\.basins"
+    ):
         gw.load(path)
     paces = []
     found = basins(
@@ -92,7 +93,7 @@ def test_a_job_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert same(found, whole)
     assert same(gw.load(path), whole)
     assert gw.load(path).window == whole.window
-    monkeypatch.setattr("gapwalk.studies.basins.job.explore", None)
+    monkeypatch.setattr("gapwalk.studies.basin_work.explore", None)
     assert same(basins(double_well(), WELLS, size, options=in_process(check=9), output=path), whole)
     with pytest.raises(StoreError, match=r"something else, so it cannot be continued: check is 8, and was 9"):
         basins(double_well(), WELLS, size, options=in_process(check=8), output=path)
@@ -174,14 +175,17 @@ def test_starts_beside_others_of_another_label_are_found_with_the_exact_flow():
     assert only_fast.check.limit == 1.0
 
 
-class Told(BasinJob):
+class Told(BasinWork):
     """A job whose exact labels are known beforehand, and whose shifted ones are others in some places."""
 
-    def __init__(self, fast, truth, by_rounding=()):
-        super().__init__(double_well(), np.zeros((len(truth), 2)), BasinOptions().effort, 0)
+    def __init__(self, fast, truth, neighbours, options, by_rounding=()):
+        super().__init__(double_well(), np.zeros((len(truth), 2)), neighbours, (len(truth), 1), options)
         self.labels, self.truth, self.looks = fast.copy(), truth, 0
         self.other = truth.copy()
         self.other[list(by_rounding)] = 1 - truth[list(by_rounding)]
+
+    def found(self, *, complete):
+        raise NotImplementedError
 
     def _exact(self, hands, which, shift=0.0):
         self.looks += len(which)
@@ -196,8 +200,8 @@ def test_where_wrong_labels_are_found_more_are_looked_for(seed):
     truth[:, size // 2 :] = 1
     fast = truth.copy()
     truth[:patch, :patch], fast[:patch, :patch] = random.integers(0, 2, (2, patch, patch))
-    job = Told(fast.ravel(), truth.ravel())
-    job.check(Workers(), beside_cells(size, size), None, 64)
+    job = Told(fast.ravel(), truth.ravel(), beside_cells(size, size), BasinOptions(check=64))
+    job.check_labels(Workers())
     assert job.labels.tolist() == truth.ravel().tolist()
     assert job.looks < 0.2 * size**2
     assert job.checked.border_wrong + job.checked.inner_wrong >= np.sum(fast != truth)
@@ -209,12 +213,12 @@ def test_samples_are_drawn_until_one_holds_nothing_wrong():
     fast = truth.copy()
     fast[wrong] = 1
     lone = np.repeat(np.arange(6400)[:, None], 4, axis=1)  # no cell has a neighbour
-    job = Told(fast, truth)
-    job.check(Workers(), lone, None, 200)
+    job = Told(fast, truth, lone, BasinOptions(check=200))
+    job.check_labels(Workers())
     assert not job.labels.any()
     assert job.checked.inner_checked == job.looks - 200 == 6400
-    once = Told(fast, truth)
-    once.check(Workers(), lone, 200, 200)
+    once = Told(fast, truth, lone, BasinOptions(check=200, exact_borders=False))
+    once.check_labels(Workers())
     assert once.checked.inner_checked == 200
     share = once.checked.share
     assert share == pytest.approx(once.labels.mean(), abs=0.06)
@@ -223,8 +227,8 @@ def test_samples_are_drawn_until_one_holds_nothing_wrong():
 
 def test_labels_that_rounding_decides_are_counted():
     fast = np.zeros(100, dtype=int)
-    job = Told(fast, fast, by_rounding=(3, 4, 50))
-    job.check(Workers(), beside_cells(10, 10), None, 100)
+    job = Told(fast, fast, beside_cells(10, 10), BasinOptions(check=100), by_rounding=(3, 4, 50))
+    job.check_labels(Workers())
     assert (job.checked.shifted, job.checked.shifted_wrong) == (100, 3)
     assert job.checked.share == job.checked.limit == pytest.approx(0.03)
     assert job.checked.text.endswith("elsewhere 0 of 100 cells differed from the exact flow; rounding decides 3 of 100")
@@ -249,7 +253,7 @@ def test_motions_that_run_away_have_a_label_of_their_own():
     found = basins(system, {"x": (-2.0, 2.0), "x'": (-0.1, 0.1)}, (8, 1), options=in_process())
     assert found.labels[0].tolist() == [RUNAWAY, RUNAWAY, 0, 0, 0, 0, RUNAWAY, RUNAWAY]
     assert found.runaway == 4
-    assert "runs away: 4" in repr(found)
+    assert "diverges: 4" in repr(found)
 
 
 def test_ctrl_c_keeps_what_is_done():

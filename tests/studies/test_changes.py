@@ -6,7 +6,7 @@ from gapwalk.errors import ModelError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
 from gapwalk.studies.changes import parse_change
-from gapwalk.studies.file import Study, check_study
+from gapwalk.studies.study_file import Study, check_study
 
 TEXT = """\
 coordinates = ["x"]
@@ -85,7 +85,7 @@ def test_changes_are_made_together() -> None:
         ({"stop.stage1.clearance": 3}, "stop.stage2.clearance is 2.0; it must exceed that of the stage inside it"),
         ({"stop.stage1.clearance": "wide"}, "stop.stage1.clearance is 'wide'; it must be a number"),
         ({"frequency": -1}, "m.toml: frequency is -1; it must be > 0"),
-        ({"study.too": 3}, "m.toml: study.too is no key here; did you mean to?"),
+        ({"study.too": 3}, "m.toml: study.too is not a key here; did you mean to?"),
         ({"study.to": "3"}, 'm.toml: study.to is "3"; it must be a number, without quotes'),
         ({"study.kind.x": 3}, "study.kind is no table"),
         ({"study": 3}, "there is no parameter 'study'"),

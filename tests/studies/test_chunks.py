@@ -8,8 +8,7 @@ import pytest
 
 from gapwalk.errors import ModelError, WorkError
 from gapwalk.parallel import work_chunks as chunks
-from gapwalk.parallel.pace import Pace
-from gapwalk.parallel.work_chunks import do_in_chunks
+from gapwalk.parallel.work_chunks import Pace, do_in_chunks
 from gapwalk.parallel.workers import Workers, workers
 from tests.studies.pieces import die
 

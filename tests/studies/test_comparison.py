@@ -6,7 +6,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError
-from gapwalk.studies.comparison_document import comparison_document
+from gapwalk.studies.compare import comparison_document
 from tests.studies.diagrams import clutch_diagram
 from tests.studies.maps import clutch_map
 from tests.studies.studies import stop_study

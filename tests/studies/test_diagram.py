@@ -7,9 +7,9 @@ from gapwalk.bifurcation import Kind
 from gapwalk.bifurcation.diagram import Cascade, Diagram, Origin
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError
-from gapwalk.orbit.identity import is_same
+from gapwalk.orbit.orbit import is_same
 from gapwalk.paper import case
-from gapwalk.studies.diagram.diagram import DiagramOptions, diagram
+from gapwalk.studies.whole_diagram import DiagramOptions, diagram
 from tests.bifurcation.test_special_points import symmetric
 from tests.interruption import until_ctrl_c
 

@@ -13,10 +13,10 @@ import gapwalk as gw
 from gapwalk.bifurcation.isolated import coverage
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.studies.diagram import diagram as growing
-from gapwalk.studies.diagram.search_result import COVERAGE, coverage_rows
-from gapwalk.studies.diagram.search_table import SearchPart
+from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.document import result_document
+from gapwalk.studies.option_tables import SearchPart
 from tests.interruption import until_ctrl_c
 from tests.studies.diagrams import islands
 from tests.studies.killing import killed_after

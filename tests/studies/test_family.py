@@ -7,9 +7,8 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
-from gapwalk.studies.family.connection import Fate
-from gapwalk.studies.family.member import Place
-from gapwalk.studies.family.nearness import LIMIT, distance_between, nearest_pairs
+from gapwalk.studies.family import Fate, Place
+from gapwalk.studies.family_joining import LIMIT, distance_between, nearest_pairs
 from tests.interruption import until_ctrl_c
 from tests.studies.families import second_resonance
 from tests.studies.same import assert_same_branch

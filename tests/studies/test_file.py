@@ -14,9 +14,11 @@ from gapwalk.model import ModelFileError
 from gapwalk.model.model_file import read_system
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.diagram.diagram import DiagramOptions
-from gapwalk.studies.file import Study, check_studies, check_study, read_studies, read_study
-from gapwalk.studies.options import DiagramStudyOptions, ResponseOptions, Start
+from gapwalk.studies.diagram_study import DiagramStudyOptions
+from gapwalk.studies.response_study import ResponseOptions
+from gapwalk.studies.study_file import Study, check_studies, check_study, read_studies, read_study
+from gapwalk.studies.tables import Start
+from gapwalk.studies.whole_diagram import DiagramOptions
 
 GOOD = """\
 title = "Two stages"
@@ -130,9 +132,11 @@ BAD = [
     ('"frequency"\nfrom = 2.0\nto = 0.15', '"stage2.clearance"\nto = -1', 22, "study.to", ["stage2.clearance is -1.0"]),
     ('"frequency"\nfrom = 2.0\nto = 0.15', '"mass.q1.q1"\nto = 0', 22, "study.to", ["mass is singular"]),
     ("from = 2.0", "form = 2.0", 22, "study.form", ["did you mean from"]),
-    ("from = 2.0", "begin = 2.0", 22, "study.begin", ["is no key here"]),
+    ("from = 2.0", "begin = 2.0", 22, "study.begin", ["is not a key here"]),
     ("period = 2", "period = 0", 24, "study.period", ["is 0; it must be >= 1"]),
     ("period = 2", "period = 2.0", 24, "study.period", ["is 2.0; it must be an integer"]),
+    ("period = 2", 'verify = "true"', 24, "study.verify", ['is "true"; it must be true or false, without quotes']),
+    ("period = 2", "verify = 1", 24, "study.verify", ["is 1; it must be true or false"]),
     ("period = 2", "period = true", 24, "study.period", ["is true; it must be an integer"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", "start = [0.1, 0.2]", 25, "study.start", ["2 numbers; it must have 4"]),
     ("start = [0.1, 0.2, 0.3, 0.4]", 'start = [0, 0, 0, "0"]', 25, "study.start[3]", ['is "0"; it must be a number']),
@@ -148,7 +152,7 @@ BAD = [
     ("initial_step = 0.01", "initial_stepp = 0.01", 29, "study.walk.initial_stepp", ["did you mean initial_step"]),
     ("initial_step = 0.01", "initial_step = 0", 29, "study.walk.initial_step", ["is 0; it must be > 0"]),
     ("initial_step = 0.01", "smallest_step = 9.0", 28, "study.walk", ["smallest_step <= largest_step"]),
-    ("max_points = 500", "max_points = 1", 30, "study.walk.max_points", ["is 1; it must be an integer >= 2"]),
+    ("max_points = 500", "max_points = 1", 30, "study.walk.max_points", ["is 1; it must be >= 2"]),
     ('measure = "max.q3"', "segments = 3", 26, "study.segments", ["it belongs in shooting"]),
     ("[study.walk]\ninitial_step = 0.01\nmax_points = 500", "walk = 3", 28, "study.walk", ["is 3; it must be a table"]),
     ("frequency = 0.5", "frequency = 0.5\nstudy2 = 3", 7, "study2", ["did you mean study?"]),
@@ -246,7 +250,7 @@ def test_a_diagram_is_a_kind_of_study() -> None:
 @pytest.mark.parametrize(
     ("text", "path", "message"),
     [
-        ("max_period = 0", "study.max_period", "is 0; it must be >= 1"),
+        ("max_period = 0", "study.max_period", "is 0; it must be an integer from 1 to 100,000"),
         ("max_branches = 1.5", "study.max_branches", "is 1.5; it must be an integer"),
         ('workers = "all"', "study.workers", 'is "all"; it must be an integer'),
         ("max_periods = 4", "study.max_periods", "did you mean max_period"),
@@ -274,7 +278,7 @@ def test_a_wrong_diagram_has_one_problem(text: str, path: str, message: str) -> 
 def test_what_only_a_diagram_has_is_refused_elsewhere() -> None:
     (problem,) = problems_of(GOOD.replace("period = 2", "max_period = 2"))
     assert (problem.path, problem.line) == ("study.max_period", 24)
-    assert "is no key here" in problem.message
+    assert "is not a key here" in problem.message
 
 
 def test_a_file_has_several_studies_of_changed_systems(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Studies without branches: what they find is what the functions of the same names find, whole or in parts."""
+"""Studies without branches: what is in their results, and what they refuse."""
 
 import json
 import shutil
@@ -11,17 +11,12 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.claim import check_claim
-from gapwalk.studies.file import check_study
-from gapwalk.studies.options import StudyOptions
-from tests.interruption import until_ctrl_c
-from tests.results.again import again
-from tests.studies.jobs import BASINS, HEAD, MODELS, REGIMES, SETTLE, SMALL, SWEEP, study_of
+from gapwalk.studies.load import check_claim
+from gapwalk.studies.study_file import check_study
+from tests.studies.jobs import BASINS, HEAD, REGIMES, SETTLE, SMALL, SWEEP, study_of
 from tests.studies.killing import killed_after
 
 ARRAYS = {
-    "settle": ("strobes",),
-    "sweep": ("sections", "transients", "settled", "regimes"),
     "basins": ("labels",),
     "regimes": ("regimes", "periods", "exponents", "peak_force", "impacts", "states"),
 }
@@ -37,62 +32,6 @@ def small_parts(monkeypatch) -> None:
 def assert_same_record(kind: str, one, other) -> None:
     for name in ARRAYS[kind]:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-
-
-def by_function(kind: str):
-    """What the function of the same name makes of the same numbers, written out once more."""
-    system = gw.paper.case("15").at(frequency=0.45)
-    match kind:
-        case "settle":
-            return gw.settle(system)
-        case "sweep":
-            return gw.sweep(system, "frequency", (0.5, 0.6), options=gw.SweepOptions(steps=45, points=13, workers=1))
-        case "basins":
-            options = gw.BasinOptions(exact_borders=False, check=8, workers=1)
-            plane = {"q1": (-4.0, 4.0), "q1'": (-3.0, 3.0)}
-            return gw.basins(system, plane, (100, 90), fixed={"q3": 0.5}, options=options)
-    options = gw.RegimeMapOptions("up", gw.RegimeOptions(longest=400), check=2, workers=1)
-    plane = {"frequency": (0.5, 0.7), "harmonic1.amplitude": (0.4, 0.5)}
-    return gw.regimes(system, plane, (4, 9), options=options)
-
-
-@pytest.mark.parametrize("kind", MODELS)
-def test_a_study_finds_what_the_function_finds_and_a_stopped_one_goes_on(kind, tmp_path) -> None:
-    study, whole, parts = study_of(kind), tmp_path / "whole", tmp_path / "parts"
-    result = gw.run(study, whole)
-    assert result.complete
-    assert result.failures == ()
-    assert result.branches == ()
-    again = gw.load(whole)
-    assert again.study == study
-    assert json.dumps(again.finding.document(True)) == json.dumps(result.finding.document(True))
-    expected = by_function(kind)
-    if kind == "settle":  # what a settled motion comes to is its orbit
-        assert result.finding.record.orbit.state.tolist() == expected.orbit.state.tolist()
-    else:
-        assert_same_record(kind, result.finding.record, expected)
-    seen = []
-
-    def stop(part, pace) -> None:
-        seen.append(pace.done)
-        raise KeyboardInterrupt
-
-    if kind != "settle":
-        stopped = until_ctrl_c(gw.run, study, parts, report=stop)
-        assert not stopped.complete
-        assert seen == [1]
-        assert not gw.load(parts).complete
-        assert " of " in stopped.finding.stored
-        with pytest.raises(StoreError, match="exists already"):
-            gw.run(study, parts)
-        seen.clear()
-        resumed = gw.run(study, parts, resume=True, report=lambda part, pace: seen.append((pace.done, pace.before)))
-        assert seen[0] == (2, 1)  # what was done is not done again
-        assert json.dumps(resumed.finding.document(True)) == json.dumps(result.finding.document(True))
-        assert_same_record(kind, resumed.finding.record, expected)
-    content = whole.read_bytes()
-    assert gw.run(study, whole, resume=True).complete
-    assert whole.read_bytes() == content
 
 
 @pytest.mark.parametrize("kind", ["basins", "regimes"])
@@ -131,18 +70,12 @@ def test_nothing_is_kept_of_a_job_that_was_stopped_at_once(tmp_path, monkeypatch
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gapwalk.studies.settle.study.settle", stop)
-    monkeypatch.setattr("gapwalk.studies.basins.job._sort_fast", stop)
+    monkeypatch.setattr("gapwalk.studies.settle_study.settle", stop)
+    monkeypatch.setattr("gapwalk.studies.basin_work._sort_fast", stop)
     for kind in ("settle", "basins"):
         with pytest.raises(KeyboardInterrupt):
             gw.run(study_of(kind), path)
         assert not path.exists()
-
-
-@pytest.mark.parametrize("kind", MODELS)
-def test_options_survive_the_file(kind) -> None:
-    options = study_of(kind).options
-    assert again(options, StudyOptions) == options
 
 
 def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_path) -> None:
@@ -179,7 +112,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
             'kind = "settle"\nstart = [1.0]',
             "study.start is a list of 1 numbers; it must have 4",
         ),
-        (SETTLE, 'kind = "settle"', 'kind = "settle"\nmeasure = "half.q1"', "study.measure is no key here"),
+        (SETTLE, 'kind = "settle"', 'kind = "settle"\nmeasure = "half.q1"', "study.measure is not a key here"),
         (SETTLE, "frequency = 0.45", "", "frequency is missing; the study walks nothing, so write at which frequency"),
         (BASINS, "frequency = 0.45", "", "frequency is missing; the study walks nothing, so write at which frequency"),
         (SWEEP, '"q3\'"', '"q4"', 'study.signal is "q4"; did you mean q1 or q3?'),
@@ -196,7 +129,7 @@ def test_a_damaged_part_is_refused_and_another_study_is_not_gone_on_with(tmp_pat
         (BASINS, 'plane = { q1 = [-4.0, 4.0], "q1\'" = [-3.0, 3.0] }\n', "", "study.plane is missing; write two axes"),
         (REGIMES, '"up"', '"sideways"', 'study.carry is "sideways"; it must be one of "no", "up", "down"'),
         (REGIMES, '"harmonic1.amplitude"', '"frequency"', "which is the first one; choose another"),
-        (REGIMES, "resolution", "resolutions", "study.resolutions is no key here; did you mean resolution"),
+        (REGIMES, "resolution", "resolutions", "study.resolutions is not a key here; did you mean resolution"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_told_with_what_to_write(text, old, new, message) -> None:

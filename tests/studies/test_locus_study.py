@@ -15,14 +15,12 @@ from gapwalk.cli import progress as lines
 from gapwalk.errors import ModelError
 from gapwalk.model.model_source import parse_source
 from gapwalk.model.problems import ModelFileError
-from gapwalk.studies.file import check_study
-from gapwalk.studies.locus.study_options import LocusStudyOptions
-from gapwalk.studies.locus.which import Which
-from gapwalk.studies.options import StudyOptions
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.locus_study import LocusStudyOptions
+from gapwalk.studies.map import Which
+from gapwalk.studies.study_file import check_study
 from gapwalk.studies.units import without_units
-from tests.interruption import until_ctrl_c
 from tests.results.again import again
-from tests.studies.same import assert_same_result
 
 SYSTEM = """\
 coordinates = ["x"]
@@ -123,22 +121,6 @@ def test_nothing_to_follow_is_a_failure_that_says_what_there_is(tmp_path, monkey
     assert not map_of(gw.load("x.gapwalk")).loci
 
 
-def test_a_locus_that_was_interrupted_goes_on_from_its_section(tmp_path, written) -> None:
-    path = tmp_path / "x.gapwalk"
-
-    def stop(chart, addition) -> None:
-        raise KeyboardInterrupt
-
-    stopped = until_ctrl_c(gw.run, study_of(), path, report=stop)
-    assert len(stopped.branches) == 1
-    assert not stopped.map.loci
-    reported = []
-    result = gw.run(study_of(), path, resume=True, report=lambda chart, addition: reported.append(len(chart.loci)))
-    assert reported == [0, 1]
-    assert_same_result(result, gw.load(written))
-    assert_same_result(gw.run(study_of(), path, resume=True), result)
-
-
 def test_it_is_verified_and_shown_and_exported(written, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert gw.verify(gw.load(written)).ok
@@ -187,7 +169,7 @@ def test_a_change_of_the_second_parameter_has_a_key_of_its_own() -> None:
 
 def test_options_survive_the_file() -> None:
     options = study_of(f'{STUDY}near = 1.1\ncontact = "stop +"\n').options
-    assert again(options, StudyOptions) == options
+    assert again(options, StudyKind) == options
     assert options.plan == (
         "locus of grazing of stop + nearest to 1.1 over frequency from 2 to 0.6 and harmonic1.amplitude from 0.09 to "
         "0.6, picked up at harmonic1.amplitude = 0.3, period 1"
@@ -199,7 +181,7 @@ def test_options_make_sense_in_python_too() -> None:
     given = {"parameter": "frequency", "begin": 2.0, "end": 0.6, "measure": "half.x", "second": second}
     with pytest.raises(ModelError, match="one section and one kind, as in sections="):
         LocusStudyOptions(**given, sections=(0.3, 0.4), kinds=(gw.Kind.FOLD,))
-    with pytest.raises(ModelError, match="a branch-point has no locus"):
+    with pytest.raises(ModelError, match="a branch point has no locus in two parameters: it exists by a symmetry"):
         LocusStudyOptions(**given, sections=(0.3,), kinds=(gw.Kind.BRANCH_POINT,))
     with pytest.raises(ModelError, match="contact is for grazing points"):
         LocusStudyOptions(**given, sections=(0.3,), kinds=(gw.Kind.FOLD,), contact="stop")

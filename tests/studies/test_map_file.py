@@ -5,8 +5,8 @@ import pytest
 import gapwalk as gw
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_source import parse_source
-from gapwalk.studies.file import Study, check_study
-from gapwalk.studies.options import StudyOptions
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.study_file import Study, check_study
 from tests.results.again import again
 
 SYSTEM = """\
@@ -90,7 +90,7 @@ def test_a_search_has_all_that_its_file_says() -> None:
 @pytest.mark.parametrize("text", [MAP, MAP + SEARCH, DIAGRAM, DIAGRAM + SEARCH, DIAGRAM + "search = { values = 3 }\n"])
 def test_options_survive_json(text) -> None:
     options = study_of(text).options
-    same = again(options, StudyOptions)
+    same = again(options, StudyKind)
     assert same == options
     assert same.workers == options.workers
     assert hash(same) == hash(options)  # tuples, no lists
@@ -104,7 +104,7 @@ def test_options_survive_json(text) -> None:
         (", to = 0.4", "", "study.second.to", "is missing; write where its range ends"),
         ("to = 0.4", "to = 0.9", "study.second.to", "is 0.9, where the range begins; make it wider"),
         ("to = 0.4", "to = -0.4", "study.second.to", "is not allowed: frequency is -0.4; it must be > 0"),
-        ("to = 0.4", "to = 0.4, by = 3", "study.second.by", "is no key here; the keys are parameter, from, to"),
+        ("to = 0.4", "to = 0.4, by = 3", "study.second.by", "is not a key here; the keys are parameter, from, to"),
         ("[0.5, 0.6]", "[0.5, 0.95]", "study.sections", "has 0.95, outside the range from 0.4 to 0.9"),
         ("[0.5, 0.6]", "[0.5, 0.5]", "study.sections", "each value must stand there once"),
         ("[0.5, 0.6]", "[]", "study.sections", "it must be a list of at least 1"),
@@ -113,7 +113,7 @@ def test_options_survive_json(text) -> None:
         ('"fold", ', '"folds", ', "study.kinds[1]", "did you mean fold?"),
         ('"fold", ', '"branch-point", ', "study.kinds[1]", 'one of "fold", "flip", "neimark-sacker", "grazing"'),
         ("workers = 3", "workers = 0", "study.workers", "is 0; it must be >= 1"),
-        ("workers = 3", "max_branches = 3", "study.max_branches", "is no key here"),
+        ("workers = 3", "max_branches = 3", "study.max_branches", "is not a key here"),
         ("workers = 3", "shooting.segments = 3", "study.shooting.segments", "a locus is followed with one"),
         ("workers = 3", "set = { frequency = 3 }", "study.set.frequency", "cannot be set here: the study walks it"),
         ("workers = 3", "search = { starts = 3 }", "study.search.values", "write at how many values of the parameter"),

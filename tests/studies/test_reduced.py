@@ -14,7 +14,7 @@ from gapwalk.errors import StoreError
 from gapwalk.model import ModelFileError
 from gapwalk.model.model_file import read_system
 from gapwalk.studies.document import result_document
-from gapwalk.studies.file import read_studies, read_study
+from gapwalk.studies.study_file import read_studies, read_study
 
 TEXT = """
 coordinates = 12

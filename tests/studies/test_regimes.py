@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import gapwalk as gw
-from gapwalk.attractors.regime import Regime
 from gapwalk.attractors.regime_judge import RegimeOptions
+from gapwalk.attractors.regimes import Regime
 from gapwalk.errors import ModelError, StoreError
 from gapwalk.orbit import find_orbit
 from gapwalk.paper import case
 from gapwalk.parallel.workers import workers
-from gapwalk.studies.regimes.mapping import regimes
-from gapwalk.studies.regimes.options import Carry, RegimeMapOptions
+from gapwalk.studies.regime_study import regimes
+from gapwalk.studies.regime_work import Carry, RegimeMapOptions
 from tests.interruption import until_ctrl_c
 from tests.systems import linear
 
@@ -89,7 +89,7 @@ def test_a_map_that_was_stopped_goes_on_from_its_file(tmp_path, monkeypatch):
     assert [(pace.done, pace.before) for pace in paces] == [(2, 1)]
     assert same(found, whole)
     assert same(gw.load(path), whole)
-    monkeypatch.setattr("gapwalk.studies.regimes.job._judge_piece", None)
+    monkeypatch.setattr("gapwalk.studies.regime_work._judge_piece", None)
     assert same(regimes(SET_15, plane, size, options=options, output=path), whole)
     with pytest.raises(StoreError, match=r"carry is 'no', and was 'up'"):
         regimes(SET_15, plane, size, options=in_process(check=2), output=path)

@@ -10,7 +10,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.studies import response
+from gapwalk.studies import response_study as response
 from tests.interruption import until_ctrl_c
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study

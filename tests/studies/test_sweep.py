@@ -7,6 +7,7 @@ import signal
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,17 +15,16 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ModelError, StoreError, WorkError
 from gapwalk.flow import Flow
-from gapwalk.parallel.pace import Pace
+from gapwalk.parallel.work_chunks import Pace
 from gapwalk.parallel.workers import workers
 from gapwalk.results.result_file import lock, reading
+from gapwalk.studies import sweep_segment as segments
+from gapwalk.studies.kind import values_of
 from gapwalk.studies.load import load_result
 from gapwalk.studies.request import REQUEST, request_file
-from gapwalk.studies.sweep import segment as segments
-from gapwalk.studies.sweep.call import STRETCH
-from gapwalk.studies.sweep.driver import Driver
-from gapwalk.studies.sweep.options import Way
-from gapwalk.studies.sweep.record import BLOCK
-from gapwalk.studies.sweep.transient import Patience
+from gapwalk.studies.sweep import BLOCK, Way
+from gapwalk.studies.sweep_segment import Patience
+from gapwalk.studies.sweep_study import STRETCH, SweepStudy
 from tests.interruption import until_ctrl_c
 from tests.results.tampering import change_sealed
 from tests.studies.killing import killed_after
@@ -192,14 +192,18 @@ def test_a_damaged_file_is_called_so(tmp_path) -> None:
         parts.base = call.system
         ((_, segment),) = parts.all(STRETCH)
     other = tmp_path / "b.sweep"
+
+    def asking(**changes):
+        return replace(call, options=replace(call.options, **changes))
+
     for request, number, wrong, message in [
         (call, 1, segment, "stands in the place of another"),
         (call, 5, replace(segment, lane=5), "segment 0 of lane 5 is none of this sweep"),
         (call, 0, replace(segment, regimes=("",)), "another size"),
         (call, 0, replace(segment, sections=segment.sections[..., 1:]), "another size"),
-        (replace(call, to=(0.6, 0.6)), 0, segment, "is damaged"),
-        (replace(call, parameter="mass"), 0, segment, "is damaged"),
-        (replace(call, block=7), 0, segment, "its segments have 7 values"),
+        (asking(end=0.6), 0, segment, "is damaged"),
+        (asking(parameter="mass"), 0, segment, "is damaged"),
+        (asking(block=7), 0, segment, "its segments have 7 values"),
     ]:
         with request_file(request, other) as file:
             file.write(STRETCH.entry(wrong, number))
@@ -222,13 +226,13 @@ def test_a_motion_that_runs_away_ends_its_lane_and_is_noted() -> None:
     found = gw.sweep(system, "stiffness.x.x", (-1.0, 1.0), options=options(ways="up and down and afresh"))
     up, down, afresh = found.regimes
     assert found.complete  # there is nothing left to do
-    assert up[0] == "runs away"
+    assert up[0] == "diverges"
     assert set(up[1:]) == {""}
-    edge = int(np.flatnonzero(down == "runs away")[-1])
+    edge = int(np.flatnonzero(down == "diverges")[-1])
     assert set(down[:edge]) == {""}
     assert set(down[edge + 1 :]) == {"period 1"}
     assert found.values[edge] < 0.0 < found.values[edge + 3]
-    assert set(afresh[:20]) == {"runs away"}
+    assert set(afresh[:20]) == {"diverges"}
     assert np.isnan(found.sections[1, edge]).all()
     assert len(found.notes) == 4  # two segments of the last lane
     assert found.notes[0].startswith("start 1, up: the motion could not be followed and was not carried on: stiffness")
@@ -245,10 +249,10 @@ def test_a_kick_leaves_what_is_unstable() -> None:
 
 
 def test_a_worker_that_dies_each_time_is_told_with_its_lane(monkeypatch) -> None:
-    from gapwalk.studies.sweep import driver
+    from gapwalk.studies import sweep_study as study
     from tests.studies.pieces import die
 
-    monkeypatch.setattr(driver, "sweep_stretch", die)
+    monkeypatch.setattr(study, "sweep_stretch", die)
     with pytest.raises(WorkError, match=r"Lane\(up, start 1\).*a worker process died"):
         gw.sweep(clutch(), "frequency", (0.6, 0.7), options=options(ways="up", workers=2))
 
@@ -298,8 +302,8 @@ def test_a_sweep_that_makes_no_sense() -> None:
 
 
 def test_a_result_depends_on_its_task_alone() -> None:
-    driver = Driver(clutch(), "frequency", (0.6, 0.7), options())
-    (task, _) = driver._first_tasks()
+    work = SweepStudy("frequency", 0.6, 0.7, **values_of(options())).work(clutch())
+    (task, _) = work._first_tasks()
     segments.sweep_stretch(replace(task, state=task.state + 0.3))
     once, twice = segments.sweep_stretch(task), segments.sweep_stretch(task)
     np.testing.assert_array_equal(once.sections, twice.sections)
@@ -314,8 +318,8 @@ def test_progress_in_words() -> None:
 
 
 def test_section_points_are_in_memory_once() -> None:
-    asked = gw.SweepOptions(steps=400, ways="up", points=500)
-    driver = Driver(light(), "frequency", (0.3, 1.2), asked)  # the first one brings what is kept for good
+    asked = SweepStudy("frequency", 0.3, 1.2, steps=400, ways="up", points=500)
+    work = asked.work(light())  # the first one brings what is kept for good
 
     def segment(number: int) -> segments.SweepSegment:
         sections = np.full((BLOCK, 500, 4), float(number))
@@ -325,9 +329,9 @@ def test_section_points_are_in_memory_once() -> None:
 
     tracemalloc.start()
     try:
-        driver = Driver(light(), "frequency", (0.3, 1.2), asked)
-        driver.take(segment(number) for number in range(400 // BLOCK))
-        found = driver.sweep()
+        work = asked.work(light())
+        work.take(SimpleNamespace(all=lambda _: ((number, segment(number)) for number in range(400 // BLOCK))))
+        found = work.record
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

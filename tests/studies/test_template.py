@@ -12,14 +12,14 @@ from gapwalk.model.model_source import parse_source
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.paper import case
-from gapwalk.studies.diagram.diagram import DiagramOptions
-from gapwalk.studies.family.options import FamilyOptions
-from gapwalk.studies.family.study_options import FamilyStudyOptions
-from gapwalk.studies.file import check_study, read_studies, read_study
-from gapwalk.studies.locus.study_options import LocusStudyOptions
+from gapwalk.studies.family_joining import FamilyOptions
+from gapwalk.studies.family_study import FamilyStudy
+from gapwalk.studies.locus_study import LocusStudyOptions
 from gapwalk.studies.map import MapOptions
-from gapwalk.studies.options import BranchOptions, MapStudyOptions
-from gapwalk.studies.template import template, write_template
+from gapwalk.studies.map_study import MapStudyOptions
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_file import check_study, read_studies, read_study, template, write_template
+from gapwalk.studies.whole_diagram import DiagramOptions
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted(path.name for path in EXAMPLES.glob("*.toml"))
@@ -94,7 +94,7 @@ def test_what_the_comments_of_the_template_offer_of_families_is_right() -> None:
     offered = text[text.index("# over = ") : text.index('# A study kind = "diagram"')]
     lines = [line.removeprefix("# ") for line in offered.splitlines() if " = " in line]
     study = check_study(parse_source(text.replace('kind = "response"', "\n".join(['kind = "family"', *lines]))))
-    assert isinstance(study.options, FamilyStudyOptions)
+    assert isinstance(study.options, FamilyStudy)
     assert study.options.limits == FamilyOptions()
     assert (study.options.over.name, len(study.options.over.axis)) == ("load", 3)
 

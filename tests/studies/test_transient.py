@@ -8,8 +8,7 @@ import pytest
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import flow_of
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.studies.sweep.regime import Band, bands_of, regime_of
-from gapwalk.studies.sweep.transient import Patience, has_settled, let_settle
+from gapwalk.studies.sweep_segment import Band, Patience, bands_of, has_settled, let_settle, regime_of
 from tests.systems import clutch, linear
 
 BOX = np.ones(2)

@@ -72,7 +72,7 @@ def test_values_of_studies_have_units() -> None:
             ],
         ),
         ({"study.load.set": {"speed": 1500}}, ['study "load".set.speed is 1500, a number without a unit']),
-        ({"frequency": "50 Hz"}, ["speed stands beside frequency; leave one of the two out"]),
+        ({"frequency": "50 Hz"}, ["speed is given together with frequency; leave one of the two out"]),
         ({"vehicle.inertia": "4 kg m^2", "firing.acts_on.flywheel": "1 N m"}, ["it is a plain number"]),
     ],
 )

@@ -96,6 +96,7 @@ def test_what_fails_and_is_superfluous_in_its_turn_hinders_nothing(count, bad) -
 def test_out_of_order_each_result_is_accepted_when_it_comes(count) -> None:
     accepted = []
     with workers(count) as hands:
+        hands.run(slow_double, [0] * count, lambda index, result: None)  # all processes have started
         hands.run(slow_double, [0, 1, 2, 3], lambda index, result: accepted.append((index, result)), in_order=False)
     assert sorted(accepted) == [(0, 0), (1, 2), (2, 4), (3, 6)]
     assert (accepted[0] == (0, 0)) is (count == 1)  # the second process was quicker

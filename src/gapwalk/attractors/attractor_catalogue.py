@@ -1,22 +1,41 @@
-"""The catalogue of the known attractors of one system; it grows when a state leads to an attractor not yet in it."""
+"""The catalogue of the known attractors of one system, and the assignment of states to the attractors they lead to.
+
+The catalogue grows when a state leads to an attractor not yet in it. A motion is recognised by the trapping region of
+an orbit or, more cheaply, by its distance to the strobes of known attractors (`AttractorSignature`). Many states are
+sorted at once, each followed only as long as it needs.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Attractor, AttractorKind
+from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
 from gapwalk.attractors.classify import ClassifyOptions, classify
+from gapwalk.attractors.section import size_of
 from gapwalk.attractors.settle import SettleOptions
-from gapwalk.attractors.signature import AttractorSignature
-from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED, Advance, sort_states
-from gapwalk.attractors.strobe import size_of
-from gapwalk.attractors.trapping_region import trapping_region_of
-from gapwalk.errors import FlowError
+from gapwalk.attractors.trapping_region import TrappingRegion, trapping_region_of
+from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
+from gapwalk.orbit.orbit import is_same
 
+_WIDE = 3.0  # largest distance of a motion from an attractor's strobes, in distances between these strobes
+_SHARE = 0.9  # fraction of a motion's strobes that must be so near
+_CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
+_SPACING = 4.0  # largest distance of a strobe from the sample of its attractor, in spacings of the sample
+_MOST = 0.9  # fraction of the strobes that must be near
+UNRESOLVED, RUNAWAY = -1, -2
+"""Labels of states that lead to no known attractor, and of motions that diverge."""
+
+_FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
+_WATCHED = 48  # strobes of a motion in no trapping region that are compared with the attractor signatures
+
+Advance = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
+"""Advances states, shape (count, 2n), by some forcing periods; a motion that cannot be integrated becomes nan."""
 _COMPARED = 64  # strobes with which a motion is compared with the known attractors
 
 
@@ -41,6 +60,62 @@ class Catalogue:
         return Catalogue(self.system, (*self.attractors, attractor), (*self.signatures, signature_of(attractor)))
 
 
+@dataclass(frozen=True, eq=False)
+class AttractorSignature:
+    """The signature by which motions on an attractor are recognised.
+
+    Attributes
+    ----------
+    region
+        The trapping region of its orbit; None if the attractor is not periodic, or too weakly stable.
+    strobes : shape (count, 2n)
+        States of the attractor, one forcing period apart.
+    scale : shape (2n,)
+        Size of the attractor.
+    """
+
+    region: TrappingRegion | None
+    strobes: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+    @property
+    def wide(self) -> bool:
+        """True if motions are recognised by their strobes alone."""
+        return self.region is None
+
+    def is_home_of(self, track: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mark the motions that stay near the attractor, shape (count,), from their strobes (strobes, count, 2n)."""
+        from scipy.spatial import cKDTree  # imported late: it takes long
+
+        known = self.strobes / self.scale
+        tree = cKDTree(known)
+        apart = float(np.quantile(tree.query(known, k=2)[0][:, 1], 0.99)) if len(known) > 1 else 0.0
+        reach = max(_WIDE * apart, _CLOSEST)
+        finite = np.isfinite(track).all(axis=(0, 2))
+        near = np.zeros(track.shape[1], dtype=bool)
+        distances = tree.query(track[:, finite] / self.scale, distance_upper_bound=reach)[0]
+        near[finite] = (distances < reach).mean(axis=0) >= _SHARE
+        return near
+
+
+class Sorted(NamedTuple):
+    """The attractors to which states lead.
+
+    Attributes
+    ----------
+    labels : shape (count,)
+        Index of the attractor signature that each motion reaches; UNRESOLVED or RUNAWAY for none.
+    states : shape (count, 2n)
+        States of the motions when this was decided.
+    periods : shape (count,)
+        Number of forcing periods until then.
+    """
+
+    labels: NDArray[np.int_]
+    states: NDArray[np.float64]
+    periods: NDArray[np.int_]
+
+
 @dataclass(frozen=True, slots=True)
 class Effort:
     """Limits on the work of finding the attractors to which states lead.
@@ -58,12 +133,6 @@ class Effort:
     longest: int
     max_period: int
     tries: int
-
-
-def signature_of(attractor: Attractor) -> AttractorSignature:
-    """Build the signature of an attractor."""
-    region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
-    return AttractorSignature(region, attractor.strobes, size_of(attractor.system, attractor.strobes))
 
 
 def explore(
@@ -120,3 +189,117 @@ def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], effort: Effort
         elif signature.region.holds(track).all():
             return catalogue, index
     return catalogue.with_one_more(attractor), len(catalogue.attractors)
+
+
+def sort_states(
+    advance: Advance, states: NDArray[np.float64], signatures: Sequence[AttractorSignature], longest: int
+) -> Sorted:
+    """Follow states until each has reached one of the attractors, or for `longest` forcing periods.
+
+    Parameters
+    ----------
+    advance
+        The flow of many motions.
+    states : shape (count, 2n)
+        Positions, then velocities, at theta = 0.
+    signatures
+        Signatures of the attractors.
+    longest
+        The most forcing periods.
+    """
+    states = np.array(states, dtype=float)
+    labels = np.full(len(states), UNRESOLVED)
+    periods = np.zeros(len(states), dtype=int)
+    total = 0
+    alive = _look(states, labels, signatures, np.arange(len(states)))
+    while len(alive) and total < longest:
+        step = min(max(_FIRST, total // 2), longest - total)
+        states[alive] = advance(states[alive], step)
+        total += step
+        periods[alive] = total
+        alive = _look(states, labels, signatures, alive)
+    wide = [(index, signature) for index, signature in enumerate(signatures) if signature.wide]
+    if len(alive) and wide:
+        track = np.empty((_WATCHED, len(alive), states.shape[1]))
+        for strobe in track:
+            strobe[:] = states[alive] = advance(states[alive], 1)
+        periods[alive] += _WATCHED
+        for index, signature in wide:
+            labels[alive[(labels[alive] == UNRESOLVED) & signature.is_home_of(track)]] = index
+    return Sorted(labels, states, periods)
+
+
+def _look(
+    states: NDArray[np.float64],
+    labels: NDArray[np.int_],
+    signatures: Sequence[AttractorSignature],
+    alive: NDArray[np.intp],
+) -> NDArray[np.intp]:
+    """Label the motions that are in a trapping region or have diverged; return the rest of `alive`."""
+    labels[alive[~np.isfinite(states[alive]).all(axis=1)]] = RUNAWAY
+    for index, signature in enumerate(signatures):
+        if signature.region is not None:
+            rest = alive[labels[alive] == UNRESOLVED]
+            labels[rest[signature.region.holds(states[rest])]] = index
+    return alive[labels[alive] == UNRESOLVED]
+
+
+def match(
+    attractors: Sequence[Attractor],
+    motion: Attractor | Settled | NDArray[np.float64],
+    tolerance: float = 1e-3,
+) -> int | None:
+    """Return the index of the attractor to which a settled motion belongs, or None.
+
+    Two orbits are compared as in `gapwalk.orbit.orbit.is_same`. States are compared with the strobes of each
+    attractor: they must be near those of an orbit within `tolerance`, and near those of a torus or of chaos within
+    some spacings of its sample. If several attractors match, the nearest one is returned.
+
+    Parameters
+    ----------
+    attractors
+        The known attractors, all of the same system with the same parameter values.
+    motion
+        An attractor, a settled motion, one state at theta = 0 (shape (2n,)), or several one forcing period apart (shape
+        (count, 2n)): one state distinguishes orbits, 16 or more distinguish any attractors.
+    tolerance
+        Tolerance relative to the size of an orbit.
+
+    Raises
+    ------
+    ModelError
+        If the states have the wrong shape.
+    """
+    if isinstance(motion, Attractor | Settled) and motion.orbit is not None:
+        same = [each.orbit is not None and is_same(each.orbit, motion.orbit, tolerance) for each in attractors]
+        if sum(same) == 1:
+            return same.index(True)  # several: one motion in phases shifted by whole forcing periods
+    states = motion.strobes if isinstance(motion, Attractor | Settled) else np.atleast_2d(np.asarray(motion, float))
+    if isinstance(motion, Settled) and motion.orbit is not None:
+        states = motion.orbit.state[None, :]
+    distances = [distance(attractor, states, tolerance) for attractor in attractors]
+    best = int(np.argmin(distances)) if distances else 0
+    return best if distances and distances[best] <= 1.0 else None
+
+
+def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
+    """Return the distance of most of some states, shape (count, 2n), from an attractor; up to 1 they belong to it."""
+    from scipy.spatial import KDTree  # imported late: it takes long
+
+    known = attractor.strobes
+    if states.ndim != 2 or states.shape[1] != known.shape[1]:
+        raise ModelError(f"the states have the shape {states.shape}; it must be (count, {known.shape[1]})")
+    scale = size_of(attractor.system, known)
+    tree = KDTree(known / scale)
+    reach = tolerance
+    if attractor.kind is not AttractorKind.PERIODIC and len(known) > 1:
+        spacing = tree.query(known / scale, k=2)[0][:, 1]
+        reach = max(tolerance, _SPACING * float(np.quantile(spacing, 0.95)))
+    away = tree.query(states / scale)[0]
+    return float(np.quantile(away, _MOST)) / reach
+
+
+def signature_of(attractor: Attractor) -> AttractorSignature:
+    """Build the signature of an attractor."""
+    region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
+    return AttractorSignature(region, attractor.strobes, size_of(attractor.system, attractor.strobes))

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind
+from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.box import Box, Window
-from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED
 from gapwalk.model.system import System
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 
 _ORDER = tuple(AttractorKind)
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
@@ -120,7 +120,7 @@ class Basins(Shown):
     notes: tuple[str, ...] = ()
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         labels, count = self.labels, len(self.attractors)
         if labels.ndim != 2 or not labels.size or labels.min() < RUNAWAY or labels.max() >= count:
             raise ValueError(f"its labels are none of {count} attractors")
@@ -168,7 +168,7 @@ class Basins(Shown):
     def __repr__(self) -> str:
         columns, rows = self.resolution
         parts = [f"{name}: {count}" for name, count in self.cells.items()]
-        parts += [f"{text}: {n}" for text, n in (("runs away", self.runaway), ("unresolved", self.unresolved)) if n]
+        parts += [f"{text}: {n}" for text, n in (("diverges", self.runaway), ("unresolved", self.unresolved)) if n]
         return f"Basins({self.window.across}, {self.window.up}; {columns} x {rows} cells; {', '.join(parts)})"
 
 
@@ -236,7 +236,7 @@ class BasinShares:
     def shares(self) -> tuple[Share, ...]:
         """The share of each attractor, then of diverging motions and of unresolved ones if there are any."""
         names = dict(enumerate(attractor_names(self.attractors)))
-        others = {RUNAWAY: "runs away", UNRESOLVED: "unresolved"}
+        others = {RUNAWAY: "diverges", UNRESOLVED: "unresolved"}
         names |= {label: name for label, name in others.items() if np.any(self.labels == label)}
         return tuple(self._share(name, int(np.sum(self.labels == label))) for label, name in names.items())
 

@@ -1,4 +1,7 @@
-"""Boxes of initial states: a range or a fixed value for each coordinate and velocity, by name."""
+"""Boxes of initial states: a range or a fixed value for each coordinate and velocity, by name.
+
+States in a box are the centres of the cells of a plane, their neighbours, or random.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,7 @@ from gapwalk.model.system import System
 
 Range = Sequence[float] | float
 """The two ends of a range, or one number for a fixed component."""
-
-
-def state_names(coordinates: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the components of a state: the coordinates, then their velocities (``q1'``)."""
-    return (*coordinates, *(f"{name}'" for name in coordinates))
+_NEAREST = 4  # as for a cell of a plane
 
 
 @dataclass(frozen=True)
@@ -128,10 +127,41 @@ class Window:
         return states
 
 
-def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
-    """Return the centres of `count` cells that divide a range evenly."""
-    low, high = within
-    return low + (high - low) * (np.arange(count) + 0.5) / count
+def beside_cells(rows: int, columns: int) -> NDArray[np.intp]:
+    """Return the indices of the left, right, lower and upper neighbours of the cells, row by row; shape (cells, 4).
+
+    At an edge of the plane the missing neighbour is the cell itself.
+    """
+    numbers = np.arange(rows * columns).reshape(rows, columns)
+    wide = np.pad(numbers, 1, mode="edge")
+    sides = (wide[1:-1, :-2], wide[1:-1, 2:], wide[:-2, 1:-1], wide[2:, 1:-1])
+    return np.stack([side.ravel() for side in sides], axis=1)
+
+
+def beside_states(states: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the four nearest other states of each state, scaled by the ranges of the components; shape (count, 4)."""
+    from scipy.spatial import cKDTree  # imported late: it takes long
+
+    widths = np.ptp(states, axis=0)
+    scaled = states / np.where(widths > 0.0, widths, 1.0)
+    count = min(_NEAREST, len(states) - 1)
+    _, nearest = cKDTree(scaled).query(scaled, k=np.arange(1, count + 2))
+    return np.asarray(nearest[:, 1:], dtype=np.intp)
+
+
+def differs(labels: NDArray[np.int_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mark the labels that differ from the label of a neighbour."""
+    return (labels[neighbours] != labels[:, None]).any(axis=1)
+
+
+def about(marked: NDArray[np.bool_], neighbours: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mark the states that are marked already or have a marked neighbour."""
+    return marked | marked[neighbours].any(axis=1)
+
+
+def state_names(coordinates: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the components of a state: the coordinates, then their velocities (``q1'``)."""
+    return (*coordinates, *(f"{name}'" for name in coordinates))
 
 
 def _ends(name: str, given: Range) -> tuple[float, float]:
@@ -144,3 +174,9 @@ def _ends(name: str, given: Range) -> tuple[float, float]:
     if len(ends) == 2 and not ends[0] < ends[1]:
         raise ModelError(f"the range of {name} is from {ends[0]:g} to {ends[1]:g}: it is empty; write (low, high)")
     return float(ends[0]), float(ends[-1])
+
+
+def centres(within: tuple[float, float], count: int) -> NDArray[np.float64]:
+    """Return the centres of `count` cells that divide a range evenly."""
+    low, high = within
+    return low + (high - low) * (np.arange(count) + 0.5) / count

@@ -12,18 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Attractor, AttractorKind
-from gapwalk.attractors.convergence import nearby_orbit, watch
+from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
 from gapwalk.attractors.lyapunov import Lyapunov, LyapunovOptions, lyapunov_run, of_multipliers
-from gapwalk.attractors.recurrence import Recurrence, recurrences
 from gapwalk.attractors.rotation import Rotation, rotation
-from gapwalk.attractors.settle import SettleOptions, settle
-from gapwalk.attractors.settled import Settled
-from gapwalk.attractors.strobe import Strobe, size_of
+from gapwalk.attractors.section import Strobe, size_of
+from gapwalk.attractors.settle import Recurrence, SettleOptions, recurrences, settle
+from gapwalk.attractors.trapping_region import nearby_orbit, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.identity import stroboscopic
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, stroboscopic
 
 _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes stored in an attractor

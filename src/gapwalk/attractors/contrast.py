@@ -1,50 +1,29 @@
-"""Comparison of two motions, for example under two damping laws: histories, spectra, and their agreement."""
+"""Comparison of two motions, for example under two damping laws: histories, spectra, and their agreement.
+
+The agreement of two histories of one signal is given by their rms difference, their correlation, and the differences of
+their spectral lines.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.agreement import Agreement, agreement, orders_of
-from gapwalk.attractors.settled import Settled
+from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import force_of, integrate
 from gapwalk.orbit.orbit import Orbit
 
+_BLOCK = 4096  # samples per block of the least-squares fit of lines: this bounds the memory
 _SAMPLES = 1024  # per forcing period
 _LONG = 6  # forcing periods shown of motions that do not repeat sooner
 _LINES = 20  # highest order of the lines that are compared
-
-
-@dataclass(frozen=True, eq=False)
-class SignalPair:
-    """One signal of two motions.
-
-    Attributes
-    ----------
-    signal
-        Name of the signal.
-    theta : shape (samples,)
-        Angles of the excitation.
-    histories : shape (2, samples)
-        Histories of the first and of the second motion, at the same phases of the excitation.
-    spectra
-        Spectra of the first and of the second motion.
-    agreement
-        Agreement of the histories; None if a motion has no period.
-    """
-
-    signal: str
-    theta: NDArray[np.float64]
-    histories: NDArray[np.float64]
-    spectra: tuple[Spectrum, Spectrum]
-    agreement: Agreement | None
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,6 +58,77 @@ class Contrast:
             for pair in self.pairs
         ]
         return f"Contrast({self.names[0]}, {self.names[1]}: {'; '.join(texts)})"
+
+
+class LinePair(NamedTuple):
+    """One spectral line of two histories.
+
+    Attributes
+    ----------
+    order
+        Multiple of the excitation frequency, or per turn of the shaft whose speed is a parameter.
+    first, second
+        Amplitudes.
+    shift
+        Phase of the second line minus that of the first one, in radians between -pi and pi.
+    """
+
+    order: float
+    first: float
+    second: float
+    shift: float
+
+    @property
+    def difference(self) -> float:
+        """Second amplitude minus first amplitude."""
+        return self.second - self.first
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Agreement of two histories after removal of their means, because an accelerometer does not measure the mean.
+
+    Attributes
+    ----------
+    rms
+        Root mean square of the difference, in the units of the signal.
+    relative
+        The rms difference divided by the root mean square of the first history.
+    correlation
+        Pearson's correlation coefficient: 1 if the histories are proportional.
+    lines
+        Spectral lines of both histories, by order.
+    """
+
+    rms: float
+    relative: float
+    correlation: float
+    lines: tuple[LinePair, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SignalPair:
+    """One signal of two motions.
+
+    Attributes
+    ----------
+    signal
+        Name of the signal.
+    theta : shape (samples,)
+        Angles of the excitation.
+    histories : shape (2, samples)
+        Histories of the first and of the second motion, at the same phases of the excitation.
+    spectra
+        Spectra of the first and of the second motion.
+    agreement
+        Agreement of the histories; None if a motion has no period.
+    """
+
+    signal: str
+    theta: NDArray[np.float64]
+    histories: NDArray[np.float64]
+    spectra: tuple[Spectrum, Spectrum]
+    agreement: Agreement | None
 
 
 def contrast(
@@ -129,3 +179,58 @@ def contrast(
             found = agreement(theta[:-1], histories[0, :-1], histories[1, :-1], orders_of(length, _LINES), system.turns)
         pairs.append(SignalPair(signal, theta, histories, spectra, found))
     return Contrast((names[0], names[1]), (first, second), tuple(pairs))
+
+
+def agreement(
+    theta: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    orders: NDArray[np.float64],
+    turns: int | None = None,
+) -> Agreement:
+    """Compare two histories that are sampled at the same angles over whole periods.
+
+    Parameters
+    ----------
+    theta : shape (samples,)
+        Angles of the excitation, in radians.
+    first, second : shape (samples,)
+        The histories.
+    orders : shape (lines,)
+        Multiples of the excitation frequency at which spectral lines are compared.
+    turns
+        Forcing periods per turn of the shaft, as in `System.turns`; line orders are then counted per turn.
+    """
+    first, second = first - first.mean(), second - second.mean()
+    rms, size = float(np.sqrt(np.mean((second - first) ** 2))), float(np.sqrt(np.mean(first**2)))
+    both = size * float(np.sqrt(np.mean(second**2)))
+    lines = [lines_of(theta, values, orders) for values in (first, second)]
+    shifts = np.angle(lines[1] * lines[0].conj())
+    counted = (turns or 1) * orders
+    pairs = zip(counted.tolist(), *(np.abs(values).tolist() for values in lines), shifts.tolist(), strict=True)
+    correlation = float(np.mean(first * second)) / both if both else 0.0
+    return Agreement(rms, rms / size if size else np.inf, correlation, tuple(LinePair(*pair) for pair in pairs))
+
+
+def lines_of(
+    theta: NDArray[np.float64], values: NDArray[np.float64], orders: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Fit ``Re(c exp(i order theta))`` plus a mean to a signal; return the complex amplitudes c, shape (lines,).
+
+    A least-squares fit, unlike an FFT, does not need a whole number of samples per period or even spacing, and it has
+    no leakage.
+    """
+    count = len(orders)
+    matrix, vector = np.zeros((2 * count + 1, 2 * count + 1)), np.zeros(2 * count + 1)
+    for start in range(0, len(theta), _BLOCK):
+        angles = np.multiply.outer(theta[start : start + _BLOCK], orders)
+        rows = np.hstack((np.cos(angles), -np.sin(angles), np.ones((len(angles), 1))))
+        matrix += rows.T @ rows
+        vector += rows.T @ values[start : start + _BLOCK]
+    found = np.linalg.lstsq(matrix, vector, rcond=1e-12)[0]
+    return found[:count] + 1j * found[count : 2 * count]
+
+
+def orders_of(period: int, highest: float) -> NDArray[np.float64]:
+    """Return the orders of a motion of m forcing periods up to the highest one: multiples of 1/m."""
+    return np.arange(1, int(highest * period + 1e-9) + 1) / period

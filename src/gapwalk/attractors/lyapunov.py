@@ -2,55 +2,39 @@
 
 The transition matrix of each forcing period is factorised by QR. The exponents are the averages of the logarithms of
 the diagonal of R along the motion (Benettin, Galgani, Giorgilli and Strelcyn 1980, Meccanica 15, 9-20 and 21-30).
+
+The errors of the averages allow for the correlation of the values. There are two estimators. For regular motion
+(periodic or quasi-periodic) the weighted Birkhoff average converges faster than any power of the length (Das, Saiki,
+Sander and Yorke 2017, Nonlinearity 30, 4111-4140). For chaotic motion the plain mean is as good as any other estimator;
+its error is estimated from averages over blocks of growing length (Flyvbjerg and Petersen 1989, J. Chem. Phys. 91,
+461-466).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from gapwalk.attractors.average import Average, average
-from gapwalk.attractors.strobe import check_count
+from gapwalk.attractors.section import check_count
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 
+_BLOCKS = 16  # the fewest blocks from which an error is estimated
+_PARTS = 4  # parts of the sequence whose weighted averages are compared
 _FIRST = 1024  # forcing periods after which the errors are first estimated
 _RESOLVED = -14.0  # logarithm of the stretching over a segment below which rounding errors dominate
 _MOST_SEGMENTS = 64
 _ROUNDING = 1e-9  # spread of averages per forcing period that is within rounding
 _ALIGNING = 8  # the first 1/8 of the periods is omitted: the directions are still aligning
-
-
-@dataclass(frozen=True, slots=True)
-class LyapunovOptions:
-    """Options of the averages of Lyapunov exponents.
-
-    Parameters
-    ----------
-    max_periods
-        The most forcing periods.
-    relative, absolute
-        The averages end when the standard error of each exponent is below `relative` times the exponent, or below
-        `absolute` per forcing period.
-    """
-
-    max_periods: int = 16_384
-    relative: float = 0.02
-    absolute: float = 1e-6
-
-    def __post_init__(self) -> None:
-        check_count("max_periods", self.max_periods, 256)
-        for name in ("relative", "absolute"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +63,7 @@ class Lyapunov:
     converged: bool
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         if self.exponents.ndim != 1 or self.exponents.shape != self.errors.shape or not self.frequency > 0.0:
             raise ValueError("Lyapunov exponents are not as many as their errors")
 
@@ -109,6 +93,46 @@ class Lyapunov:
     def __repr__(self) -> str:
         values = ", ".join(f"{x:.5g} +- {e:.1g}" for x, e in zip(self.exponents, self.errors, strict=True))
         return f"Lyapunov({values}; {self.periods} forcing periods)"
+
+
+class Average(NamedTuple):
+    """A mean and its error, for each column of a sequence.
+
+    Attributes
+    ----------
+    mean, error : shape (columns,)
+        The better of the two estimates, and its standard error.
+    spread : shape (columns,)
+        Range of the weighted averages of four parts of the sequence: small only for regular motion.
+    """
+
+    mean: NDArray[np.float64]
+    error: NDArray[np.float64]
+    spread: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LyapunovOptions:
+    """Options of the averages of Lyapunov exponents.
+
+    Parameters
+    ----------
+    max_periods
+        The most forcing periods.
+    relative, absolute
+        The averages end when the standard error of each exponent is below `relative` times the exponent, or below
+        `absolute` per forcing period.
+    """
+
+    max_periods: int = 16_384
+    relative: float = 0.02
+    absolute: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_count("max_periods", self.max_periods, 256)
+        for name in ("relative", "absolute"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ModelError(f"{name} is {getattr(self, name)!r}; it must lie between 0 and 1")
 
 
 def lyapunov(system: System, state: NDArray[np.float64], options: LyapunovOptions | None = None) -> Lyapunov:
@@ -141,19 +165,6 @@ def lyapunov_run(
         if good or length >= options.max_periods:
             return _record(system, Average(*(each[order] for each in found)), len(logs), good), stretching.strobes
         length = min(2 * length, options.max_periods)
-
-
-def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
-    """Compute the exponents of an orbit: ``log |mu| / (m T)``."""
-    span = PERIOD * period / system.frequency
-    values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
-    return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)
-
-
-def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
-    rate = system.frequency / PERIOD
-    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
-    return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
 
 
 class _Stretching:
@@ -195,3 +206,58 @@ class _Stretching:
             frame, state = lapack.dorgqr(factors, scales)[0], arc.state
             logs.append(np.log(np.maximum(np.abs(factors.diagonal()), np.finfo(float).tiny)))
         return state, frame, np.array(logs)
+
+
+def average(values: NDArray[np.float64]) -> Average:
+    """Compute mean and error of each column of a sequence, shape (length, columns) with a length of at least 16."""
+    plain, weighted = block_error(values), birkhoff_spread(values)
+    rounding = np.finfo(float).eps * np.abs(values).max(axis=0)
+    plain, weighted = np.maximum(plain, rounding), np.maximum(weighted, rounding)
+    regular = weighted <= plain
+    mean = np.where(regular, birkhoff_mean(values), values.mean(axis=0))
+    return Average(mean, np.where(regular, weighted, plain), weighted)
+
+
+def block_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Estimate the standard error of the plain mean of each column: the largest value over all block lengths."""
+    error = np.zeros(values.shape[1:])
+    while len(values) >= _BLOCKS:
+        error = np.maximum(error, values.std(axis=0, ddof=1) / np.sqrt(len(values)))
+        even = values[: len(values) // 2 * 2]
+        values = 0.5 * (even[::2] + even[1::2])
+    return error
+
+
+def birkhoff_spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the range of the weighted averages of four equal parts of the sequence, for each column."""
+    length = len(values) // _PARTS
+    parts = [birkhoff_mean(values[k * length : (k + 1) * length]) for k in range(_PARTS)]
+    return np.ptp(parts, axis=0)
+
+
+def birkhoff_mean(values: NDArray) -> NDArray:
+    """Compute the weighted Birkhoff average over the first axis."""
+    return birkhoff_weights(len(values)) @ values
+
+
+@lru_cache(maxsize=32)
+def birkhoff_weights(count: int) -> NDArray[np.float64]:
+    """Return `count` weights ``exp(-1 / (t (1 - t)))``, normalised to the sum 1."""
+    t = np.arange(1, count + 1) / (count + 1)
+    weights = np.exp(-1.0 / (t * (1.0 - t)))
+    weights /= weights.sum()
+    weights.flags.writeable = False
+    return weights
+
+
+def _record(system: System, found: Average, periods: int, converged: bool) -> Lyapunov:
+    rate = system.frequency / PERIOD
+    regular = bool(np.all(found.spread <= np.maximum(found.error, _ROUNDING)))
+    return Lyapunov(found.mean * rate, found.error * rate, periods, system.frequency, regular, converged)
+
+
+def of_multipliers(system: System, multipliers: NDArray[np.complex128], period: int) -> Lyapunov:
+    """Compute the exponents of an orbit: ``log |mu| / (m T)``."""
+    span = PERIOD * period / system.frequency
+    values = np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny)) / span
+    return Lyapunov(np.sort(values)[::-1], np.zeros(len(values)), 0, system.frequency, True, True)

@@ -1,22 +1,34 @@
-"""Figures of a rattling motion: impacts, contact forces, energy loss and impulsiveness."""
+"""Figures of a rattling motion: impacts, contact forces, energy loss and impulsiveness.
+
+An impact is a closing of a contact, with its approach velocity, peak force and energy loss. Integrals along the motion
+are accurate to rounding by Gauss's rule, since it is analytic between contact events.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
 
-from gapwalk.attractors.impact import Impact, damping_power, impacts
-from gapwalk.attractors.quadrature import Quadrature, largest, quadrature
-from gapwalk.attractors.settled import Settled
-from gapwalk.attractors.strobe import check_count
-from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.motion import signal_factor
-from gapwalk.model.structure import ContactForm
+from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.section import check_count
+from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.forces import contact_deflections, contact_forces
+from gapwalk.flow.motion import Motion, sample, signal_factor, switch_names
+from gapwalk.flow.switching import ContactEvent
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 from gapwalk.orbit.orbit import Orbit
 
+_ORDER = 12  # nodes in each interval
+_WIDEST = PERIOD / 32  # largest width of an interval
+_NARROWEST = 1e-9  # narrower intervals between events are omitted
 _OF_SIDES = ("velocity", "fastest", "peak force", "loss", "costliest")
 _OF_CONTACTS = ("peak force", "rms force", "power")
 _OF_SIGNALS = ("rms", "peak")
@@ -28,6 +40,105 @@ _UNITS = dict(
     )
 )
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
+
+
+@dataclass(frozen=True, repr=False)
+class Rattle:
+    """Impacts, contact forces, energy and impulsiveness of one settled motion. It prints as three tables.
+
+    Attributes
+    ----------
+    system
+        The system that moves.
+    periods
+        Number of forcing periods that were evaluated.
+    sides
+        Impacts by contact and side.
+    contacts
+        Forces by contact.
+    coordinates
+        Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
+    impacts
+        All impacts.
+
+    Notes
+    -----
+    In a system with units, velocities are in the unit of angles per second, accelerations in rad/s^2, forces in N m,
+    energies in J, and powers in W.
+    """
+
+    system: System
+    periods: int
+    sides: tuple[SideRattle, ...]
+    contacts: tuple[ContactLoad, ...]
+    coordinates: tuple[Impulsiveness, ...]
+    impacts: tuple[Impact, ...]
+
+    @property
+    def index(self) -> float:
+        """The rattle index: the largest kurtosis of any coordinate's acceleration."""
+        return max(each.kurtosis for each in self.coordinates)
+
+    def __repr__(self) -> str:
+        sides = [
+            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.loss, s.costliest)
+            for s in self.sides
+        ]
+        loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
+        units = self.system.units
+        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
+        return "\n\n".join(
+            (
+                _table(_headed(("impacts", "a period", *_OF_SIDES), units), sides),
+                _table(_headed(("contact", "closed", *_OF_CONTACTS), units), loads),
+                _table(_headed(("signal", *_OF_SIGNALS, "crest factor", "kurtosis"), units), signals),
+            )
+        )
+
+
+class Quadrature(NamedTuple):
+    """A motion at the nodes of Gauss's rule.
+
+    Attributes
+    ----------
+    motion
+        The motion; its samples are the nodes, and its events the crossings of breakpoints.
+    weights : shape (nodes,)
+        Weights of the nodes over time (not theta); their sum is the duration of the motion.
+    """
+
+    motion: Motion
+    weights: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """One closure of the innermost stage of a contact, from closing to opening.
+
+    Attributes
+    ----------
+    contact, side
+        Name of the contact, and its side: +1 or -1.
+    theta
+        Angle of the excitation at closing, in radians.
+    duration
+        Duration of the closure, in units of time.
+    velocity
+        Approach velocity: magnitude of the rate of the deflection at closing.
+    peak
+        Largest magnitude of the contact force.
+    loss
+        Energy loss: the integral over the closure of the force of the damping law times the rate of the deflection, in
+        units of the contact force times the deflection.
+    """
+
+    contact: str
+    side: int
+    theta: float
+    duration: float
+    velocity: float
+    peak: float
+    loss: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,60 +216,6 @@ class Impulsiveness:
     kurtosis: float
 
 
-@dataclass(frozen=True, repr=False)
-class Rattle:
-    """Impacts, contact forces, energy and impulsiveness of one settled motion. It prints as three tables.
-
-    Attributes
-    ----------
-    system
-        The system that moves.
-    periods
-        Number of forcing periods that were evaluated.
-    sides
-        Impacts by contact and side.
-    contacts
-        Forces by contact.
-    coordinates
-        Impulsiveness by coordinate. The kurtosis of the acceleration serves as the rattle index.
-    impacts
-        All impacts.
-
-    Notes
-    -----
-    In a system with units, velocities are in the unit of angles per second, accelerations in rad/s^2, forces in N m,
-    energies in J, and powers in W.
-    """
-
-    system: System
-    periods: int
-    sides: tuple[SideRattle, ...]
-    contacts: tuple[ContactLoad, ...]
-    coordinates: tuple[Impulsiveness, ...]
-    impacts: tuple[Impact, ...]
-
-    @property
-    def index(self) -> float:
-        """The rattle index: the largest kurtosis of any coordinate's acceleration."""
-        return max(each.kurtosis for each in self.coordinates)
-
-    def __repr__(self) -> str:
-        sides = [
-            (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.loss, s.costliest)
-            for s in self.sides
-        ]
-        loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
-        units = self.system.units
-        signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
-        return "\n\n".join(
-            (
-                _table(_headed(("impacts", "a period", *_OF_SIDES), units), sides),
-                _table(_headed(("contact", "closed", *_OF_CONTACTS), units), loads),
-                _table(_headed(("signal", *_OF_SIGNALS, "crest factor", "kurtosis"), units), signals),
-            )
-        )
-
-
 def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     """Compute impacts, contact forces, energy and impulsiveness of a settled motion.
 
@@ -179,13 +236,104 @@ def rattle(motion: Orbit | Settled, periods: int = _PERIODS) -> Rattle:
     along = quadrature(system, motion.state, period or periods)
     if period:  # two periods, so that an impact across the end is complete
         twice = impacts(system, quadrature(system, motion.state, 2 * period))
-        found = _once(twice, PERIOD * period)
+        found = tuple(impact for impact in twice if impact.theta < PERIOD * period)  # each once
     else:
         found = impacts(system, along)
     length, found = period or periods, _in_units(system, found)
     return Rattle(
         system, length, _sides(system, found, length), _loads(system, along, found), _impulsiveness(along), found
     )
+
+
+def quadrature(system: System, state: NDArray[np.float64], periods: int) -> Quadrature:
+    """Integrate the motion from a state at theta = 0 and sample it at Gauss nodes over some forcing periods."""
+    end = PERIOD * periods
+    events = sample(system, state, np.array([0.0, end])).events
+    edges = np.unique(np.concatenate(([0.0], [event.theta for event in events], [end])))
+    edges = edges[np.concatenate(([True], np.diff(edges) > _NARROWEST))]
+    parts = [np.linspace(a, b, 1 + int(np.ceil((b - a) / _WIDEST)))[:-1] for a, b in pairwise(edges)]
+    starts = np.concatenate(parts)
+    widths = np.diff(np.append(starts, end))
+    nodes, weights = leggauss(_ORDER)
+    thetas = (starts[:, None] + 0.5 * widths[:, None] * (nodes + 1.0)).ravel()
+    integrated = sample(system, state, np.concatenate(([0.0], thetas)))
+    motion = Motion(system, thetas, integrated.q[1:], integrated.v[1:], events)
+    return Quadrature(motion, (0.5 * widths[:, None] * weights).ravel() / system.frequency)
+
+
+def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
+    """Return the impacts that begin and end within a motion, in the order of their closing.
+
+    To include impacts that last across the end of an orbit, integrate the orbit over two of its periods.
+    """
+    losses = damping_power(system, along) * along.weights[:, None]
+    names = [form.name for form in system.structure.contacts]
+    found = []
+    for contact, side, switch in _innermost(system):
+        place = names.index(contact)
+        for closes, opens in _closures(along.motion.events, switch):
+            inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
+            duration = (opens.theta - closes.theta) / system.frequency
+            peak = largest(along, inside, lambda motion, place=place: np.abs(motion.forces[:, place]))
+            loss = float(losses[inside, place].sum())
+            found.append(Impact(contact, side, closes.theta, duration, abs(closes.velocity), peak, loss))
+    return tuple(sorted(found, key=lambda impact: impact.theta))
+
+
+def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
+    """Compute the power dissipated by the damping law of each contact at each node, shape (nodes, contacts)."""
+    layout, coefficients, motion = layout_of(system.structure), coefficients_of(system), along.motion
+    springs = contact_forces(layout, coefficients, motion.q, np.zeros_like(motion.v))
+    rates = contact_deflections(layout, coefficients, motion.v)
+    return (motion.forces - springs) * rates
+
+
+def _innermost(system: System) -> list[tuple[str, int, int]]:
+    """List contact, side and switch of the innermost stage on each side of each contact."""
+    found: dict[tuple[str, int], int] = {}
+    for switch, (contact, _, side) in enumerate(switch_names(system)):
+        found.setdefault((contact, side), switch)
+    return [(contact, side, switch) for (contact, side), switch in found.items()]
+
+
+def _closures(events: Sequence[ContactEvent], switch: int) -> list[tuple[ContactEvent, ContactEvent]]:
+    """Pair each closing of one switch with the opening that follows it."""
+    own = [event for event in events if event.switch == switch]
+    return [(one, other) for one, other in pairwise(own) if one.enters and not other.enters]
+
+
+def largest(along: Quadrature, nodes: NDArray[np.intp], function: Callable[[Motion], NDArray[np.float64]]) -> float:
+    """Find the largest value of a function of the motion near some successive nodes, refined on the exact flow.
+
+    Parameters
+    ----------
+    along
+        The motion.
+    nodes
+        Indices of the nodes among which the maximum is sought; for none the result is 0.
+    function
+        A function that returns its values, shape (samples,), for a motion.
+    """
+    from scipy.optimize import minimize_scalar  # imported late: it takes long
+
+    if not len(nodes):
+        return 0.0
+    motion = along.motion
+    values = function(motion)[nodes]
+    best = int(np.argmax(values))
+    if not 0 < best < len(nodes) - 1:
+        return float(values[best])
+    before, after = nodes[best - 1], nodes[best + 1]
+    flow, coefficients, n = flow_of(motion.system), coefficients_of(motion.system), motion.system.size
+    state = np.concatenate((motion.q[before], motion.v[before]))
+    start, stop = float(motion.theta[before]), float(motion.theta[after])
+
+    def negative(theta: float) -> float:
+        at = flow.integrate(coefficients, state, start, theta).state
+        return -float(function(Motion(motion.system, np.array([theta]), at[None, :n], at[None, n:], ()))[0])
+
+    found = minimize_scalar(negative, bounds=(start, stop), method="bounded", options={"xatol": 1e-6})
+    return max(-float(found.fun), float(values[best]))
 
 
 def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
@@ -196,15 +344,11 @@ def _in_units(system: System, found: tuple[Impact, ...]) -> tuple[Impact, ...]:
     return tuple(replace(each, loss=unit * each.loss) for each in found)
 
 
-def _once(found: tuple[Impact, ...], end: float) -> tuple[Impact, ...]:
-    """Select the impacts of two periods that begin in the first one, so that each appears once."""
-    return tuple(impact for impact in found if impact.theta < end)
-
-
 def _sides(system: System, found: tuple[Impact, ...], periods: int) -> tuple[SideRattle, ...]:
     rows = []
     for contact in system.structure.contacts:
-        for side in _sides_of(contact):
+        signs = {sign for stage in contact.stages for sign in stage.side.signs}
+        for side in sorted(signs, reverse=True):
             own = [impact for impact in found if impact.contact == contact.name and impact.side == side]
             velocity, peak, loss = (
                 np.array([getattr(impact, name) for impact in own] or [0.0]) for name in ("velocity", "peak", "loss")
@@ -212,10 +356,6 @@ def _sides(system: System, found: tuple[Impact, ...], periods: int) -> tuple[Sid
             means = float(velocity.mean()), float(velocity.max()), float(peak.max()), float(loss.mean())
             rows.append(SideRattle(contact.name, side, len(own) / periods, *means, float(loss.max())))
     return tuple(rows)
-
-
-def _sides_of(contact: ContactForm) -> list[int]:
-    return [side for side in (1, -1) if any(side in stage.side.signs for stage in contact.stages)]
 
 
 def _loads(system: System, along: Quadrature, found: tuple[Impact, ...]) -> tuple[ContactLoad, ...]:
@@ -247,14 +387,6 @@ def _impulsiveness(along: Quadrature) -> tuple[Impulsiveness, ...]:
     return tuple(rows)
 
 
-def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
-    """Add the units to the headings of the columns."""
-    if units is None:
-        return head
-    known = _UNITS | dict.fromkeys(_OF_SIDES[:2], units.state("'"))
-    return tuple(f"{name} [{known[name]}]" if name in known else name for name in head)
-
-
 def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
     """Format a text table: first column flush left, numbers flush right."""
     cells = [head, *((row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows)]
@@ -264,3 +396,11 @@ def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
         for row in cells
     ]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
+    """Add the units to the headings of the columns."""
+    if units is None:
+        return head
+    known = _UNITS | dict.fromkeys(_OF_SIDES[:2], units.state("'"))
+    return tuple(f"{name} [{known[name]}]" if name in known else name for name in head)

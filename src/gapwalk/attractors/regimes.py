@@ -1,5 +1,7 @@
 """The record of a regime map: the kind of motion at each cell of a plane of two parameters.
 
+A `Regime` is the kind of a motion, as a number that arrays can hold and in words.
+
 Method: docs/numerics/basins.md
 """
 
@@ -7,16 +9,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.box import centres
-from gapwalk.attractors.regime import regime_word
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 
 _SHORT = 8  # longest period that a short summary lists separately
 
@@ -87,7 +89,7 @@ class Regimes(Shown):
     notes: tuple[str, ...] = ()
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         parts = (self.regimes, self.periods, self.exponents, self.peak_force, self.impacts, self.states)
         if self.regimes.ndim != 2 or any(part.shape[:2] != self.regimes.shape for part in parts):
             raise ValueError(f"its parts have the shapes {', '.join(str(part.shape) for part in parts)}")
@@ -141,3 +143,23 @@ class Regimes(Shown):
         columns, rows = self.resolution
         parts = ", ".join(f"{word}: {count}" for word, count in self._groups().items())
         return f"Regimes({self.first}, {self.second}; {columns} x {rows} cells; {parts})"
+
+
+class Regime(IntEnum):
+    """The kind of a motion."""
+
+    RUNAWAY = -2
+    UNDECIDED = -1
+    PERIODIC = 0
+    QUASI_PERIODIC = 1
+    CHAOTIC = 2
+
+    @property
+    def text(self) -> str:
+        """The regime in words."""
+        return ("periodic", "quasi-periodic", "chaotic", "diverges", "undecided")[self.value]
+
+
+def regime_word(regime: int, period: int) -> str:
+    """Return the name of a regime in a regime map: ``period 3``, ``quasi-periodic``, ``chaotic``, ..."""
+    return f"period {period}" if regime == Regime.PERIODIC else Regime(regime).text

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.average import birkhoff_weights
+from gapwalk.attractors.lyapunov import birkhoff_weights
 
 _LEAST = 256  # the fewest strobes on each curve
 _LINES = 8  # number of the strongest spectral lines from which candidates are made

@@ -1,19 +1,23 @@
-"""Sections: states of a motion at one phase of the excitation, or at its crossings of a plane."""
+"""Sections: states of a motion at one phase of the excitation, or at its crossings of a plane.
+
+The stroboscopic map takes a state once per forcing period. A plane of crossings is where a linear combination of
+positions and velocities has a given value.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.section_plane import Height, Plane
-from gapwalk.attractors.strobe import Strobe, at_phase, check_count
 from gapwalk.errors import ModelError
-from gapwalk.flow.flow import PERIOD, Flow, flow_of
+from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import Motion, check_state
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
 _SAMPLES = 128  # samples per forcing period between which crossings are bracketed
@@ -55,34 +59,65 @@ class Section:
         return Motion(self.system, self.theta, self.states[:, :n], self.states[:, n:], ()).signal(name)
 
 
-def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
-    """Compute the stroboscopic section: states one forcing period apart.
+class Crossing(StrEnum):
+    """The direction in which a motion crosses a plane."""
+
+    UPWARDS = "upwards"
+    DOWNWARDS = "downwards"
+    BOTH = "both"
+
+    def takes(self, before: float) -> bool:
+        """Return True if a crossing counts that starts below (`before` < 0) or above the plane."""
+        return self is Crossing.BOTH or (before < 0.0) is (self is Crossing.UPWARDS)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """All states at which a weighted sum of positions and velocities has a given value.
 
     Parameters
     ----------
-    system
-        The system.
-    state : shape (2n,)
-        A state of the settled motion at theta = 0.
-    periods
-        Number of states.
-    phase
-        Angle of the excitation at the states, in radians, 0 <= phase < 2 pi.
-
-    Raises
-    ------
-    ModelError
-        For an invalid state, number or phase.
-    FlowError
-        If the motion diverges.
+    normal
+        The weights by name: ``{"q1": 1.0}``, or ``{"q1": 1.0, "q3'": -0.5}`` with a velocity.
+    level
+        The value.
+    crossing
+        ``"upwards"``, ``"downwards"`` or ``"both"``.
     """
-    check_count("periods", periods)
-    if not 0.0 <= phase < PERIOD:
-        raise ModelError(f"phase is {phase!r}; it must be an angle in radians, at least 0 and less than 2 pi")
-    first = at_phase(system, check_state(system, state), phase)
-    states = np.vstack((first, Strobe(system, phase).run(first, periods - 1)))
-    thetas = phase + PERIOD * np.arange(periods, dtype=np.float64)
-    return Section(system, thetas, states, f"phase {phase / PERIOD:.4g} of the period")
+
+    normal: Mapping[str, float] = field(hash=False)
+    level: float = 0.0
+    crossing: Crossing = Crossing.UPWARDS
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "crossing", Crossing(self.crossing))
+        except ValueError:
+            allowed = ", ".join(repr(each.value) for each in Crossing)
+            raise ModelError(f"crossing is {self.crossing!r}; it must be one of {allowed}") from None
+        if not any(self.normal.values()):
+            raise ModelError('the normal of a plane is zero; name a signal with its weight, such as {"q1": 1.0}')
+
+    def weights(self, system: System) -> NDArray[np.float64]:
+        """Return the weights of all positions, then of all velocities, shape (2n,).
+
+        Raises
+        ------
+        ModelError
+            If the plane names a signal that is neither a position nor a velocity of the system.
+        """
+        names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
+        unknown = [name for name in self.normal if name not in names]
+        if unknown:
+            raise ModelError(f"a plane cannot be defined on {unknown[0]!r} here; it can be on {', '.join(names)}")
+        return np.array([float(self.normal.get(name, 0.0)) for name in names])
+
+    @property
+    def text(self) -> str:
+        """The plane in words, such as ``q1 = 1, upwards``."""
+        terms = [name if factor == 1.0 else f"{factor:g} {name}" for name, factor in self.normal.items() if factor]
+        where = "" if self.crossing is Crossing.BOTH else f", {self.crossing.value}"
+        return f"{' + '.join(terms)} = {self.level:g}{where}".replace("+ -", "− ")
 
 
 def section(system: System, state: NDArray[np.float64], plane: Plane, periods: int = 1000) -> Section:
@@ -120,6 +155,12 @@ def section(system: System, state: NDArray[np.float64], plane: Plane, periods: i
     return Section(system, thetas, states, plane.text)
 
 
+def check_count(what: str, value: object, least: int = 1) -> None:
+    """Check that a value is an integer of at least `least`; raise an error that states what is allowed."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ModelError(f"{what} is {value!r}; it must be an integer >= {least}")
+
+
 class _Crossings:
     """Finds the crossings of one plane by one motion, one forcing period at a time."""
 
@@ -141,6 +182,26 @@ class _Crossings:
                 if self._plane.crossing.takes(before):
                     self.found.append((theta, step.at(theta)))
         return states[-1]
+
+
+class Height:
+    """Computes the signed distance of states from a plane, and its derivative over theta."""
+
+    def __init__(self, system: System, plane: Plane) -> None:
+        self._weights, self._level, self._n = plane.weights(system), plane.level, system.size
+        self._layout, self._coefficients = layout_of(system.structure), coefficients_of(system)
+        self._rate = 1.0 / system.frequency
+
+    def of(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the signed distance of states, shape (..., 2n)."""
+        return states @ self._weights - self._level
+
+    def slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative of that distance over theta."""
+        n = self._n
+        q, v = states[..., :n], states[..., n:]
+        a = accelerations(self._layout, self._coefficients, theta, q, v)
+        return self._rate * (v @ self._weights[:n] + a @ self._weights[n:])
 
 
 class _Step:
@@ -168,7 +229,9 @@ class _Step:
         first, last = level(self.start), level(self.stop)
         if first == 0.0:  # starts on the plane: that crossing belongs to the previous interval
             first = slope(self.start)
-            return [] if first * last > 0.0 else self._later(level, slope, first)
+            if first * last > 0.0:
+                return []
+            return [(_root(level, _root(slope, self.start, self.stop), self.stop), first)]  # it turns and comes back
         if first * last <= 0.0:
             return [(_root(level, self.start, self.stop), first)]
         turn = _root(slope, self.start, self.stop)
@@ -177,11 +240,6 @@ class _Step:
             return []
         return [(_root(level, self.start, turn), first), (_root(level, turn, self.stop), middle)]
 
-    def _later(self, level: Callable[[float], float], slope: Callable[[float], float], first: float):
-        """Find the crossing of an interval that starts on the plane and ends on the side opposite to its first move."""
-        turn = _root(slope, self.start, self.stop)
-        return [(_root(level, turn, self.stop), first)]
-
 
 def _root(function: Callable[[float], float], start: float, stop: float) -> float:
     from scipy.optimize import brentq  # imported late: it takes long
@@ -189,3 +247,104 @@ def _root(function: Callable[[float], float], start: float, stop: float) -> floa
     value = brentq(function, start, stop, xtol=_EXACT, rtol=4 * np.finfo(float).eps)
     assert isinstance(value, float)
     return value
+
+
+def impact_plane(system: System, contact: str, side: int = 1, *, closes: bool = True) -> Plane:
+    """Return the plane on which a contact's innermost stage closes (or opens) on one side.
+
+    Raises
+    ------
+    ModelError
+        If there is no such contact, or none of its stages acts on that side.
+    """
+    forms = {form.name: form for form in system.structure.contacts}
+    if contact not in forms:
+        raise ModelError(f"there is no contact {contact!r}; contacts are {', '.join(forms) or 'none at all'}")
+    form = forms[contact]
+    stages = [stage for stage in form.stages if side in stage.side.signs]
+    if not stages:
+        raise ModelError(f"no stage of {contact!r} acts on the side {side!r}; a side is +1 or -1")
+    vector = system.vector(f"{contact}.deflection").tolist()
+    level = side * system[f"{form.stage_prefix(stages[0])}.clearance"]
+    upwards = (side > 0) is closes
+    normal = {name: factor for name, factor in zip(system.coordinates, vector, strict=True) if factor}
+    return Plane(normal, level, Crossing.UPWARDS if upwards else Crossing.DOWNWARDS)
+
+
+def size_of(system: System, states: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
+    """Compute the size of a motion as a scale for each state component, shape (2n,), independent of the user's units.
+
+    The scale of positions is the largest position, or the largest velocity over W if that is larger, and at least
+    `least`; the scale of velocities is W times that.
+    """
+    n, w = system.size, system.frequency
+    largest = max(float(np.abs(states[..., :n]).max()), float(np.abs(states[..., n:]).max()) / w)
+    size = max(largest, least, np.finfo(float).tiny)
+    return size * np.concatenate((np.ones(n), np.full(n, w)))
+
+
+def strobe(system: System, state: NDArray[np.float64], periods: int = 1000, phase: float = 0.0) -> Section:
+    """Compute the stroboscopic section: states one forcing period apart.
+
+    Parameters
+    ----------
+    system
+        The system.
+    state : shape (2n,)
+        A state of the settled motion at theta = 0.
+    periods
+        Number of states.
+    phase
+        Angle of the excitation at the states, in radians, 0 <= phase < 2 pi.
+
+    Raises
+    ------
+    ModelError
+        For an invalid state, number or phase.
+    FlowError
+        If the motion diverges.
+    """
+    check_count("periods", periods)
+    if not 0.0 <= phase < PERIOD:
+        raise ModelError(f"phase is {phase!r}; it must be an angle in radians, at least 0 and less than 2 pi")
+    first = at_phase(system, check_state(system, state), phase)
+    states = np.vstack((first, Strobe(system, phase).run(first, periods - 1)))
+    thetas = phase + PERIOD * np.arange(periods, dtype=np.float64)
+    return Section(system, thetas, states, f"phase {phase / PERIOD:.4g} of the period")
+
+
+def at_phase(system: System, state: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
+    """Return the state at the angle `phase` (0 to one period, in radians) on the motion from `state` at 0."""
+    if phase == 0.0:
+        return np.asarray(state, dtype=float)
+    return flow_of(system).integrate(coefficients_of(system), state, 0.0, phase).state
+
+
+class Strobe:
+    """Advances states of one system by one forcing period, or several.
+
+    Parameters
+    ----------
+    system
+        The system.
+    phase
+        Angle of the excitation at the states, in radians.
+    transition
+        True if the state transition matrix is computed too.
+    """
+
+    def __init__(self, system: System, phase: float = 0.0, *, transition: bool = False) -> None:
+        self.system, self.phase = system, float(phase)
+        self._flow, self._coefficients = flow_of(system, transition=transition), coefficients_of(system)
+
+    def arc(self, state: NDArray[np.float64], periods: int = 1) -> Arc:
+        """Integrate the motion over some forcing periods, with its transition matrix if requested."""
+        return self._flow.integrate(self._coefficients, state, self.phase, self.phase + PERIOD * periods)
+
+    def run(self, state: NDArray[np.float64], count: int, every: int = 1) -> NDArray[np.float64]:
+        """Return the next `count` states, `every` forcing periods apart, shape (count, 2n), without the given one."""
+        states = np.empty((count, len(state)))
+        for k in range(count):
+            state = self.arc(state, every).state
+            states[k] = state
+        return states

@@ -1,5 +1,8 @@
 """Settling: follow a transient just long enough to decide to which motion it leads.
 
+The numbers of forcing periods after which a motion nearly returns are candidates for its period. A motion that is not
+periodic has settled if averages over it no longer change.
+
 Method: docs/numerics/attractors.md
 """
 
@@ -7,20 +10,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.convergence import Approach, nearby_orbit, pushed_off, watch
-from gapwalk.attractors.recurrence import recurrences
-from gapwalk.attractors.settled import Settled
-from gapwalk.attractors.stationary import Drift, drift_of
-from gapwalk.attractors.strobe import Strobe, check_count, size_of
+from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.lyapunov import birkhoff_mean, birkhoff_spread
+from gapwalk.attractors.section import Strobe, check_count, size_of
+from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.find import initial_state
 from gapwalk.orbit.orbit import Orbit
 
+_BETTER = 0.5  # a longer period counts only if its distance is smaller than the shorter ones' by this factor
+# Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a torus,
+# because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
+_LEVELS = ((16, 4.5), (8, 6.0), (5, 12.0))
+_SMALL = 0.01  # weight of the differences over a nearest return: they may change by a hundred times the tolerance
+_NOTHING = 1e-20  # square of a difference that is only rounding
+_IRREGULAR = 1e-3  # spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic
 _FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
 _STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
 _PROMISING = 0.05  # distance of return, relative to the motion, below which a period is tried
@@ -28,6 +38,42 @@ _TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that
 _REST = 1e-3  # size of a motion, relative to the largest so far, below which it may approach a static equilibrium
 _KEPT = 1024  # strobes stored in the record
 _FAR = 0.01  # distance from an unstable orbit, relative to the motion, above which the motion is not displaced
+
+
+class Recurrence(NamedTuple):
+    """A number of forcing periods, and the distance of the motion from its start after them, relative to its size."""
+
+    period: int
+    distance: float
+
+
+class Drift(NamedTuple):
+    """The change of the averages of a motion along part of it.
+
+    Attributes
+    ----------
+    change
+        The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
+    trend
+        The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The
+        errors come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
+    irregular
+        True if weighted averages converge as slowly as those of chaotic motion.
+    """
+
+    change: float
+    trend: float
+    irregular: bool
+
+    def is_settled(self, tolerance: float) -> bool:
+        """Return True if the change is within the tolerance, or, for irregular motion, the trend within its errors."""
+        return self.change <= tolerance or (self.irregular and self.trend <= 1.0)
+
+    def text(self, tolerance: float) -> str:
+        """Describe a settled motion in words."""
+        if self.change > tolerance:
+            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
+        return f"its averages change by no more than {self.change:.1e}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +162,8 @@ class _Transient:
                 words = self._words(self.drift.text(self.options.tolerance), *self._returns())
                 return self._record(True, None, self.drift.change, words)
             if self.periods >= self.options.max_periods:
-                return self._record(False, None, self.drift.change, self._words(self._unsettled(), *self._returns()))
+                unsettled = f"it had not settled after {self.periods} forcing periods; raise max_periods"
+                return self._record(False, None, self.drift.change, self._words(unsettled, *self._returns()))
             target = self.periods + max(_FIRST, self.periods // 2)
 
     @property
@@ -181,9 +228,6 @@ class _Transient:
         )
         return self._record(True, orbit, approach.distance, self._words(how))
 
-    def _unsettled(self) -> str:
-        return f"it had not settled after {self.periods} forcing periods; raise max_periods"
-
     def _words(self, *more: str) -> tuple[str, ...]:
         return (*self.notes, *more)
 
@@ -199,3 +243,58 @@ class _Transient:
     def _record(self, converged: bool, orbit: Orbit | None, residual: float, evidence: tuple[str, ...]) -> Settled:
         kept = self._tail(_KEPT).copy()
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
+
+
+def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[Recurrence]:
+    """Find periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
+
+    Parameters
+    ----------
+    states : shape (strobes, 2n)
+        Strobes of the motion, divided by its size; the last ones are compared.
+    longest
+        The longest period; at most half the number of strobes is used.
+    near
+        The distance below which a return counts.
+    """
+    found: list[Recurrence] = []
+    best = np.inf
+    for period in range(1, min(longest, len(states) // 2) + 1):
+        recent = states[-2 * period :]
+        distance = float(np.abs(recent[period:] - recent[:period]).max())
+        if distance < near and distance < _BETTER * best:
+            found.append(Recurrence(period, distance))
+        best = min(best, distance)
+    return found
+
+
+def drift_of(states: NDArray[np.float64], period: int = 1) -> Drift:
+    """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
+
+    `period` is that of the nearest return. The difference of the motion over it (for example the size of a torus about
+    an orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
+    """
+    i, j = np.triu_indices(states.shape[1])
+    left = (states[period:] - states[:-period]) ** 2
+    left = _SMALL * left / np.maximum(left.mean(axis=0), _NOTHING)
+    states = states[period:]
+    observed = np.hstack((states, states[:, i] * states[:, j], left))
+    half = len(observed) // 2
+    change = np.abs(birkhoff_mean(observed[-half:]) - birkhoff_mean(observed[:half]))
+    rough = birkhoff_spread(observed[-half:]) > _IRREGULAR * observed.std(axis=0)
+    return Drift(float(change.max()), _trend(observed), bool(rough.any()))
+
+
+def _trend(values: NDArray[np.float64]) -> float:
+    """Return the largest linear trend of block averages, in its standard errors, relative to the allowed one."""
+    largest = 0.0
+    for count, allowed in _LEVELS:
+        length = len(values) // count
+        blocks = values[-length * count :].reshape(count, length, -1)
+        means = np.array([birkhoff_mean(block) for block in blocks])
+        place = np.arange(count) - (count - 1) / 2
+        slope = place @ means / (place @ place)
+        left = means - means.mean(axis=0) - np.outer(place, slope)
+        error = np.sqrt((left**2).sum(axis=0) / (count - 2) / (place @ place))
+        largest = max(largest, float((np.abs(slope) / (error + np.finfo(float).eps)).max()) / allowed)
+    return largest

@@ -1,17 +1,23 @@
-"""Spectra of signals: amplitudes in the units of the signal over multiples of W."""
+"""Spectra of signals: amplitudes in the units of the signal over multiples of W, and the names of spectral lines.
+
+A line is named W, 2W, W/3, 5W/3 and so on, or after those it lies between. A waterfall shows spectra of a signal along
+a branch or for a list of orbits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.line_names import line_name
-from gapwalk.attractors.settled import Settled
-from gapwalk.attractors.strobe import check_count
+from gapwalk.attractors.attractor import Settled
+from gapwalk.attractors.section import check_count
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.model.system import System, pace_text
@@ -20,47 +26,6 @@ from gapwalk.orbit.orbit import Orbit
 _FIRST, _FINEST = 128, 16_384  # samples per forcing period at the start and at the end of the refinement
 _SUBHARMONICS = (1, 2, 3, 4, 5, 6)  # multiples of W over these numbers get names if a motion has no period
 _CLEAN = 4  # lines above a quarter of the sampling rate are omitted: aliasing affects them most
-
-
-@dataclass(frozen=True, slots=True)
-class SpectrumOptions:
-    """Options of a spectrum.
-
-    Parameters
-    ----------
-    periods
-        Number of forcing periods in the window, for a motion without period.
-    window
-        A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
-        ``"hann"`` separates neighbouring lines better.
-    tolerance
-        The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
-    """
-
-    periods: int = 256
-    window: str = "flattop"
-    tolerance: float = 1e-6
-
-    def __post_init__(self) -> None:
-        from scipy.signal import get_window  # imported late: it takes long
-
-        check_count("periods", self.periods, 8)
-        if not 1e-12 <= self.tolerance <= 0.1:
-            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
-        try:
-            get_window(self.window, 8)
-        except (ValueError, TypeError):
-            raise ModelError(
-                f"window is {self.window!r}; write the name of a window of scipy.signal, such as 'flattop' or 'hann'"
-            ) from None
-
-
-class Peak(NamedTuple):
-    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
-
-    name: str
-    order: float
-    amplitude: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +100,90 @@ class Spectrum:
         return f"Spectrum({self.signal} at {pace_text(self.system, 6)}: {lines})"
 
 
+@dataclass(frozen=True, slots=True)
+class SpectrumOptions:
+    """Options of a spectrum.
+
+    Parameters
+    ----------
+    periods
+        Number of forcing periods in the window, for a motion without period.
+    window
+        A window of `scipy.signal.get_window`, for a motion without period. ``"flattop"`` gives amplitudes to 0.1 %,
+        ``"hann"`` separates neighbouring lines better.
+    tolerance
+        The sampling is refined until aliasing changes no line by more than this, relative to the largest line.
+    """
+
+    periods: int = 256
+    window: str = "flattop"
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        from scipy.signal import get_window  # imported late: it takes long
+
+        check_count("periods", self.periods, 8)
+        if not 1e-12 <= self.tolerance <= 0.1:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 0.1")
+        try:
+            get_window(self.window, 8)
+        except (ValueError, TypeError):
+            raise ModelError(
+                f"window is {self.window!r}; write the name of a window of scipy.signal, such as 'flattop' or 'hann'"
+            ) from None
+
+
+class Peak(NamedTuple):
+    """A line of a spectrum: its name, its order (see `Spectrum`) and its amplitude."""
+
+    name: str
+    order: float
+    amplitude: float
+
+
+@dataclass(frozen=True, eq=False)
+class Waterfall:
+    """Spectra over orders, orbit by orbit: multiples of W, or orders per turn of the shaft whose speed is a parameter.
+
+    Attributes
+    ----------
+    parameter
+        Name of the parameter that changes from orbit to orbit.
+    signal
+        Name of the signal.
+    values : shape (orbits,)
+        The parameter at each orbit, in the order along the branch: it reverses at folds.
+    orders : shape (lines,)
+        Orders, evenly spaced from 0; see `Spectrum`.
+    amplitudes : shape (orbits, lines)
+        Amplitudes in the units of the signal; the first column is the mean.
+    stable : shape (orbits,)
+        True for stable orbits.
+    turns
+        See `System.turns`.
+    """
+
+    parameter: str
+    signal: str
+    values: NDArray[np.float64]
+    orders: NDArray[np.float64]
+    amplitudes: NDArray[np.float64]
+    stable: NDArray[np.bool_]
+    turns: int | None = None
+
+    def plot(self, **options):
+        """Draw it as a colour map; see `gapwalk.plot.motions.draw_waterfall`. Return the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def __repr__(self) -> str:
+        return (
+            f"Waterfall({self.signal} over {self.parameter} {self.values[0]:.6g} ... {self.values[-1]:.6g}, "
+            f"{len(self.values)} orbits, orders up to {self.orders[-1]:g})"
+        )
+
+
 def spectrum(motion: Orbit | Settled, signal: str, options: SpectrumOptions | None = None) -> Spectrum:
     """Compute the spectrum of a signal of a settled motion.
 
@@ -204,3 +253,86 @@ def _lines(values: NDArray[np.float64], window: Callable[[int], NDArray[np.float
     lines = 2.0 * np.fft.rfft((values - mean) * weights) / weights.sum()
     lines[0] = mean
     return lines[: len(values) // _CLEAN + 1]
+
+
+def waterfall(
+    orbits: Branch | Sequence[Orbit],
+    signal: str,
+    top: float = 10.0,
+    *,
+    parameter: str = "frequency",
+    options: SpectrumOptions | None = None,
+) -> Waterfall:
+    """Compute the spectra of a signal along a branch, or for a list of orbits.
+
+    Parameters
+    ----------
+    orbits
+        A branch, or orbits in the order in which a parameter changes.
+    signal
+        As in `spectrum`.
+    top
+        The highest order.
+    parameter
+        Name of the parameter that changes, for a list of orbits; a branch supplies its own.
+    options
+        As in `spectrum`; by default aliasing is limited to 1e-4 of the largest line.
+
+    Raises
+    ------
+    ModelError
+        If there are no orbits, no such signal, or no such parameter.
+    """
+    if isinstance(orbits, Branch):
+        parameter, orbits = orbits.parameter, [point.orbit for point in orbits.points]
+    if not orbits:
+        raise ModelError("a waterfall needs at least one orbit")
+    if not top > 0.0:
+        raise ModelError(f"top is {top!r}; it must be a positive order")
+    options = options or SpectrumOptions(tolerance=1e-4)
+    spacing = lcm(*(orbit.period for orbit in orbits))
+    turns = orbits[0].system.turns
+    orders = (turns or 1) * np.arange(round(top / (turns or 1) * spacing) + 1) / spacing
+    table = np.zeros((len(orbits), len(orders)))
+    for row, orbit in zip(table, orbits, strict=True):
+        step = spacing // orbit.period
+        lines = spectrum(orbit, signal, options).amplitudes[: len(row[::step])]
+        row[: len(lines) * step : step] = lines
+    values = np.array([orbit.system[parameter] for orbit in orbits])
+    return Waterfall(parameter, signal, values, orders, table, np.array([orbit.stable for orbit in orbits]), turns)
+
+
+def line_name(
+    order: float | Fraction, periods: Sequence[int] = (1,), within: float = 1e-9, turns: int | None = None
+) -> str:
+    """Return the name of a line at a multiple of W, or at an order per turn of a shaft.
+
+    Parameters
+    ----------
+    order
+        The multiple, or the order.
+    periods
+        Each m in it adds names for the multiples of W/m; the first name that fits is used.
+    within
+        Largest difference between the order and a named one.
+    turns
+        Forcing periods per turn of the shaft, if orders are counted per turn.
+
+    Returns
+    -------
+    str
+        ``"mean"``, ``"W"``, ``"2W"``, ``"W/3"``, ``"5W/3"``; or ``"0.231W"`` if no name fits. Per turn
+        ``"order 2"``, ``"order 2/3"``, ``"order 0.462"``.
+    """
+    for period in periods:
+        nearest = Fraction(round(float(order) * period / (turns or 1)), period) * (turns or 1)
+        if abs(float(order) - nearest) <= within:
+            return _fraction_name(nearest) if turns is None or not nearest else f"order {nearest}"
+    return f"{float(order):.4g}W" if turns is None else f"order {float(order):.4g}"
+
+
+def _fraction_name(order: Fraction) -> str:
+    if order == 0:
+        return "mean"
+    top = "W" if order.numerator == 1 else f"{order.numerator}W"
+    return top if order.denominator == 1 else f"{top}/{order.denominator}"

@@ -1,10 +1,14 @@
-"""The trapping region of a stable orbit: states from which the motion is known to converge to the orbit.
+"""Convergence to a stable orbit: states from which it is known, so that a motion need not be followed to its end.
 
-So a motion need not be followed until it has reached the orbit. The linearised return map A of a stable orbit has a
-norm in which it is a contraction, ``|x|^2 = x' P x`` with ``A' P A / g^2 - P + I = 0`` for any g above the largest
-multiplier (Lyapunov's equation). The ellipsoids of that norm are tested from large to small on the exact flow. The
-trapping region is the first one for which random points of its surface, and of smaller ones inside, all return to a
-smaller ellipsoid. The return map is one-to-one and continuous, so points inside the surface stay inside.
+The linearised return map A of a stable orbit has a norm in which it is a contraction, ``|x|^2 = x' P x`` with
+``A' P A / g^2 - P + I = 0`` for any g above the largest multiplier (Lyapunov's equation). The ellipsoids of that norm
+are tested from large to small on the exact flow. The trapping region is the first one for which random points of its
+surface, and of smaller ones inside, all return to a smaller ellipsoid. The return map is one-to-one and continuous, so
+points inside the surface stay inside.
+
+Near a flip, a fold or a Neimark-Sacker point a motion may need 10^5 periods to reach its attractor. `watch` does not
+follow it that far: if several returns in a row agree with the linearised return map of a nearby stable orbit, except
+for a given fraction, and the distance shrinks in every mode, the motion will reach the orbit.
 
 Method: docs/numerics/basins.md
 """
@@ -12,20 +16,38 @@ Method: docs/numerics/basins.md
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from gapwalk.attractors.strobe import Strobe, size_of
-from gapwalk.errors import FlowError
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.attractors.section import Strobe, size_of
+from gapwalk.errors import ConvergenceError, FlowError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit, stroboscopic, true_period
+from gapwalk.orbit.orbit_equation import Newton
+from gapwalk.orbit.shooting import ShootingEquation
 
 _POINTS = 48  # points on each surface
 _SHELLS = np.array([1.0, 0.5, 0.25])
 _LARGEST, _SMALLEST = 0.5, 1e-5  # half the size of a trapping region, relative to that of the motion
 _SEED = 1995
 _NEUTRAL = 1e-9  # distance of a multiplier from the unit circle below which the linear map decides nothing
+_RETURNS = 8  # number of returns that are compared with the linear map
+_LINEAR = 0.2  # largest difference between a return and the linear one, relative to the distance from the orbit
+_SHARE = 0.5  # smallest fraction of the linear rate at which modes must shrink, or grow
+_SLAVED = 0.05  # fraction of the distance below which a mode is ignored: it may follow the square of the slowest one
+_ARRIVED = 1e-9  # distance from the orbit, relative to the motion, below which a motion has arrived
+_UNDECIDED = 1e-9  # distance of a multiplier from the unit circle below which it decides nothing
+_UNSTABLE = 1.0 + 1e-7  # smallest unstable multiplier: without damping a multiplier is 1 except for rounding
+_LEAVING = 0.05  # distance, relative to the motion, below which a motion may be leaving an unstable orbit
+_GROWTH = 1.05  # factor by which a deviation must grow before the growth is judged
+_MOST = 3000  # most forcing periods for which that growth is followed
+_PUSHED = 0.02  # distance to which a motion is displaced from an unstable orbit, relative to the motion
+_NEAR = 0.2  # distance, relative to the motion, within which an orbit is examined
+_NEWTON = Newton(iterations=8, halvings=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +72,32 @@ class TrappingRegion:
             with np.errstate(over="ignore", invalid="ignore"):  # motions that diverge
                 inside |= np.square((states - strobe) @ shape.T).sum(axis=1) <= 1.0
         return inside
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Approach:
+    """An orbit near a motion, and the behaviour of the motion next to it.
+
+    Attributes
+    ----------
+    orbit
+        The orbit, of its smallest period; its state is the one next to the motion.
+    converging
+        True if the orbit is stable and the motion converges to it or has reached it.
+    leaving
+        True if the orbit is unstable and the motion leaves it as the linearised return map predicts. So near to the
+        orbit this may take arbitrarily long.
+    distance
+        Distance of the motion from the orbit, relative to the size of the motion.
+    strobes : shape (periods, 2n)
+        Strobes of the motion while it was compared with the orbit, one forcing period apart; may be empty.
+    """
+
+    orbit: Orbit
+    converging: bool
+    leaving: bool
+    distance: float
+    strobes: NDArray[np.float64]
 
 
 def trapping_region_of(orbit: Orbit) -> TrappingRegion | None:
@@ -145,3 +193,123 @@ class _Builder:
         except FlowError:
             return np.inf
         return float(np.linalg.norm(shape @ (end - self.strobes[phase])))
+
+
+def nearby_orbit(strobe: Strobe, state: NDArray[np.float64], period: int, least: float) -> Orbit | None:
+    """Find the orbit near a state by Newton's method, reduced to its smallest period; None if there is none nearby.
+
+    `least` is the smallest size of a motion, as in `size_of`: a static equilibrium has no size of its own.
+    """
+    try:
+        if not _steps_nearby(strobe.system, state, period, least):
+            return None
+        orbit = find_orbit(strobe.system, period, state, newton=_NEWTON)
+    except (ConvergenceError, FlowError):
+        return None
+    if np.abs((orbit.state - state) / _scale(orbit, least)).max() > _NEAR:
+        return None
+    smallest = true_period(orbit)
+    if smallest == period:
+        return orbit
+    try:
+        return find_orbit(strobe.system, smallest, orbit.state, newton=_NEWTON)
+    except (ConvergenceError, FlowError):
+        return None
+
+
+def _steps_nearby(system: System, state: NDArray[np.float64], period: int, least: float) -> bool:
+    """Return True if the first Newton step is short: on a torus or in chaos most steps are long and find no orbit."""
+    equation = ShootingEquation(system, None, period)
+    evaluation = equation.evaluate(state, 0.0)
+    step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
+    return bool(np.abs(step / size_of(system, state, least)).max() <= _NEAR)
+
+
+def _scale(orbit: Orbit, least: float) -> NDArray[np.float64]:
+    return size_of(orbit.system, stroboscopic(orbit), least)
+
+
+def watch(strobe: Strobe, state: NDArray[np.float64], orbit: Orbit, least: float) -> Approach:
+    """Follow a motion over several returns near an orbit; report whether it converges to the orbit or leaves it."""
+    scale = _scale(orbit, least)
+    distance = float(np.abs((state - orbit.state) / scale).max())
+    rate, none = float(np.abs(orbit.multipliers).max()), np.empty((0, len(state)))
+    if distance <= _ARRIVED:  # without damping the orbit may be neutral; a motion that is on it stays on it
+        return Approach(orbit, rate <= 1.0 + _UNDECIDED, rate > _UNSTABLE, distance, none)
+    unstable = rate > _UNSTABLE
+    if abs(rate - 1.0) <= _UNDECIDED or (unstable and distance > _LEAVING):
+        return Approach(orbit, False, False, distance, none)
+    modes = _Modes.of(orbit, scale)
+    followed = strobe.run(state, _RETURNS * orbit.period)
+    track = _returns(orbit, state, followed) / scale
+    linear = modes.are_linear(track)
+    if unstable and linear:  # follow it until the growth exceeds the other parts of the motion
+        returns = int(np.clip(np.log(_GROWTH) / np.log(rate), _RETURNS, _MOST // orbit.period))
+        followed = np.vstack((followed, strobe.run(followed[-1], (returns - _RETURNS) * orbit.period)))
+        track = _returns(orbit, state, followed) / scale
+    distance = float(np.abs(track[-1]).max())
+    converging = linear and not unstable and modes.shrink(track)
+    return Approach(orbit, converging, linear and unstable and modes.grow(track), distance, followed)
+
+
+class _Modes(NamedTuple):
+    """Eigenvalues and eigenvectors of the linearised return map of an orbit, in scaled deviations from it."""
+
+    values: NDArray[np.complex128]
+    vectors: NDArray[np.complex128]
+    inverse: NDArray[Any]
+
+    @classmethod
+    def of(cls, orbit: Orbit, scale: NDArray[np.float64]) -> _Modes:
+        values, vectors = np.linalg.eig((_monodromy(orbit) * scale / scale[:, None]).astype(complex))
+        return cls(values, vectors, np.linalg.pinv(vectors))
+
+    def sizes(self, deviations: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the components of deviations, shape (..., 2n), in the modes."""
+        return deviations.astype(np.complex128) @ self.inverse.T
+
+    def are_linear(self, track: NDArray[np.float64]) -> bool:
+        """Return True if each deviation agrees with the linear map of the one before, except for a given fraction."""
+        modes = self.sizes(track)
+        errors = np.linalg.norm(modes[1:] - modes[:-1] * self.values, axis=1)
+        return bool(np.all(errors <= _LINEAR * np.linalg.norm(modes[:-1], axis=1) + self._floor))
+
+    def shrink(self, track: NDArray[np.float64]) -> bool:
+        """Return True if every significant mode shrinks at half the slowest linear rate or faster."""
+        first, last = np.abs(self.sizes(track[[0, -1]]))
+        wanted = float(np.abs(self.values).max()) ** (_SHARE * (len(track) - 1))
+        return bool(np.all(last <= np.maximum(wanted * first, _SLAVED * np.linalg.norm(last)) + self._floor))
+
+    def grow(self, track: NDArray[np.float64]) -> bool:
+        """Return True if the unstable modes grow at half the linear rate or faster."""
+        outside = np.abs(self.values) > 1.0
+        first, last = np.linalg.norm(self.sizes(track[[0, -1]])[:, outside], axis=1)
+        wanted = float(np.abs(self.values).max()) ** (_SHARE * (len(track) - 1))
+        return bool(last >= wanted * first)
+
+    @property
+    def _floor(self) -> float:
+        return _ARRIVED * max(1.0, float(np.abs(self.inverse).max()))
+
+
+def _monodromy(orbit: Orbit) -> NDArray[np.float64]:
+    transition = Strobe(orbit.system, transition=True).arc(orbit.state, orbit.period).transition
+    assert transition is not None
+    return transition
+
+
+def _returns(orbit: Orbit, state: NDArray[np.float64], followed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the deviations of a state and of the strobes that follow it from an orbit, at each return."""
+    return np.vstack((state, followed[orbit.period - 1 :: orbit.period])) - orbit.state
+
+
+def pushed_off(orbit: Orbit, state: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Displace a state farther from an unstable orbit, along the unstable directions in which it already moves away."""
+    scale = _scale(orbit, least)
+    modes = _Modes.of(orbit, scale)
+    outside = np.abs(modes.values) > 1.0
+    parts = np.where(outside, modes.sizes((state - orbit.state) / scale), 0.0)
+    if np.abs(parts).max() <= _ARRIVED:  # the state is on the orbit: use all unstable directions
+        parts = np.where(outside, 1.0, 0.0)
+    away = np.real(modes.vectors @ parts)
+    return orbit.state + scale * away * (_PUSHED / np.abs(away).max())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
-from gapwalk.notebook.shown import Shown
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability
 from gapwalk.orbit.orbit import Orbit
 
@@ -92,6 +94,16 @@ class SpecialPoint(Shown):
         return f"{self.nature} up to {self.judged:.1g}"
 
     @property
+    def multiplier_words(self) -> str:
+        """Critical multiplier with six digits, a complex one with its conjugate; empty at a grazing point."""
+        multiplier = self.multiplier
+        if np.isnan(multiplier):
+            return ""
+        if abs(multiplier.imag) <= 1e-9 * abs(multiplier):
+            return f"{multiplier.real:+.6f}"
+        return f"{multiplier.real:+.6f} ± {abs(multiplier.imag):.6f}i"
+
+    @property
     def change(self) -> str:
         """Change of stability in the direction of the walk, in words."""
         texts = ["stable" if side.total == 0 else f"unstable({side.total})" for side in (self.before, self.after)]
@@ -147,7 +159,7 @@ class Branch(Shown):
     ends: tuple[End, ...]
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         if not self.points or len(self.ends) != 2 or self.period < 1:
             raise ValueError("a branch has no points, or no ends")
         for point in (*self.points, *(special.point for special in self.special_points)):
@@ -180,7 +192,7 @@ class Branch(Shown):
         Compared are the number of unstable multipliers, the direction, the sign of the determinant, and the number of
         closings of each contact. The tuple is empty if nothing was missed.
         """
-        from gapwalk.bifurcation.counts import unexplained_of
+        from gapwalk.bifurcation.detector import unexplained_of
 
         return unexplained_of(self)
 
@@ -192,6 +204,23 @@ class Branch(Shown):
     def special(self, kind: Kind | str) -> tuple[SpecialPoint, ...]:
         """Return the special points of one kind."""
         return tuple(special for special in self.special_points if special.kind == kind)
+
+    def summary(self) -> Iterator[str]:
+        """Return range, points and special points of the branch in a line, then where and why it ends."""
+        symbol = parameter_symbol(self.parameter, self.system.units)
+        yield (
+            f"period-{self.period} motions over {symbol} from {self.values[0]:.10g} to {self.values[-1]:.10g}: "
+            f"{self.counts}"
+        )
+        for end in self.ends:
+            yield f"  {symbol} = {end.value:.10g}: {end.reason_words}"
+
+    @property
+    def counts(self) -> str:
+        """Numbers of points and special points in words."""
+        stable = sum(point.stable for point in self.points)
+        kinds = ", ".join(f"{len(self.special(kind))} {kind.value}" for kind in Kind.known() if self.special(kind))
+        return f"{len(self.points)} points, {stable} of them stable; {kinds or 'no special points'}"
 
     def plot(self, measure: str = "half", **options: Any):
         """Draw the branch and return the axes; `measure` is a coordinate (``"q1"``) or a measure (``"max.q1"``).

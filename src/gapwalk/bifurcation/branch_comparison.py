@@ -1,4 +1,7 @@
-"""Comparison of two branches that should agree: the distance between them, and their special points."""
+"""Comparison of two branches that should agree: the distance between them, and their special points.
+
+The distance of points from a branch is measured from a smooth curve through its points.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.spline import SplineCurve
 from gapwalk.errors import ModelError
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 
+_DENSE = 12  # samples of a curve between two of its points, among which the nearest one is sought
+_ITERATIONS = 8
+_CLOSEST = 1e-4  # smallest distance between distinct points of a curve
 _NEAR = 0.05  # distance, with both ranges scaled to 1, beyond which two special points are not the same
 _FAR = 1e3
 _STEADY = 1e-6  # range of a measure, relative to the size of its signal, below which it does not vary
@@ -133,6 +138,25 @@ def compare(first: Branch, second: Branch, measures: str | Sequence[str] | None 
     return compare_in(first, second, names, np.append(high - low, measure_ranges((first, second), names)))
 
 
+def common_range(first: Branch, second: Branch) -> tuple[float, float]:
+    """Return the range of the parameter common to two branches, with exchanged limits (low > high) if there is none."""
+    (a, b), (c, d) = value_range(first), value_range(second)
+    return max(a, c), min(b, d)
+
+
+def value_range(branch: Branch) -> tuple[float, float]:
+    """Return the range of the parameter over a branch, folds included."""
+    values = [*branch.values.tolist(), *(special.value for special in branch.special_points)]
+    return min(values), max(values)
+
+
+def measures_of(branch: Branch, measures: str | Sequence[str] | None = None) -> tuple[str, ...]:
+    """Return the measures by which branches are compared; by default those of `compare`."""
+    if measures is None:
+        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("mean", "rms"))
+    return (measures,) if isinstance(measures, str) else tuple(measures)
+
+
 def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: NDArray[np.float64]) -> Comparison:
     """Compare two branches with lengths relative to given ranges, of the parameter and of each measure."""
     low, high = common_range(first, second)
@@ -154,11 +178,58 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
     )
 
 
-def measures_of(branch: Branch, measures: str | Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the measures by which branches are compared; by default those of `compare`."""
-    if measures is None:
-        return tuple(f"{kind}.{q}" for q in branch.system.coordinates for kind in ("mean", "rms"))
-    return (measures,) if isinstance(measures, str) else tuple(measures)
+class SplineCurve:
+    """Cubic spline through points in order.
+
+    Parameters
+    ----------
+    points : shape (points, dimensions)
+        The points, in units in which the whole range is about 1.
+
+    Attributes
+    ----------
+    resolution
+        Rough upper bound of the error of a distance due to the interpolation between the points.
+    """
+
+    def __init__(self, points: NDArray[np.float64]) -> None:
+        from scipy.interpolate import CubicSpline  # imported late, because the import is slow
+        from scipy.spatial import cKDTree
+
+        lengths = _lengths(points)
+        # if points nearly coincide, their rounding would bend the spline
+        cells = np.unique((lengths / _CLOSEST).astype(int), return_index=True)[1]
+        points = points[cells] if len(cells) > 1 else points[[0, -1]] + [[0.0], [_CLOSEST]]
+        lengths = _lengths(points)
+        self._spline = CubicSpline(lengths, points)
+        self._tangent = self._spline.derivative()
+        shares = np.arange(_DENSE) / _DENSE
+        samples = (lengths[:-1, None] + shares * np.diff(lengths)[:, None]).ravel()
+        self._samples = np.append(samples, lengths[-1])
+        self._tree = cKDTree(self._spline(self._samples))
+        coarse = CubicSpline(lengths[::2], points[::2]) if len(points) > 4 else self._spline
+        middle = (lengths > lengths[1]) & (lengths < lengths[::2][-1])
+        off = np.linalg.norm(coarse(lengths[middle]) - points[middle], axis=1)
+        self.resolution = float(off.max(initial=0.0)) / 8.0  # third order, as at a graze; elsewhere 16
+
+    def distances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of each place, shape (places, dimensions), from the curve."""
+        if not len(places):
+            return np.empty(0)
+        nearest = self._tree.query(places)[1]
+        last = len(self._samples) - 1
+        low, high = self._samples[np.maximum(nearest - 1, 0)], self._samples[np.minimum(nearest + 1, last)]
+        at = self._samples[nearest]
+        for _ in range(_ITERATIONS):
+            tangent = self._tangent(at)
+            at = at + ((places - self._spline(at)) * tangent).sum(axis=1) / (tangent * tangent).sum(axis=1)
+            at = np.clip(at, low, high)
+        return np.linalg.norm(places - self._spline(at), axis=1)
+
+
+def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the length of the polygon from its start to each of its points."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
 def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
@@ -166,34 +237,6 @@ def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
     points = [*branch.points, *(special.point for special in branch.special_points)]
     points.sort(key=lambda point: point.arclength)
     return np.array([[point.value, *(point.measure(name) for name in names)] for point in points])
-
-
-def value_range(branch: Branch) -> tuple[float, float]:
-    """Return the range of the parameter over a branch, folds included."""
-    values = [*branch.values.tolist(), *(special.value for special in branch.special_points)]
-    return min(values), max(values)
-
-
-def common_range(first: Branch, second: Branch) -> tuple[float, float]:
-    """Return the range of the parameter common to two branches, with exchanged limits (low > high) if there is none."""
-    (a, b), (c, d) = value_range(first), value_range(second)
-    return max(a, c), min(b, d)
-
-
-def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the range of each measure over some branches; for a measure that hardly varies, the size of its signal.
-
-    So the mean of a symmetric motion, which is pure rounding, is measured relative to the motion, and a signal that is
-    itself pure rounding relative to the other signals.
-    """
-    measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
-    signals = [name.partition(".")[2] for name in names]
-    own = [float(np.abs(each).max()) for each in measured]
-    sizes = [max(size for size, other in zip(own, signals, strict=True) if other == signal) for signal in signals]
-    largest = max(sizes, default=0.0) or 1.0
-    sizes = [size if size > _NOTHING * largest else largest for size in sizes]
-    ranges = [float(np.ptp(each)) for each in measured]
-    return np.array([width if width > _STEADY * size else size for width, size in zip(ranges, sizes, strict=True)])
 
 
 def _match(
@@ -232,3 +275,19 @@ def match_places(
     alike = np.array([[a == b for b in second_labels] for a in first_labels], dtype=bool).reshape(apart.shape)
     apart = np.where(alike & (apart <= _NEAR), apart, _FAR)
     return [(int(i), int(j)) for i, j in zip(*linear_sum_assignment(apart), strict=True) if apart[i, j] < _FAR]
+
+
+def measure_ranges(branches: Sequence[Branch], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the range of each measure over some branches; for a measure that hardly varies, the size of its signal.
+
+    So the mean of a symmetric motion, which is pure rounding, is measured relative to the motion, and a signal that is
+    itself pure rounding relative to the other signals.
+    """
+    measured = [np.concatenate([branch.measure(name) for branch in branches]) for name in names]
+    signals = [name.partition(".")[2] for name in names]
+    own = [float(np.abs(each).max()) for each in measured]
+    sizes = [max(size for size, other in zip(own, signals, strict=True) if other == signal) for signal in signals]
+    largest = max(sizes, default=0.0) or 1.0
+    sizes = [size if size > _NOTHING * largest else largest for size in sizes]
+    ranges = [float(np.ptp(each)) for each in measured]
+    return np.array([width if width > _STEADY * size else size for width, size in zip(ranges, sizes, strict=True)])

@@ -9,14 +9,12 @@ import numpy as np
 
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.parameter_range import Range, check_range
+from gapwalk.continuation.walk_options import Range, check_range
 from gapwalk.continuation.walk_scales import scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
-from gapwalk.orbit.identity import true_period
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.newton import solve
-from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import OrbitEquation
+from gapwalk.orbit.orbit import Orbit, true_period
+from gapwalk.orbit.orbit_equation import OrbitEquation, solve
 
 
 @dataclass(frozen=True)
@@ -95,12 +93,12 @@ def _leave(equation: OrbitEquation, orbit: Orbit, within: Range, direction: int)
     ahead = np.zeros(len(x))
     ahead[-1] = direction
     first = corrector.point(correction, ahead, 0.0)
-    doubt = equation.doubt(first.orbit)
-    if not doubt:
+    inaccuracy = equation.inaccuracy(first.orbit)
+    if not inaccuracy:
         return BranchStart(corrector, first, within)
     finer = equation.finer()
     if finer is None:
-        raise ConvergenceError(doubt)
+        raise ConvergenceError(inaccuracy)
     return _leave(finer, first.orbit, within, direction)
 
 

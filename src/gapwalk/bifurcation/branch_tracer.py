@@ -10,13 +10,12 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, lift, refined
-from gapwalk.bifurcation.counts import unexplained
-from gapwalk.bifurcation.detector import Detector, DetectorState
-from gapwalk.bifurcation.doubling import has_merged, is_close, passes_parent, value_ahead, value_between
-from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.kinds.event import Event
 from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.stiff_graze import pass_graze
+from gapwalk.bifurcation.switch import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.continuation.walk_options import WalkOptions
@@ -105,7 +104,7 @@ class BranchTracer(Iterator[Step]):
     Parameters
     ----------
     beginning
-        Where it begins, and in which direction.
+        First point and direction of the tracer.
     walk
         Options of the walk.
     resume
@@ -178,9 +177,9 @@ class BranchTracer(Iterator[Step]):
                 step = self._pass_graze(state.walk)
                 if step is not None:
                     return step
-            doubt = self.beginning.equation.doubt(point.orbit)
-            if doubt:
-                self.walk.finish(first, End(EndReason.COARSE, first.value, doubt))
+            inaccuracy = self.beginning.equation.inaccuracy(point.orbit)
+            if inaccuracy:
+                self.walk.finish(first, End(EndReason.COARSE, first.value, inaccuracy))
                 continue
             try:
                 if self._is_doubled(first) and has_merged(point):

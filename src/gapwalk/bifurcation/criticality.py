@@ -1,7 +1,12 @@
-"""Criticality of a flip: supercritical if the doubled motions lie on the side where the parent is unstable."""
+"""Criticality of a flip: supercritical if the doubled motions lie on the side where the parent is unstable.
+
+It is determined in the limit towards the flip, by the sign of the cubic coefficient of its normal form. The doubled
+branch itself then shows up to which amplitude it continues in that direction.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,15 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import REACH, Kind, SpecialPoint
-from gapwalk.bifurcation.normal_form import Matrix, flip_coefficient
 from gapwalk.bifurcation.switch import Doubled, DoubledStart, least_singular
 from gapwalk.continuation.corrector import TRUST
-from gapwalk.continuation.parameter_range import check_range
+from gapwalk.continuation.walk_options import check_range
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.switching import ContactEvent
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
+_DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
+_ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
+_PLACES = (-2.0, -1.0, 1.0, 2.0)
+_FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # fourth-order differences at those places
+_SECOND = np.array([-1.0, 16.0, 16.0, -1.0]) / 12.0
+_SECOND_HERE = -30.0 / 12.0
+
+Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
+"""Derivative of a map or of an equation at a point, in units of its unknowns, and the contacts of the motion there."""
 _STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
 """Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is used.
 
@@ -29,20 +43,22 @@ _LONGER, _SHORTER = 4.0, 0.3  # ratio of the next step to the present one after 
 _ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may lie on another branch
 
 
-class _Limit(NamedTuple):
-    """Doubled motions of vanishing amplitude.
+class Cubic(NamedTuple):
+    """Cubic coefficient of a flip.
 
     Attributes
     ----------
-    way
-        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
-    size, amplitude
-        Displacement over which that was measured: scaled, and in units of the state.
+    value
+        The coefficient; nan if contacts graze within every displacement that was tried.
+    error
+        Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
+    step
+        Displacement, in units of the unknowns, over which it was measured.
     """
 
-    way: int
-    size: float
-    amplitude: float
+    value: float
+    error: float
+    step: float
 
 
 def with_nature(special: SpecialPoint, parameter: str, method: Method | None = None) -> SpecialPoint:
@@ -127,6 +143,90 @@ def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
         amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
         return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
     return None
+
+
+class _Limit(NamedTuple):
+    """Doubled motions of vanishing amplitude.
+
+    Attributes
+    ----------
+    way
+        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
+    size, amplitude
+        Displacement over which that was measured: scaled, and in units of the state.
+    """
+
+    way: int
+    size: float
+    amplitude: float
+
+
+def flip_coefficient(
+    matrix_at: Callable[[NDArray[np.float64]], Matrix],
+    here: Matrix,
+    unknowns: NDArray[np.float64],
+    units: NDArray[np.float64],
+    critical: tuple[NDArray[np.float64], NDArray[np.float64]],
+    response: NDArray[np.float64],
+    steps: Sequence[float] = _DISPLACEMENTS,
+) -> Cubic:
+    """Compute the cubic coefficient at a flip, times ``w^T v``, which makes it smooth along the flip locus.
+
+    With the map over m periods P, its critical vectors ``B v = -v`` and ``w^T B = -w^T`` (Kuznetsov, Elements of
+    Applied Bifurcation Theory, section 5.4):
+
+        w^T [ P'''(v, v, v) / 6 + P''(v, R^-1 P''(v, v)) / 2 ],    R = 1 - B
+
+    An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same coefficient with F
+    in place of P, and ``R = -F'`` on the motions of half the period (the reduction of Lyapunov and Schmidt).
+
+    The derivatives along v are differences of exact matrices P' or F', over the longest of the steps within which no
+    contact grazes: beyond a grazing point the map, and hence its derivatives, are different ones.
+
+    Parameters
+    ----------
+    matrix_at
+        Function that returns the matrix P' or F' and the contacts for given unknowns.
+    here
+        Its value at the flip.
+    unknowns, units : shape (N,)
+        Unknowns at the flip, and their units.
+    critical
+        v and w.
+    response : shape (N, N)
+        R.
+    steps
+        Displacements to try, in units of the unknowns.
+    """
+    v, w = critical
+    for step in steps:
+        matrices = []
+        for place in _PLACES:
+            matrix, contacts = matrix_at(unknowns + place * step * units * v)
+            if not _alike(contacts, here[1]):
+                break
+            matrices.append(matrix)
+        else:
+
+            def coefficient(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+                bent = np.linalg.solve(response, first @ v)
+                return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
+
+            first = np.tensordot(_FIRST, matrices, 1) / step
+            second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * here[0]) / step**2
+            value = coefficient(first, second)
+            _, before, after, _ = matrices
+            coarser = coefficient((after - before) / (2.0 * step), (after + before - 2.0 * here[0]) / step**2)
+            return Cubic(value, abs(coarser - value), step)
+    return Cubic(float("nan"), float("inf"), 0.0)
+
+
+def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
+    """Return whether two motions make the same contacts, at nearly the same velocities."""
+    return len(some) == len(others) and all(
+        a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)
+        for a, b in zip(some, others, strict=True)
+    )
 
 
 def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:

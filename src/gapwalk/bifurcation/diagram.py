@@ -5,6 +5,8 @@ Method: docs/numerics/switching.md
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,11 +15,13 @@ import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.isolated.search_result import SearchResult
-from gapwalk.bifurcation.shared_orbit import meets, parent_flip
+from gapwalk.bifurcation.membership import meets, parent_flip
 from gapwalk.continuation.walk import End, EndReason
-from gapwalk.notebook.shown import Shown
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import Shown
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
+from gapwalk.summary import Tree, remarks
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,7 @@ class Diagram(Shown):
             if special.kind is Kind.FLIP
         ]
         found = [
-            _cascade(self, chain)
+            Cascade(tuple(flip.parent for flip in chain), tuple(_value(self, flip) for flip in chain))
             for chain in chains
             if len(chain) >= 3 and not any(set(chain) < set(other) for other in chains)
         ]
@@ -176,6 +180,56 @@ class Diagram(Shown):
         if branch.ends[-1].reason is EndReason.JOINED:
             member = _tied(self, member, method)
         return replace(self, members=(*self.members, member))
+
+    def summary(self) -> Iterator[str | Tree]:
+        """Return the tree of the branches, the period-doubling cascades, notes and failures, for the terminal.
+
+        A branch that connects two others is listed below the one on which it begins.
+        """
+        tree = Tree(self._contents())
+        nodes: dict[str, Tree] = {}
+        for member in self.members:
+            nodes[member.name] = node = Tree(self._member_words(member))
+            (tree if member.begins is None else nodes[member.begins.parent]).children.append(node)
+        yield tree
+        if self.cascades:
+            yield "period-doubling cascades"
+        for cascade in self.cascades:
+            values = ", ".join(f"{value:.10g}" for value in cascade.values)
+            ratios = ", ".join(f"{ratio:.4g}" for ratio in cascade.ratios)
+            yield f"  {' → '.join(cascade.members)}: {values}; ratios of the steps {ratios}"
+        yield from remarks(self.notes, self.failures)
+
+    def _contents(self) -> str:
+        """Return range and numbers of branches and points in a line."""
+        low, high = self.within
+        units = self.branches[0].system.units if self.branches else None
+        over = f"{parameter_symbol(self.parameter, units)} from {low:.10g} to {high:.10g}"
+        if not self.members:
+            return f"{over}: no branches"
+        periods = sorted(Counter(member.period for member in self.members).items())
+        counts = ", ".join(f"{count} of period {period}" for period, count in periods)
+        points = sum(len(branch.points) for branch in self.branches)
+        special = sum(len(branch.special_points) for branch in self.branches)
+        return f"{over}: {len(self.members)} branches, {counts}; {points} points, {special} special points"
+
+    def _member_words(self, member: DiagramBranch) -> str:
+        """Return range, points, and both ends of a branch, in two lines."""
+        values, (first, last) = member.branch.values, member.branch.ends
+        found = "" if member is self.members[0] else "found by the search; "
+        if member.begins is not None:
+            begin = f"begins at {self._place(member.begins)}"
+        elif first.reason is EndReason.START:
+            begin = f"{found}begins at {first.value:.10g}"
+        else:
+            begin = f"{found}ends at {first.value:.10g}: {first.reason_words}"
+        end = f"{last.value:.10g}: {last.reason_words}" if member.joins is None else self._place(member.joins)
+        counts = member.branch.counts
+        return f"{member.name}  {values.min():.8g} to {values.max():.8g}; {counts}\n{begin}; ends at {end}"
+
+    def _place(self, origin: Origin) -> str:
+        special = self[origin.parent].branch.special_points[origin.special]
+        return f"{special.value:.10g}, a {special.kind.value.replace('-', ' ')} of {origin.parent}"
 
     def plot(self, measure: str = "half", **options: Any):
         """Draw the diagram (`measure` over the parameter, and the stroboscopic states) and return the figure.
@@ -253,10 +307,6 @@ def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
         return None
     flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
     return Origin(child.name, flips[0] if child.begins == flip else flips[-1]) if flips else None
-
-
-def _cascade(diagram: Diagram, chain: list[Origin]) -> Cascade:
-    return Cascade(tuple(flip.parent for flip in chain), tuple(_value(diagram, flip) for flip in chain))
 
 
 def _value(diagram: Diagram, origin: Origin) -> float:

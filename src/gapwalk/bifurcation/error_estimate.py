@@ -22,7 +22,7 @@ from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
 if TYPE_CHECKING:
-    from gapwalk.bifurcation.kinds.zero_search import Zero
+    from gapwalk.bifurcation.step_interval import Zero
 
 SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
 _NODES = np.array([-1.0, -0.75, -0.45, 0.45, 0.75, 1.0])  # places of points near a crossing, as multiples of the reach

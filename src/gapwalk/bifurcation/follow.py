@@ -16,7 +16,7 @@ from gapwalk.continuation.tracing import Tracing, TracingState
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError
-from gapwalk.notebook.progress_line import shows_progress
+from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 
@@ -227,7 +227,11 @@ def join(tracers: list[BranchTracer], walked: list[list[Step]]) -> Branch:
     if len(tracers) == 2:
         back = [point for point, _ in walked[0]]
         points = [_reversed(point) for point in reversed(back)] + [first]
-        special = [_turned(each) for _, found in reversed(walked[0]) for each in reversed(found)]
+        special = [
+            replace(each, point=_reversed(each.point), before=each.after, after=each.before)
+            for _, found in reversed(walked[0])
+            for each in reversed(found)
+        ]
     points += [point for point, _ in walked[-1]]
     special += [each for _, found in walked[-1] for each in found]
     if len(tracers) == 1:
@@ -238,7 +242,3 @@ def join(tracers: list[BranchTracer], walked: list[list[Step]]) -> Branch:
 
 def _reversed(point: BranchPoint) -> BranchPoint:
     return replace(point, tangent=-point.tangent, determinant=-point.determinant, arclength=-point.arclength, memo={})
-
-
-def _turned(special: SpecialPoint) -> SpecialPoint:
-    return replace(special, point=_reversed(special.point), before=special.after, after=special.before)

@@ -16,8 +16,7 @@ from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
-from gapwalk.orbit.identity import repeats
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, repeats
 
 _ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
 

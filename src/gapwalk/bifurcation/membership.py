@@ -1,4 +1,7 @@
-"""Membership of orbits on a branch, and the orbits of a branch at one value of its parameter."""
+"""Membership of orbits on a branch, and the orbits of a branch at one value of its parameter.
+
+Where a branch ends on another one, `meets` and `parent_flip` find the orbit that the two share.
+"""
 
 from __future__ import annotations
 
@@ -8,39 +11,26 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.bifurcation.space import Knot, Space
-from gapwalk.bifurcation.state_space import StateSpace
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch_start import BranchStart, start_branch
+from gapwalk.bifurcation.branch_tracer import BranchTracer
+from gapwalk.bifurcation.space import Knot, Space, StateSpace
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
+from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
-from gapwalk.orbit.identity import SAME
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit import SAME, Orbit, phases
 
 _BULGE = 0.15  # largest overshoot of a segment beyond the values at its ends, as a share of its length
 _BESIDE = 0.1  # distance from a segment's cubic, as a share of its length, beyond which an orbit is not on it
 _SHARES = np.linspace(0.0, 1.0, 33)
-
-
-def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
-    """Return whether an orbit lies on a branch, possibly with a start at a later forcing period.
-
-    Parameters
-    ----------
-    branch
-        The branch.
-    orbit
-        The orbit; its system may differ from that of the branch only in the parameter of the branch.
-    tolerance
-        Distance of two states, relative to their size, within which they count as equal.
-
-    Notes
-    -----
-    To compare many orbits with one branch, `Curve(branch).holds` is faster.
-    """
-    return Curve(branch).holds(orbit, tolerance)
+_STEPS = (1e-4, 2e-5, 4e-6)  # first steps along the parent in search of a flip: a smaller one if the last went astray
+_LARGEST, _POINTS = 2e-3, 15  # the largest step and the number of points of that search
 
 
 class Curve:
@@ -62,8 +52,8 @@ class Curve:
         self._scales = self._space.scales
         knots = [self._space.knot(point) for point in points]
         if len(knots) > 1:
-            beyond = [_meeting(knots[-2:], branch.ends[-1], self._scales[-1])]
-            before = [_meeting(knots[1::-1], branch.ends[0], self._scales[-1])]
+            beyond = [_end_knot(knots[-2:], branch.ends[-1], self._scales[-1])]
+            before = [_end_knot(knots[1::-1], branch.ends[0], self._scales[-1])]
             knots = [knot for knot in (*before, *knots, *beyond) if knot is not None]
         self._x, self._tangents = np.array([knot[0] for knot in knots]), np.array([knot[1] for knot in knots])
         self._lengths = np.diff([knot[2] for knot in knots])
@@ -170,45 +160,28 @@ class Curve:
         yield from shares[(shares >= -1e-9) & (shares <= 1.0 + 1e-9)].tolist()
 
 
-def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
-    """Return points and slopes of the cubic through two points and tangents; shares outside 0 ... 1 extrapolate."""
-    (a, b), (p, q), t = x, length * np.asarray(tangents), shares[:, None]
-    points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
-    slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
-    return points, slopes
+def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
+    """Return whether an orbit lies on a branch, possibly with a start at a later forcing period.
 
+    Parameters
+    ----------
+    branch
+        The branch.
+    orbit
+        The orbit; its system may differ from that of the branch only in the parameter of the branch.
+    tolerance
+        Distance of two states, relative to their size, within which they count as equal.
 
-def _meeting(knots: list[Knot], end: End, scale: float) -> Knot | None:
-    """Return the junction beyond the last of two knots at which a branch joins another; None if there is none."""
-    (a, p, start), (b, q, stop) = knots
-    step, gap = b[-1] - a[-1], end.value / scale - b[-1]
-    if end.reason is not EndReason.JOINED or step * gap <= 0.0:
-        return None
-    share = 1.0 + min(float(gap / step), 1.0)
-    points, slopes = _cubic((a, b), np.sign(stop - start) * np.array((p, q)), abs(stop - start), np.array([share]))
-    tangent = np.sign(stop - start) * slopes[0] / np.linalg.norm(slopes[0])
-    return points[0], tangent, start + share * (stop - start)
-
-
-def _knots(branch: Branch) -> list[BranchPoint]:
-    """Return the points of a branch and its folds in the order of their arclength, without duplicates."""
-    points = sorted(
-        [*branch.points, *(fold.point for fold in branch.special(Kind.FOLD))], key=lambda point: point.arclength
-    )
-    knots = points[:1]
-    for point in points[1:]:
-        if point.arclength - knots[-1].arclength > 1e-12:
-            knots.append(point)
-    return knots
-
-
-def _distance(a: Orbit, b: Orbit) -> float:
-    return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)
+    Notes
+    -----
+    To compare many orbits with one branch, `Curve(branch).holds` is faster.
+    """
+    return Curve(branch).holds(orbit, tolerance)
 
 
 @singledispatch
 def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
-    """The space in which a branch of such orbits is a curve: of states, where no other is registered for their class.
+    """Return the space in which a branch of such orbits is a curve: of states, unless their class has another one.
 
     Parameters
     ----------
@@ -225,3 +198,93 @@ def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint
     from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
 
     return LineSpace(branch, points)
+
+
+def meets(orbit: Orbit, special: SpecialPoint, parameter: str) -> bool:
+    """Return whether an orbit is that of a special point, possibly with another phase or repeated several times.
+
+    In harmonic balance a doubled branch meets its parent at the flip of the truncated equation, but the flip of the
+    parent is located by its multipliers. The two differ by the truncation error.
+    """
+    value, wanted = orbit.system[parameter], special.value
+    same = max(SAME, orbit.truncation, special.orbit.truncation)
+    if abs(value - wanted) > same * (1.0 + abs(wanted)):
+        return False
+    off = np.abs(phases(special.orbit) - orbit.state).max(axis=1)
+    return bool(off.min() <= same * magnitude(orbit.state, orbit.system))
+
+
+def parent_flip(branch: Branch, within: tuple[float, float], method: Method | None = None) -> Orbit | None:
+    """Return the orbit of the flip at which a period-doubled branch ends; None if its parent has none nearby.
+
+    A walk may end just before its parent, if a contact grazes so close to the flip that the steps become too small.
+    The parent's orbit is found from the mean of the two halves, and followed in both directions within the range.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    within
+        Range of its parameter.
+    method
+        Discretisation of the orbits.
+    """
+    last = branch.points[-1].orbit
+    if last.period % 2:
+        return None
+    try:
+        states = last.strobes(last.period // 2 + 1)
+        parent = find_orbit(last.system, last.period // 2, 0.5 * (states[0] + states[-1]), method=method)
+        beginnings = [start_branch(parent, branch.parameter, within, way, method) for way in (-1, 1)]
+        found = [flip for beginning in beginnings if (flip := _first_flip(beginning)) is not None]
+    except NumericalError:
+        return None
+    return min(found, key=lambda flip: flip.point.arclength).orbit if found else None
+
+
+def _first_flip(beginning: BranchStart) -> SpecialPoint | None:
+    """Return the first flip in one direction along a branch, which may itself end at its parent just beyond."""
+    for step in _STEPS:
+        tracer = BranchTracer(beginning, WalkOptions(initial_step=step, largest_step=_LARGEST, max_points=_POINTS))
+        flip = next((each for _, special in tracer for each in special if each.kind is Kind.FLIP), None)
+        if flip is not None:
+            return flip
+        if tracer.end is None or tracer.end.reason is not EndReason.JOINED:
+            break
+    return None
+
+
+def _knots(branch: Branch) -> list[BranchPoint]:
+    """Return the points of a branch and its folds in the order of their arclength, without duplicates."""
+    points = sorted(
+        [*branch.points, *(fold.point for fold in branch.special(Kind.FOLD))], key=lambda point: point.arclength
+    )
+    knots = points[:1]
+    for point in points[1:]:
+        if point.arclength - knots[-1].arclength > 1e-12:
+            knots.append(point)
+    return knots
+
+
+def _end_knot(knots: list[Knot], end: End, scale: float) -> Knot | None:
+    """Return the junction beyond the last of two knots at which a branch joins another; None if there is none."""
+    (a, p, start), (b, q, stop) = knots
+    step, gap = b[-1] - a[-1], end.value / scale - b[-1]
+    if end.reason is not EndReason.JOINED or step * gap <= 0.0:
+        return None
+    share = 1.0 + min(float(gap / step), 1.0)
+    points, slopes = _cubic((a, b), np.sign(stop - start) * np.array((p, q)), abs(stop - start), np.array([share]))
+    tangent = np.sign(stop - start) * slopes[0] / np.linalg.norm(slopes[0])
+    return points[0], tangent, start + share * (stop - start)
+
+
+def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
+    """Return points and slopes of the cubic through two points and tangents; shares outside 0 ... 1 extrapolate."""
+    (a, b), (p, q), t = x, length * np.asarray(tangents), shares[:, None]
+    points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
+    slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
+    return points, slopes
+
+
+def _distance(a: Orbit, b: Orbit) -> float:
+    return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)

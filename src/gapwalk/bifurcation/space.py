@@ -1,19 +1,22 @@
-"""Space in which a branch is a curve and motions are its points: of states, or of Fourier lines."""
+"""Space in which a branch is a curve and motions are its points: of states at some angles, for a branch by shooting."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit import Orbit, phases
 
 Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
 """Point of a curve, the unit tangent there, and its arclength."""
+_ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
 
 
 class Space(Protocol):
@@ -53,6 +56,49 @@ class Space(Protocol):
     def tolerance(self, orbit: Orbit) -> float:
         """Return the largest distance from the branch, relative to its size, of an orbit that counts as one of it."""
         ...
+
+
+class StateSpace:
+    """Space of the states at some angles (by shooting the starts of the segments); the first determines the motion."""
+
+    def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
+        self.size, self._period = 2 * branch.system.size, branch.period
+        segments = (len(points[0].x) - 1) // self.size
+        physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
+        scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
+        scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
+        self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
+        method = points[0].orbit.posed_in(len(points[0].x) - 1)
+        equation = method.pose(branch.system, branch.parameter, branch.period)
+        self._corrector = Corrector(equation, self.scales)
+
+    def knot(self, point: BranchPoint) -> Knot:
+        """See `Space.knot`."""
+        return point.x, point.tangent, point.arclength
+
+    def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
+        """See `Space.places`."""
+        return list(phases(orbit))
+
+    def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+        """See `Space.goal`."""
+        if len(self.scales) == self.size + 1:
+            return np.append(place / self.scales[:-1], value)
+        unknowns = self._corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
+        return np.append(unknowns / self.scales[:-1], value)
+
+    def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
+        """See `Space.correct`."""
+        correction = self._corrector.correct(guess, normal)
+        return None if correction is None else correction.x
+
+    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
+        """See `Space.orbit_at`."""
+        return orbit_of(self._corrector, self._corrector.at_value(guess, value), value)
+
+    def tolerance(self, orbit: Orbit) -> float:
+        """See `Space.tolerance`."""
+        return 0.0
 
 
 def orbit_of(corrector: Corrector, correction: Correction | None, value: float) -> Orbit | None:

@@ -1,20 +1,66 @@
-"""Interval of a branch between two points: computes any point in it on request."""
+"""One step of a walk: any point within it on request, and the search for all zeros of a test function in it.
+
+A sign change of a test function is located by bracketing. Two zeros in one step, however, leave no sign change.
+Therefore the step is halved wherever a test function bends so much that it may cross zero twice between two points.
+Known zeros are divided out first, so that only unknown ones cause further halving.
+"""
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
-from gapwalk.bifurcation.crossing import Crossing
+from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.corrector import Corrector, length_of
-from gapwalk.continuation.predictor import hermite
+from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.errors import NumericalError
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.special_point_kind import Kind
 
 RESOLUTION = 1e-11
 """Arclength below which lengths are only rounding."""
 _FINEST = 1e-6  # arclength below which two zeros are not distinguished
 _SHARE = 1e-4  # the same as a share of a short step, for branches that bend so sharply that the steps are short
 _ASTRAY = 0.3  # smallest cosine of the angle between a chord and a tangent in between; below it a turn was missed
+_DOUBT = 1.0  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
+# between equal ends; unequal ends count with their geometric mean, as a dip to zero has to leave the larger one too
+_CROWDED = 1e-6  # arclength over which rates of test functions would be dominated by rounding
+_BESIDE = 1e-4  # arclength within which a test function is linear, for the error of its zero
+_NOISE = 1e-10  # absolute value of a test function that is only rounding
+_EXACT = 1e-14  # arclength to which zeros are located
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Special point as it was located.
+
+    Attributes
+    ----------
+    kind
+        Its kind.
+    point
+        The point of the branch.
+    spread
+        Width of its bracket in arclength.
+    function
+        The function that is zero there, with a change of sign.
+    contact
+        For a grazing point: contact, stage and side that grazes; otherwise empty.
+    noise
+        Absolute value of the function that is only rounding.
+    """
+
+    kind: Kind
+    point: BranchPoint
+    spread: float
+    function: Callable[[BranchPoint], float]
+    contact: str = ""
+    noise: float = 0.0
 
 
 class StepInterval:
@@ -75,3 +121,178 @@ class StepInterval:
         raise NumericalError(
             f"no orbit found between {a.value:.12g} and {b.value:.12g} on the branch, where one must be"
         )
+
+
+class Search:
+    """Search of one step of a walk.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the branch.
+    first, last
+        The points between which to search.
+    before
+        The point before them, if it is known.
+    rates
+        Per test function, its rate of change before `first` if known; updated.
+    recent
+        Per test function, the arclengths of its last zeros; updated.
+
+    Attributes
+    ----------
+    interval
+        The orbits between the two points.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        first: BranchPoint,
+        last: BranchPoint,
+        before: BranchPoint | None,
+        rates: dict[Kind, float],
+        recent: dict[Kind, list[float]],
+    ) -> None:
+        self.corrector, self.first, self.last, self.before = corrector, first, last, before
+        self.interval = StepInterval(corrector, first, last)
+        self._rates, self._recent = rates, recent
+
+    def zeros(self, kind: Kind) -> list[Zero]:
+        """Return all distinguishable zeros of the test function of a kind, in no order.
+
+        Raises
+        ------
+        NumericalError
+            If an orbit between the two points cannot be found.
+        """
+        known = self._recent.setdefault(kind, [])
+        zeros: list[Zero] = []
+        for a, b in pairwise(_apart(self.interval.points)):
+            zeros += self._search(kind, a, b, self._rates.get(kind), known)
+            self._rates[kind] = _rate(kind, a, b, known)
+        del known[:-4]
+        return self._resolved(kind, zeros)
+
+    def crossing(self, a: BranchPoint, b: BranchPoint) -> Crossing | None:
+        """Return the crossing with another branch between two points; None if the branch is not smooth enough.
+
+        Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
+        """
+        for crossing in self.interval.crossings:
+            if a.arclength < crossing.arclength < b.arclength:
+                return crossing
+        try:
+            self.interval.crossings.append(locate_crossing(self.interval, a, b))
+        except NumericalError:
+            return None
+        return self.interval.crossings[-1]
+
+    def near(self, point: BranchPoint) -> BranchPoint:
+        """Return a point close to another one, but not so close that their difference is only rounding."""
+        points = self.interval.points
+        away = {abs(each.arclength - point.arclength): each for each in points}
+        nearest = min((distance for distance in away if distance > _CROWDED), default=math.inf)
+        if nearest <= _BESIDE:
+            return away[nearest]
+        low, high = (each.arclength - point.arclength for each in (points[0], points[-1]))
+        return self.interval.at(point.arclength + (max(low, -_BESIDE) if -low > high else min(high, _BESIDE)))
+
+    def known_sides(self, point: BranchPoint) -> list[BranchPoint]:
+        """Return the nearest known points on both sides of another one, except those dominated by rounding."""
+        offsets = [(each.arclength - point.arclength, each) for each in self.interval.points]
+        sides = [[(abs(s), each) for s, each in offsets if s * way > _CROWDED] for way in (-1.0, 1.0)]
+        return [min(side, key=lambda known: known[0])[1] for side in sides if side]
+
+    def sides(self, marks: list[float], index: int) -> tuple[BranchPoint, BranchPoint]:
+        """Return points on both sides of a special point: halfway to its neighbours, or the ends of the step.
+
+        Parameters
+        ----------
+        marks
+            Arclengths of the first point, all special points, and the last point.
+        index
+            Index of the special point among them.
+        """
+        return self.interval.at(_between(marks, index, -1)), self.interval.at(_between(marks, index, 1))
+
+    def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
+        """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
+        length = b.arclength - a.arclength
+        at_a, at_b = _deflated(kind, a, known), _deflated(kind, b, known)
+        changes = at_a * at_b < 0.0
+        bend = abs(at_b - at_a - rate * length) if rate is not None else abs(at_b - at_a)
+        if not changes and (length < self.interval.finest or math.sqrt(at_a * at_b) > _DOUBT * bend):
+            return []
+        if max(abs(kind.at(a)), abs(kind.at(b))) < _NOISE:
+            return []  # zero everywhere, as with multipliers that stay on the unit circle without damping
+        if changes:
+            zero = kind.locate(self, a, b) or self._bracketed(kind, a, b, known)
+            known.append(zero.point.arclength)
+            return [zero, *self._search(kind, a, b, None, known)]
+        middle = self.interval.middle(a, b)
+        left = self._search(kind, a, middle, rate, known)
+        return left + self._search(kind, middle, b, _rate(kind, a, middle, known), known)
+
+    def _bracketed(self, kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> Zero:
+        from scipy.optimize import brentq  # imported late, because the import is slow
+
+        def function(arclength: float) -> float:
+            return _deflated(kind, self.interval.at(arclength), known)
+
+        root, report = brentq(
+            function, a.arclength, b.arclength, xtol=_EXACT * 10, rtol=1e-14, full_output=True, disp=False
+        )
+        point = self.interval.at(float(root))
+        return Zero(kind, point, _EXACT * 10 if report.converged else math.inf, kind.at)
+
+    def _resolved(self, kind: Kind, zeros: list[Zero]) -> list[Zero]:
+        """Return the distinguishable zeros of one test function.
+
+        Where the branch turns within lengths that are only rounding, such as at a graze of a stiff stop, rounding
+        produces spurious zeros. A group of such zeros counts as one if the sign changes over all of them, else as none.
+        """
+        groups: list[list[Zero]] = []
+        for zero in sorted(zeros, key=lambda zero: zero.point.arclength):
+            if groups and zero.point.arclength - groups[-1][-1].point.arclength < RESOLUTION:
+                groups[-1].append(zero)
+            else:
+                groups.append([zero])
+        firsts = [group[0].point.arclength for group in groups]
+        marks = [self.interval.points[0].arclength, *firsts, self.interval.points[-1].arclength]
+        kept = []
+        for index, group in enumerate(groups, start=1):
+            if len(group) > 1:
+                low, high = (kind.at(side) for side in self.sides(marks, index))
+                if low * high > 0.0:
+                    continue
+            kept.append(min(group, key=lambda zero: abs(kind.at(zero.point))))
+        return kept
+
+
+def _apart(points: list[BranchPoint]) -> list[BranchPoint]:
+    """Return the points except those crowded around a zero, between which test functions change only by rounding."""
+    kept = points[:1]
+    for point in points[1:-1]:
+        if point.arclength - kept[-1].arclength > _CROWDED and points[-1].arclength - point.arclength > _CROWDED:
+            kept.append(point)
+    return [*kept, points[-1]]
+
+
+def _rate(kind: Kind, a: BranchPoint, b: BranchPoint, known: list[float]) -> float:
+    return (_deflated(kind, b, known) - _deflated(kind, a, known)) / (b.arclength - a.arclength)
+
+
+def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
+    """Return the test function with its known zeros divided out."""
+    result = kind.at(point)
+    for zero in known:
+        result /= point.arclength - zero if point.arclength != zero else 1e-300
+    return result
+
+
+def _between(marks: list[float], index: int, side: int) -> float:
+    """Return an arclength between a special point and its neighbour on one side: the neighbour itself at an end."""
+    neighbour = marks[index + side]
+    is_end = index + side in (0, len(marks) - 1)
+    return neighbour if is_end else 0.5 * (marks[index] + neighbour)

@@ -89,8 +89,8 @@ class _Corner:
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
-        self._twins = [touch for touch in found[1:] if self._is_twin(touch, first, slack)]
-        self._touches = [first, *self._twins] if at_once else [first]
+        self._simultaneous = [touch for touch in found[1:] if self._is_simultaneous(touch, first, slack)]
+        self._touches = [first, *self._simultaneous] if at_once else [first]
         self._posed = by_touches(point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
         ahead = self._posed.slope(start)
@@ -103,7 +103,7 @@ class _Corner:
         self._points = {self._label(start.depth): point}
 
     @staticmethod
-    def _is_twin(touch: Touch, first: Touch, slack: float) -> bool:
+    def _is_simultaneous(touch: Touch, first: Touch, slack: float) -> bool:
         """Return whether two contacts begin simultaneously, in a symmetric motion."""
         return abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
 
@@ -185,8 +185,8 @@ class _Corner:
     def _grazing(self, end: float) -> list[int]:
         """Return the switches that graze: the first, and those that pass their breakpoints simultaneously with it."""
         before, after = self._first.orbit.closings, self._at(end).orbit.closings
-        twins = (touch.switch for touch in self._twins)
-        return [self._touches[0].switch, *(switch for switch in twins if before[switch] != after[switch])]
+        others = (touch.switch for touch in self._simultaneous)
+        return [self._touches[0].switch, *(switch for switch in others if before[switch] != after[switch])]
 
     def _beside(self, label: float) -> BranchPoint:
         """Return a point between special points; just before the graze if they are too close to it to be separated."""

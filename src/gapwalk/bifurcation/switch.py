@@ -1,5 +1,7 @@
 """Branch switching: the beginnings of the branches that begin or cross at a special point.
 
+A period-doubled branch begins with motions whose two halves differ, and ends where that difference vanishes.
+
 Method: docs/numerics/switching.md
 """
 
@@ -16,10 +18,11 @@ from scipy.linalg import lapack
 from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.parameter_range import Range, check_range
+from gapwalk.continuation.corrector import Corrector, hermite
+from gapwalk.continuation.walk_options import Range, check_range
 from gapwalk.continuation.walk_scales import scales_of
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import OrbitEquation
@@ -29,6 +32,27 @@ _BESIDE = 1e-5  # scaled distance along the parent of the first step of the seca
 _ITERATIONS, _SETTLED = 12, 1e-13  # of inverse iteration, and the change of a unit vector at which it ends
 _STEPS = 6  # largest number of steps of the secant method
 _FAR = 0.05  # scaled distance beyond which a branch point does not belong to the flip
+MERGED = 1e-7
+"""Relative difference between the halves of an orbit below which it has half the period."""
+_CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period
+
+
+class DoubledStart(NamedTuple):
+    """Branch point of the equation of twice the period near a flip.
+
+    Attributes
+    ----------
+    unknowns : shape (N + 1,)
+        Its unknowns and the parameter, not scaled.
+    across : shape (N,)
+        Scaled null vector at a fixed parameter.
+    place
+        Scaled distance from the flip along the parent, as in `Doubled.along`.
+    """
+
+    unknowns: NDArray[np.float64]
+    across: NDArray[np.float64]
+    place: float
 
 
 def switch(
@@ -67,24 +91,6 @@ def from_flip(special: SpecialPoint, parameter: str, within: Range, method: Meth
     return BranchStart(
         doubled.corrector, _first(doubled.corrector, start, np.append(across, 0.0)), within, singular=True
     )
-
-
-class DoubledStart(NamedTuple):
-    """Branch point of the equation of twice the period near a flip.
-
-    Attributes
-    ----------
-    unknowns : shape (N + 1,)
-        Its unknowns and the parameter, not scaled.
-    across : shape (N,)
-        Scaled null vector at a fixed parameter.
-    place
-        Scaled distance from the flip along the parent, as in `Doubled.along`.
-    """
-
-    unknowns: NDArray[np.float64]
-    across: NDArray[np.float64]
-    place: float
 
 
 class Doubled:
@@ -200,6 +206,17 @@ class Doubled:
         return np.append(unknowns, orbit.system[equation.parameter or ""])
 
 
+def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> tuple[OrbitEquation, OrbitEquation]:
+    """Return the equation with which a special point was found, and one of the same resolution for another period."""
+    found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
+    while len(found.scales(1.0)) < len(special.point.x) - 1:
+        finer, other = equation.finer(), found.finer()
+        if finer is None or other is None:
+            break
+        equation, found = finer, other
+    return found, equation
+
+
 def least_singular(
     matrix: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
@@ -221,6 +238,10 @@ def least_singular(
             return left, size, right
     left_vectors, values, right_vectors = np.linalg.svd(matrix)
     return left_vectors[:, -1], float(values[-1]), right_vectors[-1]
+
+
+def _first(corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64]) -> BranchPoint:
+    return corrector.uncorrected(start / corrector.scales, tangent, 0.0)
 
 
 def from_crossing(special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
@@ -253,16 +274,53 @@ def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Correct
     return rescaled / np.linalg.norm(rescaled)
 
 
-def _posed(special: SpecialPoint, parameter: str, period: int, method: Method) -> tuple[OrbitEquation, OrbitEquation]:
-    """Return the equation with which a special point was found, and one of the same resolution for another period."""
-    found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
-    while len(found.scales(1.0)) < len(special.point.x) - 1:
-        finer, other = equation.finer(), found.finer()
-        if finer is None or other is None:
-            break
-        equation, found = finer, other
-    return found, equation
+def has_merged(point: BranchPoint) -> bool:
+    """Return whether the orbit of a point has half its period, so that it lies on the parent branch."""
+    return float(np.abs(_apart(point)).max()) < MERGED
 
 
-def _first(corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64]) -> BranchPoint:
-    return corrector.uncorrected(start / corrector.scales, tangent, 0.0)
+def _apart(point: BranchPoint) -> NDArray[np.float64]:
+    known = point.memo.get("halves apart")
+    if known is None:
+        known = point.memo["halves apart"] = halves_apart(point.orbit)
+    return known
+
+
+def halves_apart(orbit: Orbit) -> NDArray[np.float64]:
+    """Return the state after half the period minus the initial state, shape (2n,), relative to the size of the state.
+
+    It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
+    through its parent.
+    """
+    half = orbit.strobes(orbit.period // 2 + 1)[-1]
+    return (half - orbit.state) / magnitude(orbit.state, orbit.system)
+
+
+def is_close(point: BranchPoint) -> bool:
+    """Return whether the orbit of a point nearly repeats after half its period."""
+    return float(np.abs(_apart(point)).max()) < _CLOSE
+
+
+def passes_parent(first: BranchPoint, last: BranchPoint) -> bool:
+    """Return whether the halves of the orbit exchange places between two neighbouring points."""
+    a, b = _apart(first), _apart(last)
+    return float(a @ b) < 0.0 and min(float(np.abs(a).max()), float(np.abs(b).max())) < 10 * _CLOSE
+
+
+def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float:
+    """Return the parameter at which the halves coincide between two points, by the cubic through them."""
+    a, b = _size(first), _size(last)
+    return float(hermite(first, last, a / (a + b))[-1]) * scale
+
+
+def _size(point: BranchPoint) -> float:
+    return float(np.linalg.norm(_apart(point)))
+
+
+def value_ahead(before: BranchPoint, last: BranchPoint) -> float:
+    """Return the parameter at which the halves will coincide, just beyond two points.
+
+    The branch turns back there: the difference of the halves is linear in arclength, and the parameter quadratic in it.
+    """
+    a, b = _size(before) ** 2, _size(last) ** 2
+    return last.value if a <= b else (a * last.value - b * before.value) / (a - b)

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapwalk.cli.outcome import DONE, print_json, printable
+from gapwalk.cli.output import DONE, console, print_json, show, show_files
 from gapwalk.errors import ModelError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ _PICTURES = ("png", "svg", "pdf")
 
 def new_file(file: Path) -> int:
     """Write a template of a model file."""
-    from gapwalk.studies.template import write_template
+    from gapwalk.studies.study_file import write_template
 
     write_template(file)
     print(f"wrote {file}; run it with\n    gapwalk run {shlex.quote(str(file))}")
@@ -26,13 +26,11 @@ def new_file(file: Path) -> int:
 
 def check_file(file: Path, changes: list[str], *, json: bool) -> int:
     """Print a summary of a model file."""
-    from gapwalk.cli.console import console
-    from gapwalk.cli.print_modes import train_lines
-    from gapwalk.cli.run_command import unused_words
-    from gapwalk.model.dissipation import dissipation_doubts
+    from gapwalk.cli.modes_command import train_lines
+    from gapwalk.model.modes import dissipation_doubts
     from gapwalk.results.plain import plain
     from gapwalk.studies.changes import parse_changes
-    from gapwalk.studies.file import read_studies
+    from gapwalk.studies.study_file import read_studies
 
     studies = read_studies(file, parse_changes(changes))
     if json:
@@ -51,54 +49,50 @@ def check_file(file: Path, changes: list[str], *, json: bool) -> int:
         ]
         print_json(documents[0] if len(documents) == 1 else documents)
         return DONE
-    screen, structure = console(), studies[0].system.structure
+    structure = studies[0].system.structure
     units = structure.units
     turns = (units.turns if units else None) or 1
+    contacts = [
+        f"{form.name} ({f'{len(form.stages)} stages, ' if len(form.stages) > 1 else ''}{form.law.name})"
+        for form in structure.contacts
+    ]
     terms = ", ".join(f"{form.name} of order {form.order * turns}" for form in structure.harmonics)
     doubts = dict.fromkeys(doubt for study in studies for doubt in dissipation_doubts(study.system))
     lines = [
-        (len(studies) == 1 and printable(studies[0].title)) or str(file),
+        (len(studies) == 1 and studies[0].title) or str(file),
         *train_lines(studies[0].system),
         f"  coordinates: {', '.join(structure.coordinates)}",
-        f"  contacts: {', '.join(_contact(form) for form in structure.contacts) or 'none'}",
+        f"  contacts: {', '.join(contacts) or 'none'}",
         f"  excitation: {terms or 'none'}",
         *([f"  units: {units.words}"] if units else []),
         *(f"  {study.reduced.words}" for study in studies[:1] if study.reduced),
         *(f"  study{f' {study.name}' if study.name else ''}: {study.options.plan}" for study in studies),
-        *dict.fromkeys(f"  {words}" for study in studies for words in unused_words(study)),
+        *dict.fromkeys(f"  {words}" for study in studies for words in study.unused_words),
         *(f"warning: {doubt}" for doubt in doubts),
         "no errors apart from these warnings" if doubts else "no errors",
     ]
-    screen.print("\n".join(lines), soft_wrap=True)
+    show(lines)
     return DONE
 
 
 def show_result(path: Path, *, points: bool, json: bool) -> int:
     """Show the contents of a result file; special points of a diagram or a map only if requested."""
-    from gapwalk.cli.console import console
-    from gapwalk.cli.print_branch import print_result
-    from gapwalk.cli.run_command import print_heading
-    from gapwalk.studies.document import result_document
+    from gapwalk.cli.run_command import show_heading
     from gapwalk.studies.load import load_result
 
     result = load_result(path)
     if json:
-        print_json(result_document(result, points=False))
+        print_json(result.to_dict(points=False))
         return DONE
-    screen = console()
-    print_heading(screen, result.study)
-    state = "not complete: `gapwalk run` with --resume continues it"
-    if result.complete:
-        missed = len(result.failures)
-        state = "complete" if not missed else f"finished, but {missed} part(s) could not be computed or explained:"
+    screen, missed = console(), result.failures if result.complete else ()
+    show_heading(result.study, screen)
+    state = "complete" if result.complete else "not complete: `gapwalk run` with --resume continues it"
+    if missed:
+        state = f"finished, but {len(missed)} part(s) could not be computed or explained:"
     versions = ", ".join(f"{name} {version}" for name, version in result.versions.items())
-    screen.print(f"{path}: {state}", soft_wrap=True)
-    for text in result.failures if result.complete else ():
-        screen.print(printable(f"  {text}"), soft_wrap=True)
-    screen.print(f"computed with {printable(versions)}", soft_wrap=True)
-    for name, value in result.study.changes:
-        screen.print(printable(f"changed: {name} = {value}"), soft_wrap=True)
-    print_result(screen, result, points=points or (result.diagram is None and result.map is None))
+    changes = (f"changed: {name} = {value}" for name, value in result.study.changes)
+    show([f"{path}: {state}", *(f"  {text}" for text in missed), f"computed with {versions}", *changes], screen)
+    show(result.summary(points=points or (result.diagram is None and result.map is None)), screen)
     return DONE
 
 
@@ -131,17 +125,12 @@ def export_result(
     else:
         written = [output or path.with_suffix(f".{form}")]
         if form == "html":
-            from gapwalk.explorer.saved import save_html
+            from gapwalk.explorer.saved_page import save_html
 
             save_html(result, written[0], measure=measure)
         else:
             from gapwalk.plot import save
 
             save(result, written[0], form=form, measure=measure, size=size)
-    print(f"written: {', '.join(map(str, written))}")
+    show_files(written)
     return DONE
-
-
-def _contact(form) -> str:
-    stages = f"{len(form.stages)} stages, " if len(form.stages) > 1 else ""
-    return f"{form.name} ({stages}damping {form.damping.value})"

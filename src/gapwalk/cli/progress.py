@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
@@ -15,28 +16,21 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Te
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.bifurcation.loci import Locus
-from gapwalk.cli.console import console
-from gapwalk.cli.outcome import printable
+from gapwalk.cli.output import console, printable
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.parallel.pace import Pace
-from gapwalk.plot.words import parameter_symbol
-from gapwalk.studies.jobs import JOBS
+from gapwalk.model.words import parameter_symbol
+from gapwalk.parallel.work_chunks import Pace
+from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.map import Map, Section
-from gapwalk.studies.options import BranchOptions, DiagramStudyOptions, MapStudyOptions, StudyOptions
+from gapwalk.studies.map_study import MapStudyOptions
+from gapwalk.studies.options import BranchOptions
 
 
 def progress_of(
-    options: StudyOptions, title: str = "", *, show: bool = True
+    options: StudyKind, title: str = "", *, show: bool = True
 ) -> BranchProgress | DiagramProgress | MapProgress | JobProgress:
     """Create the progress display of a study with these options; `title` is its name."""
-    if options.kind in JOBS:
-        return JobProgress(options, title, show=show)
-    if isinstance(options, DiagramStudyOptions):
-        return DiagramProgress(title, show=show)
-    if isinstance(options, MapStudyOptions):
-        return MapProgress(options, title, show=show)
-    assert isinstance(options, BranchOptions)
-    return BranchProgress(options, title, show=show)
+    return _PROGRESS[options.reports](options, title, show=show)
 
 
 _FIRST, _AGAIN = 10.0, 30.0  # without a terminal: seconds until the first line, and between the following lines
@@ -165,17 +159,17 @@ class BranchProgress(StudyProgress):
 class DiagramProgress(StudyProgress):
     """The number of branches of a diagram so far; parameters as in `BranchProgress`."""
 
-    def __init__(self, title: str = "", *, show: bool = True) -> None:
-        self._name = printable(title)
+    def __init__(self, options: StudyKind, title: str = "", *, show: bool = True) -> None:
+        self._name = printable(title) or options.kind
         self._points, self._special = 0, 0
-        self._line = _Line(f"{self._name} first branch".strip(), [], None, show=show)
+        self._line = _Line(f"{printable(title)} first branch".strip(), [], None, show=show)
 
     def __call__(self, diagram: Diagram, member: DiagramBranch) -> None:
         """Show a new branch."""
         self._points += len(member.branch.points)
         self._special += sum(special.kind is not Kind.GRAZING for special in member.branch.special_points)
         counts = f"branches {len(diagram.members)}  points {self._points}  special {self._special}"
-        self._line.update(self._name or "diagram", f"{counts}  last {member.name}")
+        self._line.update(self._name, f"{counts}  last {member.name}")
 
 
 class MapProgress(StudyProgress):
@@ -197,7 +191,7 @@ class MapProgress(StudyProgress):
 class JobProgress(StudyProgress):
     """The number of finished parts of a job, and the estimated time left; parameters as in `BranchProgress`."""
 
-    def __init__(self, options: StudyOptions, title: str = "", *, show: bool = True) -> None:
+    def __init__(self, options: StudyKind, title: str = "", *, show: bool = True) -> None:
         self._name = printable(title) or options.kind
         self._line = _Line(self._name, [BarColumn(bar_width=24)], None, show=show)
 
@@ -205,6 +199,15 @@ class JobProgress(StudyProgress):
         """Show that one more part is done."""
         left = "" if pace.left is None else f"  about {pace.left:.0f} s left"
         self._line.update(self._name, f"{pace.done} of {pace.total}{left}", pace.done, pace.total)
+
+
+_PROGRESS: dict[str, Callable[..., BranchProgress | DiagramProgress | MapProgress | JobProgress]] = {
+    "points": BranchProgress,
+    "branches": DiagramProgress,
+    "sections and loci": MapProgress,
+    "parts": JobProgress,
+}
+"""Progress displays, by what a study reports."""
 
 
 class VerifyProgress(StudyProgress):

@@ -9,24 +9,35 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from gapwalk.cli.console import console
-from gapwalk.cli.outcome import BROKEN, DONE, FAILED, INTERRUPTED, failure_code, print_json, printable
-from gapwalk.cli.print_branch import print_result
+from rich.console import Console
+
+from gapwalk.cli.output import (
+    BROKEN,
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    console,
+    failure_code,
+    print_json,
+    printable,
+    show,
+    show_files,
+    show_title,
+)
 from gapwalk.cli.progress import progress_of
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.model.dissipation import dissipation_doubts
+from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.problems import did_you_mean
+from gapwalk.model.words import parameter_symbol
 from gapwalk.parallel.workers import on_cluster
-from gapwalk.plot.words import parameter_symbol
 from gapwalk.studies.changes import parse_changes
-from gapwalk.studies.claim import check_claim
-from gapwalk.studies.document import result_document
 from gapwalk.studies.export import export_csv, table_names
-from gapwalk.studies.file import Study, read_studies
-from gapwalk.studies.interruption import found_by
+from gapwalk.studies.kind import found_by
+from gapwalk.studies.load import check_claim
 from gapwalk.studies.result import Result
-from gapwalk.studies.run import run
+from gapwalk.studies.runner import run
+from gapwalk.studies.study_file import Study, read_studies
 
 _OTHER_ENDINGS = (".csv", ".png", ".svg", ".toml")
 
@@ -77,12 +88,10 @@ def _run_all(
     for study, path in zip(studies, outputs, strict=True):
         try:
             result = _run_study(study, path, resume=resume, force=force, json=json, quiet=quiet)
-            code, document = (
-                exit_code(result),
-                {**result_document(result), "files": _files(result, path)} if json else {},
-            )
+            code = exit_code(result)
+            document = {**result.to_dict(), "files": _files(result, path)} if json else {}
             if code == INTERRUPTED:
-                _say_what_is_stored(result)
+                show([_stored_words(result)], console(stderr=True))
         except (GapwalkError, KeyboardInterrupt) as error:
             if len(studies) == 1:
                 if isinstance(error, KeyboardInterrupt) and path.exists():
@@ -119,11 +128,12 @@ def _run_study(study: Study, path: Path, *, resume: bool, force: bool, json: boo
     if exit_code(result) != INTERRUPTED:
         write_products(result, path)
     if not quiet and not json:
-        print_heading(screen, study)
-        print_result(screen, result)
-        print_files(screen, _files(result, path))
+        show_heading(study, screen)
+        show(result.summary(), screen)
+        show_files(_files(result, path), screen)
     if exit_code(result) == FAILED:
-        say_why_it_failed(result)
+        for text in result.failures:
+            print(f"gapwalk: {printable(text)}", file=sys.stderr)
     return result
 
 
@@ -179,48 +189,23 @@ def exit_code(result: Result) -> int:
     return BROKEN if result.verification is not None and not result.verification.ok else DONE
 
 
-def say_why_it_failed(result: Result) -> None:
-    """Print on stderr what could not be computed, and where and why a continuation failed."""
-    for text in result.failures:
-        print(f"gapwalk: {printable(text)}", file=sys.stderr)
+def show_heading(study: Study, screen: Console) -> None:
+    """Print the title of a study, the unused parts of its file, and doubts about its damping."""
+    show_title(study.title, screen)
+    show([*study.unused_words, *(f"warning: {doubt}" for doubt in dissipation_doubts(study.system))], screen)
 
 
-def print_heading(screen, study: Study) -> None:
-    """Print the title of a study, and the unused parts of its file."""
-    if study.title:
-        screen.print(printable(study.title), style="bold", soft_wrap=True)
-    for words in unused_words(study):
-        screen.print(words, soft_wrap=True)
-    for doubt in dissipation_doubts(study.system):
-        screen.print(f"warning: {doubt}", soft_wrap=True)
-
-
-def unused_words(study: Study) -> list[str]:
-    """Describe the unused parts of the file of a study, with the reason; only studies of branches have such parts."""
-    return [f"not used: [{table}], for method is {study.walked.method.name}" for table in study.unused]
-
-
-def print_files(screen, files: Sequence[Path | str]) -> None:
-    """Print the names of the files that were written."""
-    screen.print(f"written: {printable(', '.join(str(path) for path in files))}", soft_wrap=True)
-
-
-def _say_what_is_stored(result: Result) -> None:
+def _stored_words(result: Result) -> str:
+    """Return what an interrupted run has stored."""
     if result.finding is not None:
-        console(stderr=True).print(f"interrupted; {result.finding.stored}", soft_wrap=True)
-        return
+        return f"interrupted; {result.finding.stored}"
     if result.map is not None:
-        loci, sections = len(result.map.loci), len(result.map.sections)
-        text = f"interrupted; all {loci} loci and {sections} sections are stored"
-        console(stderr=True).print(text, soft_wrap=True)
-        return
-    branch = result.branches[-1]
+        return f"interrupted; all {len(result.map.loci)} loci and {len(result.map.sections)} sections are stored"
     if result.diagram is not None:
-        text = f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"
-    else:
-        place = f"{parameter_symbol(branch.parameter, branch.system.units)} = {branch.values[-1]:.8g}"
-        text = f"interrupted at {place}; all {len(branch.points)} points are stored"
-    console(stderr=True).print(text, soft_wrap=True)
+        return f"interrupted; all {len(result.branches)} branches up to {result.names[-1]} are stored"
+    branch = result.branches[-1]
+    place = f"{parameter_symbol(branch.parameter, branch.system.units)} = {branch.values[-1]:.8g}"
+    return f"interrupted at {place}; all {len(branch.points)} points are stored"
 
 
 def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], names: list[str], *, plain: bool) -> None:
@@ -231,4 +216,4 @@ def _say_how_to_resume(file: Path, output: Path | None, changes: list[str], name
     for option, values in (("--study", names), ("--set", changes)):
         for value in values:
             words += [option, value]
-    console(stderr=True).print(f"resume with\n    {shlex.join(words)}", soft_wrap=True)
+    show([f"resume with\n    {shlex.join(words)}"], console(stderr=True))

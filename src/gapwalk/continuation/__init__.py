@@ -1,8 +1,7 @@
 """Continuation of a branch of orbits: corrector, predictor, step size, and the records of the walk."""
 
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.parameter_range import Range
 from gapwalk.continuation.walk import End, EndReason, Walk
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.walk_options import Range, WalkOptions
 
 __all__ = ["BranchPoint", "End", "EndReason", "Range", "Walk", "WalkOptions"]

@@ -43,7 +43,7 @@ class BranchPoint:
     memo: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False, metadata={"stored": False})
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
             raise ValueError("the unknowns of a point are not as many as the components of its tangent")
 

@@ -1,4 +1,8 @@
-"""Correction of a predicted point onto the branch: Newton's method on the bordered system, and the tangent there."""
+"""Prediction of the next point of a branch, and its correction onto the branch.
+
+The predictor extrapolates the cubic through two points and their tangents, which also interpolates between them. The
+corrector is Newton's method on the bordered system, which also gives the tangent.
+"""
 
 from __future__ import annotations
 
@@ -233,6 +237,16 @@ class Corrector:
         return -size if swaps % 2 else size
 
 
+def _largest(vector: NDArray[np.float64]) -> float:
+    """Return the largest absolute component (for short vectors several times faster than NumPy's)."""
+    return max(map(abs, vector.tolist()))
+
+
+def length_of(vector: NDArray[np.float64]) -> float:
+    """Return the length of a vector (for short vectors several times faster than NumPy's)."""
+    return math.sqrt(float(vector @ vector))
+
+
 def bounded_product(factors: list[float]) -> float:
     """Return the product of nonzero numbers, with the correct sign even where its size overflows or underflows.
 
@@ -246,11 +260,28 @@ def bounded_product(factors: list[float]) -> float:
     return sign * math.exp(min(max(logarithm, -_LOGARITHM), _LOGARITHM))
 
 
-def _largest(vector: NDArray[np.float64]) -> float:
-    """Return the largest absolute component (for short vectors several times faster than NumPy's)."""
-    return max(map(abs, vector.tolist()))
+def ahead(previous: BranchPoint | None, point: BranchPoint, step: float) -> list[NDArray[np.float64]]:
+    """Return guesses for the point one step ahead, best first: by the cubic through two points, by the tangent."""
+    straight = point.x + step * point.tangent
+    if previous is None:
+        return [straight]
+    length = point.arclength - previous.arclength
+    if not 0.0 < step < 3.0 * length:
+        return [straight]
+    curved = hermite(previous, point, 1.0 + step / length)
+    if length_of(curved - straight) > 0.5 * step:
+        return [straight]
+    # both guesses lie on the same plane across the tangent
+    curved += ((straight - curved) @ point.tangent) * point.tangent
+    return [curved, straight]
 
 
-def length_of(vector: NDArray[np.float64]) -> float:
-    """Return the length of a vector (for short vectors several times faster than NumPy's)."""
-    return math.sqrt(float(vector @ vector))
+def hermite(a: BranchPoint, b: BranchPoint, share: float) -> NDArray[np.float64]:
+    """Evaluate the cubic through two points with their tangents: `share` 0 is the first, 1 the second, > 1 is ahead."""
+    length, t = b.arclength - a.arclength, share
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * a.x
+        + t * (1 - t) ** 2 * length * a.tangent
+        + t * t * (3 - 2 * t) * b.x
+        + t * t * (t - 1) * length * b.tangent
+    )

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.parameter_range import Range
+from gapwalk.continuation.walk_options import Range
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.contact import DampingLaw
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.linear_part import Linear, linear_of
@@ -42,9 +41,9 @@ def _is_linear_inside_its_gaps(system: System) -> bool:
     """Return whether all stages without a clearance, if there are any, are linear springs."""
     for spring in springs_of(system):
         tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
-        if any(slope.cubic != 0.0 for slope in tight) or sum(slope.sign for slope in tight) != 0:
+        if any(slope.bends or slope.pull[0] for slope in tight) or sum(slope.sign for slope in tight) != 0:
             return False
-        if tight and spring.form.damping is not DampingLaw.NONE:
+        if tight and spring.form.law.is_damped:
             return False
     return True
 

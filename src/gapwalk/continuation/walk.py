@@ -17,11 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.corrector import TRUST, Correction, Corrector, length_of
-from gapwalk.continuation.parameter_range import Range
-from gapwalk.continuation.predictor import ahead
-from gapwalk.continuation.step_length import next_step, shorter_step
-from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
+from gapwalk.continuation.walk_options import Range, WalkOptions, next_step, shorter_step
 from gapwalk.orbit.orbit_equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
@@ -69,6 +66,11 @@ class End:
     reason: EndReason
     value: float
     detail: str = ""
+
+    @property
+    def reason_words(self) -> str:
+        """Reason with its details, as a sentence."""
+        return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
 
     def __str__(self) -> str:
         text = f"{self.reason.value}, at {self.value:.8g}"
@@ -291,8 +293,8 @@ class Walk(Iterator[BranchPoint]):
             return False
         flat = self.origin.tangent
         guess = self.point.x + along * chord
-        meeting = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
-        return meeting is not None and length_of(meeting.x - self.origin.x) < 1e-6
+        found = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
+        return found is not None and length_of(found.x - self.origin.x) < 1e-6
 
     def _closing_point(self) -> BranchPoint:
         gap = length_of(self.origin.x - self.point.x)

@@ -1,11 +1,28 @@
-"""Options of a walk: length and number of its steps."""
+"""Options of a walk: the parameter range, the number of its steps and their length.
+
+The step size is controlled after den Heijer and Rheinboldt (1981, SIAM J. Numer. Anal. 18, 925-948).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
+from annotated_types import Ge, Gt
+
+from gapwalk.continuation.corrector import Correction
 from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+
+_OWN = 12.5  # a wider range is measured near a value by this many times the size of the value
+_OCTAVES = 2.0  # change of the frequency, as a share of itself, that weighs as much as ten clearances
+_LONGEST, _SHORTEST = 2.0, 0.4  # limits of the ratio of successive steps
+_GOAL = 0.6  # share of the largest allowed turn that a step aims at
+
+# Bounds that the schema of a table knows too: it names a wrong value as it was written.
+_Positive = Annotated[float, Gt(0)]
+_AtLeastTwo = Annotated[int, Ge(2)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +43,13 @@ class WalkOptions:
         Number of points after which the walk stops and reports that limit.
     """
 
-    initial_step: float = 0.002
+    initial_step: _Positive = 0.002
     # not compared: it changes no point of a walk, so a walk begun with another value can be resumed
-    smallest_step: float = field(default=1e-13, compare=False)
-    largest_step: float = 0.01
-    largest_turn: float = 0.35
-    iterations: int = 3
-    max_points: int = 20_000
+    smallest_step: _Positive = field(default=1e-13, compare=False)
+    largest_step: _Positive = 0.01
+    largest_turn: _Positive = 0.35
+    iterations: _AtLeastTwo = 3
+    max_points: _AtLeastTwo = 20_000
 
     def __post_init__(self) -> None:
         for name in ("initial_step", "smallest_step", "largest_step", "largest_turn"):
@@ -53,3 +70,94 @@ class WalkOptions:
     def first_step(self) -> float:
         """First step of a walk, clipped to the limits."""
         return min(max(self.initial_step, self.smallest_step), self.largest_step)
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Range of a parameter.
+
+    Attributes
+    ----------
+    low, high
+        Its limits.
+    is_relative
+        True if the parameter is the frequency. Frequencies are compared by ratio: the response at a hundredth of the
+        frequency is no less rich, and half the frequency is equally far away everywhere.
+    natural
+        Change of any other parameter that changes the motion considerably, if known; infinite otherwise.
+    """
+
+    low: float
+    high: float
+    is_relative: bool = False
+    natural: float = math.inf
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, float) and self.low <= value <= self.high
+
+    @property
+    def width(self) -> float:
+        """Difference of the limits."""
+        return self.high - self.low
+
+    def bound(self, value: float) -> float:
+        """Return the limit of the range that a value outside it has passed."""
+        return self.low if value < self.low else self.high
+
+    def nearness(self, value: float) -> float:
+        """Return the width that counts near a value, as a share of the width of the range."""
+        size = abs(value) if self.is_relative else max(abs(value), self.natural)
+        return min(1.0, _OWN * size / self.width)
+
+    def weight(self, value: float, scale: float) -> float:
+        """Return the weight of a parameter measured in units of `scale`, near a value, relative to the unknowns.
+
+        With this weight, angles and distances do not depend on the width of the range.
+        """
+        return scale / (_OCTAVES * abs(value)) if self.is_relative and value != 0.0 else 1.0
+
+    def along(self, parameter: str, system: System) -> Range:
+        """Return this range for a parameter of a system."""
+        return replace(self, is_relative=system.structure.place(parameter) == 0)
+
+
+def check_range(start: float, to: float | tuple[float, float]) -> Range:
+    """Return the range from the start to `to`, or the range given; raise a ModelError if the start is outside it."""
+    low, high = sorted((start, to) if isinstance(to, int | float) else to)
+    if not low < high:
+        raise ModelError(f"the branch starts at {start:.10g} and should be followed to {to}: the range is empty")
+    if not low <= start <= high:
+        raise ModelError(f"the branch starts at {start:.10g}, outside the range from {low:.10g} to {high:.10g}")
+    return Range(float(low), float(high))
+
+
+def next_step(step: float, correction: Correction, turn: float, options: WalkOptions) -> float:
+    """Return the step to try after an accepted step, before it is limited to the longest step.
+
+    Two conditions limit it: the corrector should converge in `options.iterations`, and the tangent should not turn
+    too far.
+
+    For the first, Newton's errors obey ``e_(j+1) = C e_j^2``, so with ``q = C e_0`` the last of k steps is about
+    ``e_0 q^(2^(k-1) - 1)``. This gives q, and from q the initial error from which the wanted number of steps would
+    reach the same accuracy: ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
+    grows with the square of the step.
+    """
+    return step * min(_newton_factor(correction, options.iterations), _turn_factor(turn, options.largest_turn))
+
+
+def _newton_factor(correction: Correction, wanted: int) -> float:
+    taken = correction.iterations
+    if taken < 2 or correction.last <= 0.0 or correction.last >= correction.distance:
+        return _LONGEST if taken <= wanted else _SHORTEST
+    contraction = (correction.last / correction.distance) ** (1.0 / (2.0 ** (taken - 1) - 1.0))
+    growth = contraction ** (2.0 ** (taken - wanted) - 1.0)
+    return min(_LONGEST, max(_SHORTEST, math.sqrt(growth)))
+
+
+def _turn_factor(turn: float, largest: float) -> float:
+    return min(_LONGEST, max(_SHORTEST, _GOAL * largest / max(turn, 1e-12)))
+
+
+def shorter_step(step: float) -> float:
+    """Return the step to try after a failed step."""
+    return step / 3.0

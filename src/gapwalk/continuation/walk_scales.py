@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.continuation.growth import linear_growth
-from gapwalk.continuation.parameter_range import Range
+from gapwalk.continuation.walk_options import Range
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
 from gapwalk.model.system import System

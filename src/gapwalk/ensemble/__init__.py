@@ -1,7 +1,6 @@
 """The batch integrator: many motions at once, one per lane of a compiled kernel, checked against the exact flow."""
 
+from gapwalk.ensemble.batch import BatchOptions, BatchRun, BatchSurvey
 from gapwalk.ensemble.batch_flow import BatchFlow, batch_flow_of
-from gapwalk.ensemble.batch_options import BatchOptions
-from gapwalk.ensemble.batch_run import BatchRun, BatchSurvey
 
 __all__ = ["BatchFlow", "BatchOptions", "BatchRun", "BatchSurvey", "batch_flow_of"]

@@ -1,7 +1,8 @@
-"""A batch of states, each with its system."""
+"""Input and output of the batch integrator: a batch of states with their systems, options, and results."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,9 @@ from gapwalk.ensemble.scheme import Linear
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
+
+MOST_STEPS = 20_000
+"""Steps per forcing period above which the exact flow is faster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,111 @@ class Batch:
     def some(self, lanes: NDArray[np.intp]) -> Batch:
         """Select some of the states."""
         return Batch(self.states[lanes], self.systems, self.places[lanes])
+
+
+@dataclass(frozen=True, slots=True)
+class BatchOptions:
+    """Accuracy and threads of the batch integrator.
+
+    Parameters
+    ----------
+    error
+        The allowed error over one forcing period: the root mean square, over the trajectories and periods that are
+        compared with the exact flow, of the largest difference in any component of the state, in units of the largest
+        value of that component.
+    steps
+        Steps per forcing period. By default they are chosen for `error`; if given, the error is only reported.
+    sample
+        Number of trajectories that are compared with the exact flow, at several times of each run.
+    threads
+        Number of threads; by default all local cores. The result does not depend on it.
+    """
+
+    error: float = 1e-4
+    steps: int | None = None
+    sample: int = 16
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 1e-10 <= self.error <= 0.1:
+            raise ModelError(
+                f"error is {self.error}; it must be a number from 1e-10 to 0.1. For motions exact to rounding use "
+                "gapwalk.integrate"
+            )
+        for name, least, most in (("steps", 8, MOST_STEPS), ("sample", 1, 10_000), ("threads", 1, 4096)):
+            value = getattr(self, name)
+            if value is None and name != "sample":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+                raise ModelError(f"{name} is {value!r}; it must be an integer from {least} to {most}")
+
+    @property
+    def hands(self) -> int:
+        """Number of threads."""
+        if self.threads is not None:
+            return self.threads
+        if hasattr(os, "sched_getaffinity"):  # not on macOS
+            return len(os.sched_getaffinity(0))
+        return os.cpu_count() or 1
+
+
+@dataclass(frozen=True, eq=False)
+class BatchSurvey:
+    """Extremes, forces and impacts of trajectories over the last forcing periods of a run; NaN if one diverged.
+
+    Attributes
+    ----------
+    periods
+        Number of surveyed forcing periods.
+    low, high : shape (N, n)
+        Smallest and largest value of each coordinate.
+    peak_force : shape (N, contacts)
+        Largest magnitude of each contact force.
+    impacts : shape (N, contacts, 2)
+        Contacts per forcing period: entries into the innermost stage of each contact on the positive and on the
+        negative side. A contact that lasts less than a step may be missed.
+    """
+
+    periods: int
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    peak_force: NDArray[np.float64]
+    impacts: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BatchRun:
+    """Many trajectories after some forcing periods, at a stated accuracy.
+
+    Attributes
+    ----------
+    states : shape (N, 2n)
+        Positions, then velocities, at the end; NaN for trajectories that diverged.
+    ran_away : shape (N,), bool
+        True for trajectories that diverged.
+    strobes : shape (noted, N, 2n), or None
+        States every so many forcing periods, if requested.
+    survey
+        Extremes, contacts and largest forces, if requested.
+    error
+        Error over one forcing period, from comparison with the exact flow on trajectories of this run; see
+        `BatchOptions`.
+    worst
+        The largest error of a compared trajectory and period: near-grazing and unstable motions amplify it.
+    trials
+        Number of comparisons (one trajectory over one period each).
+    steps
+        Steps per forcing period.
+    """
+
+    states: NDArray[np.float64]
+    ran_away: NDArray[np.bool_]
+    strobes: NDArray[np.float64] | None
+    survey: BatchSurvey | None
+    error: float
+    worst: float
+    trials: int
+    steps: int
 
 
 def batch_of(system: System, states: ArrayLike, parameters: Mapping[str, ArrayLike]) -> Batch:

@@ -1,25 +1,48 @@
 """Source text of a kernel for one structure: straight-line code over lanes that a compiler vectorises (SIMD).
 
-Coefficients that are always zero are omitted, loops over coordinates, contacts and stages are unrolled, and there are
-no branches. Values that differ from lane to lane are arrays; values that all lanes share are scalars.
+The text depends on the form of the kernel alone (`Form`). Coefficients that are always zero are omitted, loops over
+coordinates, contacts and stages are unrolled, and there are no branches. Values that differ from lane to lane are
+arrays; values that all lanes share are scalars.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.ensemble.code_chunks import Chunk, chunks_of
-from gapwalk.ensemble.kernel_form import Form, patterns_of
-from gapwalk.ensemble.kernel_frame import FRAME, LANES
+from gapwalk.ensemble.force_source import FRAME, LANES, Chunk, ForceSource, chunks_of, total
 from gapwalk.ensemble.scheme import HISTORY, Linear, Scheme
-from gapwalk.model.coefficients import ContactSlots, StageSlots, layout_of
-from gapwalk.model.contact import DampingLaw
+from gapwalk.model.coefficients import layout_of
+from gapwalk.model.structure import Structure
 
-_TINY = "1e-300"  # keeps the inverse of a vanishing speed finite
+
+@dataclass(frozen=True)
+class Form:
+    """The data on which the source text of a kernel depends.
+
+    Parameters
+    ----------
+    structure
+        Structure of the system.
+    pattern
+        Coefficients of the flow that may differ from zero: bytes of an array of bool.
+    modal
+        True if the lanes hold modal coordinates, in pairs.
+    shared
+        True if all lanes have the same coefficients.
+    survey
+        True if extremes, contacts and largest forces are recorded.
+    """
+
+    structure: Structure
+    pattern: bytes
+    modal: bool
+    shared: bool
+    survey: bool
 
 
 class Source:
@@ -126,7 +149,7 @@ class Source:
         size = 2 * self.n
         yield from ([f"u{i} = {self._drift(i)}"] for i in range(size))
         yield from ([*self._forecast(k), *self._force(k)] for k in range(self.contacts))
-        kicks = [f"y{i} = {_sum([f'u{i}', *self._kick(i)])}" for i in range(size)]
+        kicks = [f"y{i} = {total([f'u{i}', *self._kick(i)])}" for i in range(size)]
         stores = [f"S[{i * LANES} + l] = y{i}" for i in range(size)]
         if self.form.survey:  # it needs both the old and the new states
             yield from ([kick] for kick in kicks)
@@ -148,7 +171,7 @@ class Source:
             terms.append(f"t{int(self._patterns['loads'][:i].any(axis=1).sum())}")
         elif present:
             terms += [f"{self._slot('loads', i, b)} * t{b}" for b in present]
-        return _sum(terms)
+        return total(terms)
 
     def _kick(self, i: int) -> Iterable[str]:
         for k in self._present("weights", i):
@@ -157,7 +180,7 @@ class Source:
 
     def _row(self, which: int, k: int, symbol: str) -> str:
         present = np.flatnonzero(self._patterns["rows"][which, k]).tolist()
-        return _sum([f"{self._slot('rows', which, k, i)} * {symbol}{i}" for i in present])
+        return total([f"{self._slot('rows', which, k, i)} * {symbol}{i}" for i in present])
 
     def _forecast(self, k: int) -> list[str]:
         """Write the lines that predict deflection and rate of a contact at the end of the step."""
@@ -168,72 +191,13 @@ class Source:
                 for j in range(HISTORY)
                 for m in np.flatnonzero(self._patterns["forecast"][which, k]).tolist()
             ]
-            lines.append(f"{name} = {_sum([self._row(which, k, 'u'), *known])}")
+            lines.append(f"{name} = {total([self._row(which, k, 'u'), *known])}")
         return lines
 
     def _force(self, k: int) -> list[str]:
-        """Write the lines for the contact force at the end of the step.
-
-        A kink of the force between two steps causes an error of second order in the sum over steps: ``B2(s) / 2`` times
-        the jump of the slope (Euler and Maclaurin), where ``s`` is the position of the kink in the step. The bump
-        ``(1 - a)(1 - 3a) / 12``, with ``a`` the distance from the breakpoint in steps, adds up to this error over the
-        steps next to the kink and so cancels it.
-        """
-        slots, law = self.layout.contacts[k], self.form.structure.contacts[k].damping
-        lines = [
-            f"w = abs(r) * {self._slot('span')} + {_TINY}",
-            "inverse = 1.0 / w",
-            "bump = w * (1.0 / 12.0)",
-        ]
-        spring, size, touching, sides = [], [], [], set()
-        for number, (stage, folded) in enumerate(self._pieces(k)):
-            name = f"g{number}"
-            lines += self._spring(stage, name, folded)
-            if law is DampingLaw.VISCOUS and stage.sign not in sides:
-                sides |= {1, -1} if folded else {stage.sign}
-                touching.append(f"on{number}")
-                lines.append(f"on{number} = min(max(d * inverse + 0.5, 0.0), 1.0)")
-            size.append(name)
-            # the bump may be negative, so the sign is a factor
-            spring.append(f"np.copysign(1.0, x) * {name}" if folded else name if stage.sign > 0 else f"-{name}")
-        lines.append(f"g = {_sum(spring)}")
-        damping = slots.damping
-        if law is DampingLaw.NONE or damping is None or not self._active(damping):
-            return [*lines, f"f{k} = g"]
-        c = self._slot("coefficient", damping)
-        match law:
-            case DampingLaw.VISCOUS:
-                return [*lines, f"f{k} = g + {c} * r * ({_sum(touching)})"]
-            case DampingLaw.HUNT_CROSSLEY:
-                return [*lines, f"f{k} = g + {c} * r * ({_sum(size)})"]
-            case _:
-                return [*lines, f"f{k} = g + {c} * r * g"]
-
-    def _pieces(self, k: int) -> Iterable[tuple[StageSlots, bool]]:
-        """Yield the stages of a contact; a stage on both sides of a gap is folded into one, by symmetry."""
-        stages = iter(self.layout.contacts[k].stages)
-        for form in self.form.structure.contacts[k].stages:
-            mine = [next(stages) for _ in form.side.signs]
-            if len(mine) == 2 and self._active(mine[0].clearance):
-                yield mine[0], True
-            else:
-                yield from ((stage, False) for stage in mine)
-
-    def _spring(self, stage: StageSlots, name: str, folded: bool) -> list[str]:
-        x = "abs(x)" if folded else "x" if stage.sign > 0 else "-x"
-        clearance = f" - {self._slot('coefficient', stage.clearance)}" if self._active(stage.clearance) else ""
-        lines = [
-            f"d = {x}{clearance}",
-            "a = min(abs(d) * inverse, 1.0)",
-            "deep = max(d, 0.0)",
-        ]
-        terms = []
-        if self._active(stage.stiffness):
-            stiffness = self._slot("coefficient", stage.stiffness)
-            terms.append(f"{stiffness} * (deep + bump * ((1.0 - a) * (1.0 - 3.0 * a)))")
-        if self._active(stage.cubic):
-            terms.append(f"{self._slot('coefficient', stage.cubic)} * (deep * deep * deep)")
-        return [*lines, f"{name} = {_sum(terms)}"]
+        """Write the lines for the contact force at the end of the step."""
+        source = ForceSource(self.layout.contacts[k], lambda slot: self._slot("coefficient", slot), self._active)
+        return source.lines(self._slot("span"), f"f{k}")
 
     def _survey(self) -> Iterable[list[str]]:
         """Yield the lines for extremes of the coordinates, largest contact forces, and entries on each side."""
@@ -269,7 +233,8 @@ class Source:
                 f"xz = {self._row(0, k, 'z')}",
                 f"xy = {self._row(0, k, 'y')}",
             ]
-            for sign, stage in _first_stages(slots):
+            for stage in (each for each in slots.stages if each.innermost):
+                sign = stage.sign
                 clearance = self._slot("coefficient", stage.clearance) if self._active(stage.clearance) else "0.0"
                 row, dash = rows["contacts"] + 2 * k + (sign < 0), "" if sign > 0 else "-"
                 lines.append(
@@ -281,7 +246,7 @@ class Source:
         """Write a component of the state in the user's coordinates."""
         if not self.form.modal:
             return f"{symbol}{i}"
-        return _sum([f"{self._slot('basis', i, j)} * {symbol}{j}" for j in range(2 * self.n)])
+        return total([f"{self._slot('basis', i, j)} * {symbol}{j}" for j in range(2 * self.n)])
 
     def _slot(self, kind: str, *place: int) -> str:
         return f"c{self._slots.setdefault((kind, place), len(self._slots))}"
@@ -293,17 +258,23 @@ class Source:
         return bool(np.frombuffer(self.form.pattern, dtype=bool)[slot])
 
 
-def _first_stages(slots: ContactSlots) -> list[tuple[int, StageSlots]]:
-    """Return the innermost stage on each side that has one."""
-    first = {}
-    for stage in slots.stages:
-        first.setdefault(stage.sign, stage)
-    return list(first.items())
-
-
-def _sum(terms: Sequence[str]) -> str:
-    text = " + ".join(term for term in terms if term != "0.0")
-    return text.replace("+ -", "- ") or "0.0"
+def patterns_of(form: Form) -> dict[str, NDArray[np.bool_]]:
+    """Mark the entries of a scheme's arrays that may differ from zero."""
+    layout, n = layout_of(form.structure), form.structure.size
+    linear = Linear(layout, np.frombuffer(form.pattern, dtype=bool).astype(float)[None])
+    push, loads, rows = linear.push[0] != 0, linear.loads[0] != 0, linear.deflections[0] != 0
+    loads[:, 1:] |= loads[:, 1:].reshape(2 * n, -1, 2)[:, :, ::-1].reshape(2 * n, -1)  # cosine and sine mix over a step
+    reach = np.eye(2 * n, dtype=bool) | (linear.matrix[0] != 0)
+    for _ in range(2 * n):
+        reach = reach @ reach
+    patterns = {"transition": reach, "loads": reach @ loads, "weights": reach @ push, "rows": rows}
+    patterns["forecast"] = rows @ patterns["weights"]
+    if form.modal:
+        patterns["transition"] = np.kron(np.eye(n, dtype=bool), np.ones((2, 2), dtype=bool))
+        patterns["loads"] = np.broadcast_to(loads.any(axis=0), loads.shape)
+        patterns["weights"] = np.broadcast_to(push.any(axis=0), push.shape)
+        patterns["rows"] = np.broadcast_to(rows.any(axis=2, keepdims=True), rows.shape)
+    return patterns
 
 
 def _indented(lines: Iterable[str], depth: int) -> str:

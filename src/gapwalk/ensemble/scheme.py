@@ -3,7 +3,8 @@
 Over one step the linear part (stiffness, damping, mean load, harmonics) is propagated exactly by a matrix exponential.
 The contact forces enter by Duhamel's integral over a polynomial through their values at the end of the step and at
 three earlier times: an exponential Adams-Moulton method (Hochbruck and Ostermann 2010, Acta Numerica 19, 209-286), with
-the polynomial through the three earlier values as its predictor, and one evaluation of each force per step.
+the polynomial through the three earlier values as its predictor, and one evaluation of each force per step. At the
+start of a motion the forces there and at the two steps before it are computed.
 
 Method: docs/numerics/batch-integrator.md
 """
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from gapwalk.flow.forces import contact_force
 from gapwalk.model.coefficients import CoefficientLayout
 
 HISTORY = 3
@@ -193,3 +195,52 @@ def _interpolating(moments: list[NDArray[np.float64]], nodes: NDArray[np.float64
     """Compute weights of values at nodes (in steps) from integrals of powers, shape (lanes, nodes, 2n, contacts)."""
     powers = np.linalg.inv(np.vander(nodes, increasing=True))
     return np.einsum("jlzk,ji->lizk", np.array(moments), powers)
+
+
+def history_of(linear: Linear, states: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Compute the contact forces at theta = 0 and at the steps before it, shape (HISTORY, contacts, lanes).
+
+    The motion is integrated backwards by the classical Runge-Kutta method, which is accurate enough for two steps.
+
+    Parameters
+    ----------
+    linear
+        The systems, one for each state or one for all.
+    states : shape (lanes, 2n)
+        Positions, then velocities, at theta = 0.
+    steps
+        Steps per forcing period.
+    """
+    turn = -2.0 * np.pi / steps
+    h = (turn * linear.rate)[:, None]
+    forces = [contact_forces(linear, states)]
+    for number in range(HISTORY - 1):
+        theta = number * turn
+        k1 = _slopes(linear, theta, states)
+        k2 = _slopes(linear, theta + turn / 2, states + h / 2 * k1)
+        k3 = _slopes(linear, theta + turn / 2, states + h / 2 * k2)
+        k4 = _slopes(linear, theta + turn, states + h * k3)
+        states = states + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        forces.append(contact_forces(linear, states))
+    return np.array(forces).transpose(0, 2, 1)
+
+
+def contact_forces(linear: Linear, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute contact forces from their definition, shape (lanes, contacts), each lane with its own coefficients."""
+    deflections = np.einsum("lakz,lz->akl", linear.deflections, states)
+    forces = [
+        contact_force(slots, linear.coefficients, *deflections[:, k]) for k, slots in enumerate(linear.layout.contacts)
+    ]
+    return np.stack(forces, axis=1) if forces else np.zeros((len(states), 0))
+
+
+def _slopes(linear: Linear, theta: float, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compute the time derivatives of the states, shape (lanes, 2n)."""
+    angles = theta * np.array(linear.layout.orders, dtype=float)
+    basis = np.ones(linear.loads.shape[2])
+    basis[1::2], basis[2::2] = np.cos(angles), np.sin(angles)
+    return (
+        np.einsum("lij,lj->li", linear.matrix, states)
+        + np.einsum("lik,lk->li", linear.push, contact_forces(linear, states))
+        + linear.loads @ basis
+    )

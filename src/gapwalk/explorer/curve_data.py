@@ -1,4 +1,4 @@
-"""A branch or a locus as arrays for the page: any quantity over any other, stability, and special points."""
+"""Branches and loci as arrays for the page: any quantity over any other, stability, and special points."""
 
 from __future__ import annotations
 
@@ -11,29 +11,33 @@ import numpy as np
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.loci import Codim2Point, LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.explorer.page_result import Line
+from gapwalk.explorer.exploration import Line
 from gapwalk.model.system import System
 from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.style import CODIM2, symbol_style
-from gapwalk.studies.map import KINDS
 
-LABELS = ("stable", "below", "above", "pair", *(kind.value for kind in KINDS))
-"""Kinds of stability (see `Instability.label`), then kinds of loci, by the numbers that stand for them."""
+_STABILITY = ("stable", "below", "above", "pair")
+
+
+def labels() -> tuple[str, ...]:
+    """Return the kinds of stability (see `Instability.label`), then of loci; the page receives their indices."""
+    return (*_STABILITY, *Kind.with_locus())
+
 
 MEASURE = "measure:"
-"""Stands before the name of a measure that is also that of a parameter: ``mean.q1`` is a mean load by itself."""
+"""Prefix of a measure that has the name of a parameter: ``mean.q1`` alone is a mean load."""
 
 _PART = 40  # orbits of which a measure is computed at once: a click waits no longer than for these
 
 
 def measure_name(measure: str, system: System) -> str:
-    """The name by which a page asks for a measure, which is that of no parameter (see `MEASURE`)."""
+    """Return the name of a measure in requests, which differs from those of parameters (see `MEASURE`)."""
     return f"{MEASURE}{measure}" if measure in system.parameters else measure
 
 
 class Node(NamedTuple):
-    """A place on a line: the number of a point, or -1 - the number of a special point; what follows it (`LABELS`)."""
+    """Place on a line: the index of a point, or -1 - that of a special point, and the label of what follows it."""
 
     number: int
     orbit: Orbit
@@ -41,7 +45,7 @@ class Node(NamedTuple):
 
 
 def quantity(orbit: Orbit, name: str) -> float:
-    """A parameter of an orbit's system, or a measure of the orbit, by name (see `MEASURE`)."""
+    """Return a parameter of an orbit's system, or a measure of the orbit, by name (see `MEASURE`)."""
     return orbit.system[name] if name in orbit.system.parameters else orbit.measure(name.removeprefix(MEASURE))
 
 
@@ -55,7 +59,7 @@ class Quantities:
     names
         Names of parameters or measures.
     first
-        The first point that is wanted.
+        Index of the first point.
     """
 
     def __init__(self, line: Line, names: tuple[str, str], first: int = 0) -> None:
@@ -63,7 +67,7 @@ class Quantities:
         self._computed: dict[tuple[int, str], float] = {}
 
     def of(self, orbit: Orbit) -> tuple[float, float]:
-        """Those of one orbit."""
+        """Return both quantities of one orbit."""
         x, y = (self._computed.get((id(orbit), name)) for name in self.names)
         return (
             quantity(orbit, self.names[0]) if x is None else x,
@@ -71,7 +75,7 @@ class Quantities:
         )
 
     def parts(self) -> Iterator[Callable[[], None]]:
-        """What takes integrations, part by part; nothing if all is known already."""
+        """Yield the computations that need integrations, part by part."""
         orbits = [each.orbit for each in (*self.line.points[self.first :], *self.line.special_points)]
         for name in dict.fromkeys(self.names):
             missing = [orbit for orbit in orbits if not is_at_hand(orbit, name)]
@@ -83,7 +87,7 @@ class Quantities:
 
 
 def is_at_hand(orbit: Orbit, name: str) -> bool:
-    """Whether a quantity is known without an integration."""
+    """Return True if a quantity is known without an integration."""
     if name in orbit.system.parameters:
         return True
     kind, _, signal = name.removeprefix(MEASURE).partition(".")
@@ -91,18 +95,18 @@ def is_at_hand(orbit: Orbit, name: str) -> bool:
 
 
 def curve_of(wanted: Quantities) -> dict[str, Any]:
-    """The points and special points of a branch, or of a locus, in the order of the walk.
+    """Return the points and special points of a branch or a locus in the order of the walk.
 
     Parameters
     ----------
     wanted
-        Which quantities of which line, and from which point on: a branch that grows is asked for its new points only.
+        Two quantities of a line, and the first point: of a growing branch, only new points are requested.
 
     Returns
     -------
     dict
         ``x``, ``y`` (float64), ``node`` (int32: the number of a point, or -1 - the number of a special point), and
-        ``label`` (uint8: the place in `LABELS` of what follows), each in base64, little-endian; ``count``, the points
+        ``label`` (uint8: the place in `labels` of what follows), each in base64, little-endian; ``count``, the points
         of the line; and ``special``, all its special points.
     """
     line = wanted.line
@@ -127,9 +131,9 @@ def nodes_of(
     first: int = 0,
     kind: Kind | None = None,
 ) -> list[Node]:
-    """The points and special points of a line in the order of the walk, from the point numbered `first` on.
+    """Return the points and special points of a line in the order of the walk, from the point of index `first` on.
 
-    The kind is what happens on a locus; None for a branch.
+    `kind` is the kind of a locus; None for a branch.
     """
     begin = points[first].arclength if first and first < len(points) else -np.inf
     nodes = [
@@ -145,17 +149,17 @@ def nodes_of(
 
 
 def _label(each: BranchPoint | SpecialPoint | LocusPoint | Codim2Point, kind: Kind | None) -> int:
-    """What the line looks like from a point on: how stable its motions are; what happens on a locus."""
+    """Return the label of the line from a point on: the stability of its motions, or the kind of a locus."""
     if isinstance(each, BranchPoint):
-        return LABELS.index(each.instability.label)
+        return _STABILITY.index(each.instability.label)
     if isinstance(each, SpecialPoint):
-        return LABELS.index(each.after.label)
+        return _STABILITY.index(each.after.label)
     assert kind is not None  # these lie on loci
-    return LABELS.index(kind.value)
+    return labels().index(kind.value)
 
 
 def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
-    """What a page says of a special point."""
+    """Describe a special point for the page."""
     if isinstance(special, Codim2Point):
         return _codim2(special)
     style, multiplier = symbol_style(special.kind), special.multiplier
@@ -169,7 +173,7 @@ def special_words(special: SpecialPoint | Codim2Point) -> dict[str, Any]:
         "nature": special.nature_words,
         "contact": special.contact,
         "multiplier": None if np.isnan(multiplier) else [multiplier.real, multiplier.imag],
-        "has_locus": special.kind in KINDS,
+        "has_locus": not special.kind.no_locus,
         "switches": special.kind.ways > 0,
     }
 

@@ -1,29 +1,133 @@
-"""Tells pages that something has changed: server-sent events, four a second at most."""
+"""Progress of jobs, and the pages that receive it as server-sent events, at most four per second."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
+from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
-from gapwalk.explorer.news import SECONDS
+from gapwalk.studies.map import Map, Section
 
-_PAGES = 16  # that listen at once
-_LOOK = 1.0  # seconds between two looks at the files, which others change
-_ALIVE = 15.0  # seconds after which a word is sent in any case, so that a page that has gone is noticed
+SECONDS = 0.25
+"""Time between two reports of progress; more reports would only cost time in the page."""
+
+
+Step = tuple[BranchPoint | LocusPoint, Sequence[SpecialPoint | Codim2Point]]
+"""A point, and the special points before it."""
+
+
+class NamedLocus(NamedTuple):
+    """A finished locus and its name."""
+
+    name: str
+    locus: Locus
+
+
+@dataclass
+class Progress:
+    """Progress since the last report.
+
+    Parameters
+    ----------
+    steps
+        Points of the branch or the locus under way, each with the special points before it.
+    kind, second
+        Kind of the locus under way, and its second parameter; None and empty for a branch.
+    members, loci
+        Finished branches and loci.
+    done, total
+        Finished parts of work without branches, such as a search, and all parts.
+    """
+
+    steps: list[Step] = field(default_factory=list)
+    kind: Kind | None = None
+    second: str = ""
+    members: list[DiagramBranch] = field(default_factory=list)
+    loci: list[NamedLocus] = field(default_factory=list)
+    done: int = 0
+    total: int = 0
+
+    def add(self, more: Progress) -> None:
+        """Add later progress."""
+        for name in ("steps", "members", "loci"):
+            getattr(self, name).extend(getattr(more, name))
+        self.kind, self.second = more.kind or self.kind, more.second or self.second
+        if more.total:
+            self.done, self.total = more.done, more.total
+
+
+class News:
+    """Collector of progress, which reports it from time to time.
+
+    Parameters
+    ----------
+    report
+        Function that receives the progress.
+    """
+
+    def __init__(self, report: Callable[[Progress], object]) -> None:
+        self._report, self._progress, self._reported = report, Progress(), 0.0
+
+    def point(self, point: BranchPoint | LocusPoint, special_points: list[Any]) -> None:
+        """Add a new point of the branch or locus under way, and the special points before it."""
+        self._progress.steps.append((point, special_points))
+        self._report_if_due()
+
+    def locus(self, kind: Kind, second: str) -> None:
+        """Announce that the next points are those of a locus."""
+        self._progress.kind, self._progress.second = kind, second
+
+    def member(self, diagram: Diagram, member: DiagramBranch) -> None:
+        """Add a new branch of a diagram."""
+        self._progress.members.append(member)
+        self._report_if_due()
+
+    def chart(self, chart: Map, addition: Section | Locus) -> None:
+        """Add a new section or a new locus of a map."""
+        if isinstance(addition, Locus):
+            self._progress.loci.append(NamedLocus(chart.names[-1], addition))
+        else:
+            number = len(chart.sections)
+            self._progress.members += [DiagramBranch(f"S{number}-{name}", branch) for name, branch in addition.named]
+        self._report_if_due()
+
+    def part(self, *about: Any) -> None:
+        """Add a part of work without branches; the last argument has the number of finished parts."""
+        pace = about[-1]
+        self._progress.done, self._progress.total = getattr(pace, "done", 0), getattr(pace, "total", 0)
+        self._report_if_due()
+
+    def report(self) -> None:
+        """Report now."""
+        progress, self._progress, self._reported = self._progress, Progress(), time.monotonic()
+        self._report(progress)
+
+    def _report_if_due(self) -> None:
+        if time.monotonic() - self._reported >= SECONDS:
+            self.report()
+
+
+_PAGES = 16  # connected at the same time
+_LOOK = 1.0  # seconds between two checks of the files, which other programs may change
+_ALIVE = 15.0  # seconds after which something is sent in any case, to notice a closed page
 
 
 class Events:
-    """The pages that listen.
+    """The connected pages.
 
     Parameters
     ----------
     state
-        What to tell them: called when something has changed.
+        Function that returns what the pages receive; called after a change.
     """
 
     def __init__(self, state: Callable[[], Any]) -> None:
@@ -33,18 +137,18 @@ class Events:
         self.closing = False
 
     def changed(self) -> None:
-        """Say, from any thread, that something has changed."""
+        """Announce a change; may be called from any thread."""
         loop = self._loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(self._wake)
 
     def join(self) -> asyncio.Event:
-        """A place for one page more, taken at once: of several pages that come together, none too many gets one.
+        """Take a place for one more page, at once, so that pages that come together do not exceed the limit.
 
         Raises
         ------
         ModelError
-            If there is none.
+            If all places are taken.
         """
         if len(self._pages) >= _PAGES:
             raise ModelError(f"{_PAGES} pages are open on this server; close some of them")
@@ -54,27 +158,27 @@ class Events:
         return page
 
     def leave(self, page: asyncio.Event) -> None:
-        """Give its place back."""
+        """Give back the place of a page."""
         self._pages.discard(page)
 
     async def listen(self, page: asyncio.Event) -> AsyncIterator[str]:
-        """The events for one page, until it goes."""
-        told, told_at = None, 0.0
+        """Yield the events for one page until it is closed."""
+        sent, sent_at = None, 0.0
         while not self.closing:
             state = json.dumps(await asyncio.to_thread(self._state))
-            if state != told:
+            if state != sent:
                 yield f"data: {state}\n\n"
-                told, told_at = state, time.monotonic()
-            elif time.monotonic() - told_at > _ALIVE:  # a word in between shows whether the page is still there
+                sent, sent_at = state, time.monotonic()
+            elif time.monotonic() - sent_at > _ALIVE:
                 yield ": alive\n\n"
-                told_at = time.monotonic()
+                sent_at = time.monotonic()
             await asyncio.sleep(SECONDS)
             with suppress(TimeoutError):
                 await asyncio.wait_for(page.wait(), _LOOK)
             page.clear()
 
     def close(self) -> None:
-        """Let all pages go."""
+        """Close the streams of all pages."""
         self.closing = True
         self.changed()
 

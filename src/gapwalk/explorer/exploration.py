@@ -1,35 +1,222 @@
-"""What is on the page: the file that was opened, and the results of its exploration. It is kept on the server."""
+"""Files and results on the page, as the server keeps them: the opened file, and the results computed from it."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
-from gapwalk.attractors.settled import Settled
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.attractors.attractor import Settled
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.loci import Codim2Point, Locus, LocusPoint
+from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import GapwalkError, ModelError, StoreError
-from gapwalk.explorer.action import Action, Compute, Place, plain_action, read_action
-from gapwalk.explorer.mark import mark_of
-from gapwalk.explorer.news import Progress
-from gapwalk.explorer.page_result import Entry, Line, State
-from gapwalk.explorer.plan import plan, word_of
-from gapwalk.explorer.task import Task
-from gapwalk.explorer.workspace import RESULT, Workspace, read_records, write_record
-from gapwalk.model.large_files import matrix_paths
+from gapwalk.explorer.events import Progress
+from gapwalk.explorer.plan import Action, Compute, Place, plain_action, plan, read_action
+from gapwalk.explorer.tasks import Task
+from gapwalk.explorer.workspace import RESULT, Workspace, mark_of, read_records, write_record
+from gapwalk.model.model_file import matrix_paths
 from gapwalk.model.model_source import read_source
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.result_file import tidy
-from gapwalk.studies.file import Study, check_studies
 from gapwalk.studies.load import load_result
+from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.result import Result
+from gapwalk.studies.study_file import Study, check_studies
+
+_NOWHERE = (0.0, 0.0)  # range of an unfinished branch, from which no other can start yet
+
+
+class State(StrEnum):
+    """State of a job."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    PAUSED = "paused"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+    @property
+    def is_over(self) -> bool:
+        """True if the job has ended."""
+        return self in (State.DONE, State.STOPPED, State.FAILED)
+
+
+class Line(NamedTuple):
+    """A branch or a locus, as the page shows it.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    parameter
+        Parameter of the branch; of a locus, the first one.
+    within
+        Range of the parameter.
+    period
+        m, forcing periods of its orbits.
+    points, special_points
+        Its points so far, and its special points; of a locus, the points of codimension two.
+    kind
+        Kind of the special points of a locus; None for a branch.
+    second
+        The second parameter of a locus; otherwise empty.
+    """
+
+    name: str
+    parameter: str
+    within: tuple[float, float]
+    period: int
+    points: Sequence[BranchPoint | LocusPoint]
+    special_points: Sequence[SpecialPoint | Codim2Point]
+    kind: Kind | None = None
+    second: str = ""
+
+
+@dataclass
+class Entry:
+    """A result, while it is computed and afterwards.
+
+    Attributes
+    ----------
+    key
+        Its name in requests: the name of its file without the ending; empty for the file that was opened.
+    title
+        Its title on the page.
+    path
+        The result file.
+    action
+        The request; None for a result that was opened.
+    state, message
+        State of its job, and a remark.
+    result
+        Content of the file, after the end of the job.
+    live
+        Progress reported so far.
+    version
+        Counter of changes.
+    model
+        The mark of the model file that it was computed from; see `gapwalk.explorer.workspace`.
+    """
+
+    key: str
+    title: str
+    path: Path
+    action: Action | None = None
+    state: State = State.DONE
+    message: str = ""
+    result: Result | None = None
+    live: Progress = field(default_factory=Progress)
+    version: int = 0
+    model: str = ""
+
+    @property
+    def can_resume(self) -> bool:
+        """True if the job was stopped before its end, so that it can be resumed."""
+        begun = self.action is not None and self.state is State.STOPPED
+        return begun and (self.result is None or not self.result.complete)
+
+    def hear(self, news: Progress) -> None:
+        """Add new progress."""
+        self.live.add(news)
+        self.version += 1
+
+    def lines(self) -> list[Line]:
+        """Return its branches, then its loci, as the page shows them."""
+        if self.result is None:
+            found = [_line(member.name, member.branch, _NOWHERE) for member in self.live.members]
+            loci = [_locus(name, locus, _NOWHERE) for name, locus in self.live.loci]
+            return [*found, *loci, *_growing(self.live)]
+        if not isinstance(self.result.options, BranchOptions):
+            return []
+        walked, chart = self.result.walked, self.result.map
+        within = (min(walked.begin, walked.end), max(walked.begin, walked.end))
+        found = [_line(*each, within) for each in zip(self.result.names, self.result.branches, strict=True)]
+        if chart is not None:
+            found += [_locus(name, locus, within) for name, locus in zip(chart.names, chart.loci, strict=True)]
+        return found
+
+    @property
+    def saves(self) -> list[str]:
+        """Formats in which it can be saved after its end; a search that has found nothing has no table."""
+        if not self.state.is_over or self.state is State.FAILED:
+            return []
+        settled, finding = self.settled(), self.result.finding if self.result else None
+        has_orbit = bool(self.lines()) or (settled is not None and settled.orbit is not None)
+        has_table = has_orbit or (finding is not None and finding.record is not None)
+        there = {"table": has_table, "script": True, "model": has_orbit, "result": self.result is not None}
+        return [word for word, is_there in there.items() if is_there]
+
+    def settled(self) -> Settled | None:
+        """Return the settled motion, if the request was for one."""
+        record = None if self.result is None or self.result.finding is None else self.result.finding.record
+        return record if isinstance(record, Settled) else None
+
+    def motion(self, place: Place) -> Orbit | Settled:
+        """Return the orbit at a place, or the settled motion.
+
+        Raises
+        ------
+        ModelError
+            If there is no such place.
+        """
+        settled = self.settled()
+        if settled is not None:
+            return settled
+        lines = self.lines()
+        if place.branch < len(lines):
+            line = lines[place.branch]
+            kinds = ((place.point, line.points), (place.special, line.special_points))
+            for number, places in kinds:
+                if number is not None and number < len(places):
+                    return places[number].orbit
+        raise ModelError(f"{self.title} has no such point any more; reload the page")
+
+    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
+        """Return the special point at a place, and its branch; errors as in `motion`."""
+        lines = self.lines()
+        if place.branch < len(lines) and place.special is not None:
+            line = lines[place.branch]
+            if line.kind is not None:
+                raise ModelError("choose a special point of a branch; this is a point of a locus")
+            if place.special < len(line.special_points):
+                special = line.special_points[place.special]
+                assert isinstance(special, SpecialPoint)  # it is no locus
+                return line, special
+        raise ModelError(f"{self.title} has no such special point any more; reload the page")
+
+
+def _line(name: str, branch: Branch, within: tuple[float, float]) -> Line:
+    return Line(name, branch.parameter, within, branch.period, branch.points, branch.special_points)
+
+
+def _locus(name: str, locus: Locus, within: tuple[float, float]) -> Line:
+    points = locus.points, locus.codim2_points
+    return Line(name, locus.first, within, locus.period, *points, kind=locus.kind, second=locus.second)
+
+
+def _growing(live: Progress) -> Iterator[Line]:
+    """Yield the branch or locus under way: a line for each of its directions from the start."""
+    lengths = [point.arclength for point, _ in live.steps]
+    turns = [i for i in range(1, len(lengths)) if lengths[i] < lengths[i - 1]]
+    for start, stop in pairwise([0, *turns, len(lengths)]):
+        steps = live.steps[start:stop]
+        if steps:
+            points, special = [point for point, _ in steps], [each for _, found in steps for each in found]
+            period = points[0].orbit.period
+            name = f"P{period}-1" if live.kind is None else f"{live.kind.value}-1"
+            yield Line(name, "", _NOWHERE, period, points, special, live.kind, live.second)
 
 
 class Exploration:
-    """A model file or a result, and all that has been computed from it.
+    """A model file or a result, and the results computed from it.
 
     Parameters
     ----------
@@ -41,7 +228,7 @@ class Exploration:
     Raises
     ------
     ModelError
-        If there is no such file, or it is no model and no result.
+        If there is no such file, or it is neither a model nor a result.
     """
 
     def __init__(self, workspace: Workspace, name: str) -> None:
@@ -58,38 +245,38 @@ class Exploration:
             raise ModelError(self.problem)
 
     def refresh(self) -> None:
-        """Read the file again if it has been changed; results stay, and what is wrong becomes the `problem`."""
+        """Read the file again if it has changed; results stay, and its errors become the `problem`."""
         if self.stamp() != " ".join(self._stamps.values()):
             self._read_file()
 
     def stamp(self) -> str:
-        """What tells the file, and the matrices beside it, from what they were before."""
+        """Return times and sizes of the file and of its matrix files, to notice changes."""
         return " ".join(map(_stamp, self._stamps))
 
     @property
     def model(self) -> str:
-        """The mark of the model as it stands in the file, or of the last good one; empty if there was none."""
+        """Mark of the model in the file, or of the last valid one; empty if there was none."""
         return mark_of(self.studies[0]) if self.studies else ""
 
     def described(self) -> Study | None:
-        """What tells the names of parameters and measures: the file; while it is wrong, what was computed from it."""
+        """Return a study of the file; while the file has errors, that of the last result."""
         with self.guard:
             known = [entry.result.study for entry in self.entries.values() if entry.result is not None]
         return next(iter((*self.studies, *reversed(known))), None)
 
     def is_idle(self) -> bool:
-        """Whether nothing is being computed for it."""
+        """Return True if none of its jobs is waiting or running."""
         with self.guard:
             return all(entry.state.is_over for entry in self.entries.values())
 
     def base(self) -> Study:
-        """The first study of the file that was opened; a ModelError while there is something wrong with it."""
+        """Return the first study of the file; raise a ModelError while the file has errors."""
         if self.problem:
             raise ModelError(self.problem)
         return self.studies[0]
 
     def study(self, name: str, values: Mapping[str, float]) -> Study:
-        """A study of the file that was opened, with other values; a ModelError if there is none of that name."""
+        """Return a study of the file with changed values; raise a ModelError if there is none of that name."""
         if self.file.suffix == RESULT:
             study = self.base()
             return replace(study, system=study.system.at(dict(values)))
@@ -101,44 +288,46 @@ class Exploration:
         return studies[name]
 
     def entry(self, key: str) -> Entry:
-        """A result by its key; a ModelError if there is none."""
+        """Return a result by its key; raise a ModelError if there is none."""
         with self.guard:
             if key not in self.entries:
                 raise ModelError(f"there is no result {key[:100]!r} on this page; reload it")
             return self.entries[key]
 
     def motion(self, place: Place) -> Orbit | Settled:
-        """The motion at a place; a ModelError if there is none."""
+        """Return the motion at a place; raise a ModelError if there is none."""
         with self.guard:
             return self.entry(place.result).motion(place)
 
     def special(self, place: Place) -> tuple[Line, SpecialPoint]:
-        """The special point at a place, and its branch; a ModelError if there is none."""
+        """Return the special point at a place, and its branch; raise a ModelError if there is none."""
         with self.guard:
             return self.entry(place.result).special(place)
 
     def origin(self, place: Place) -> Study:
-        """The study of the result at a place: the file may have been edited since."""
+        """Return the study of the result at a place, which may differ from the file after an edit."""
         result = self.entry(place.result).result
         return self.base() if result is None else result.study
 
     def branches(self, key: str) -> tuple[Branch, ...]:
-        """The branches of a result; none while it is computed. A ModelError if there is no such result."""
+        """Return the branches of a result, none while it is computed; raise a ModelError if there is no such result."""
         with self.guard:
             result = self.entry(key).result
             return () if result is None else result.branches
 
     def prepare(self, action: Action) -> tuple[Entry, Task]:
-        """A new entry for an action, and the task that fills it; its result file has a name of its own.
+        """Return a new entry for an action, and the task that computes it, with a result file of its own.
 
         Raises
         ------
         ModelError
-            If the action makes no sense, or nothing can be written.
+            If the action is not possible.
+        StoreError
+            If no file can be written.
         """
         self._refuse_unfinished(action)
         title, task = plan(action, self)
-        output = self.workspace.claim(self.file, word_of(action))
+        output = self.workspace.claim(self.file, action.do)
         write_record(output, {"title": title, "action": plain_action(action), "model": mark_of(task.study)})
         entry = Entry(output.stem, title, output, action, State.QUEUED, model=mark_of(task.study))
         with self.guard:
@@ -146,7 +335,7 @@ class Exploration:
         return entry, replace(task, output=output)
 
     def read(self, entry: Entry) -> None:
-        """Read the result of an entry that is over, if there is one; what is wrong with it becomes its message."""
+        """Read the result file of an entry after its end, if there is one; errors become its message."""
         if not entry.path.exists():
             return
         try:
@@ -162,14 +351,14 @@ class Exploration:
             entry.version += 1
 
     def _refuse_unfinished(self, action: Action) -> None:
-        """Points of a branch that is still being walked may have other numbers in the end."""
+        """Raise a ModelError if an action starts from an unfinished result, whose points may be renumbered."""
         start = getattr(action, "start", None)
         needed = [*([] if start is None else [start.result]), *getattr(action, "known", [])]
         if not all(self.entry(key).state.is_over for key in needed):
-            raise ModelError("this result is still being computed; wait for its end, or stop it, and ask again")
+            raise ModelError("this result is still being computed; wait for its end or stop it, then try again")
 
     def _read_file(self) -> None:
-        """Read the studies of the file, or what is wrong with it; the last good ones are kept."""
+        """Read the studies of the file, or its errors; after an error the last valid studies stay."""
         self._stamps = {path: _stamp(path) for path in self._stamps}
         try:
             self.studies, self.problem = self._open(), ""
@@ -204,24 +393,27 @@ class Exploration:
                     entry.model = mark_of(entry.result.study)
                 if entry.result is not None and not entry.result.complete:
                     entry.state = State.STOPPED
-                elif entry.result is not None:  # nobody goes on with it, so nobody else would tidy up after a kill
+                elif entry.result is not None:  # it will not be resumed, so this is the time to tidy up after a kill
                     with suppress(StoreError):
                         tidy(path)
 
     def resumed(self, entry: Entry) -> Task:
-        """The task that goes on with a result that was stopped; one that had found nothing begins again.
+        """Return the task that continues a stopped result; one that had found nothing begins again.
 
         Raises
         ------
         ModelError
-            If there is nothing to go on with.
+            If the result is complete.
         """
-        if entry.action is None or not entry.can_go_on:
-            raise ModelError(f"{entry.title} has come to its end; there is nothing to go on with")
+        if entry.action is None or not entry.can_resume:
+            raise ModelError(f"{entry.title} is complete; there is nothing to resume")
         self._refuse_unfinished(entry.action)
-        task = _task_of(entry.action, entry.result, self)
+        if isinstance(entry.action, Compute) and entry.result is not None:
+            task = Task(entry.result.study, Path())
+        else:
+            task = plan(entry.action, self)[1]
         with self.guard:
-            # the file may have been changed since; what was begun is what is gone on with
+            # the file may have changed since then; a resumed job keeps the study with which it began
             study = task.study if entry.result is None else entry.result.study
             entry.result, entry.state, entry.message = None, State.QUEUED, ""
             entry.live = Progress()
@@ -230,23 +422,16 @@ class Exploration:
 
 
 def _stamp(path: str) -> str:
-    """What tells a file from what it was before; zeros if there is none."""
+    """Return time and size of a file, to notice changes; zeros if there is no file."""
     try:
         found = os.stat(path)
-    except (OSError, ValueError):  # a ValueError is a NUL in the name
+    except (OSError, ValueError):  # a ValueError for a NUL in the name
         return "0-0"
     return f"{found.st_mtime_ns}-{found.st_size}"
 
 
-def _task_of(action: Action, result: Result | None, exploration: Exploration) -> Task:
-    """The task of an action; of a study that has been begun, whatever the file says now."""
-    if isinstance(action, Compute) and result is not None:
-        return Task(result.study, Path())
-    return plan(action, exploration)[1]
-
-
 def _ends(entry: Entry) -> str:
-    """How the one branch or locus of a result ends, or what a search has covered."""
+    """Return how the only branch or locus of a result ends, or what a search has covered."""
     result = entry.result
     if result is None:
         return ""

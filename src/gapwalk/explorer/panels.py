@@ -1,23 +1,31 @@
-"""One motion for the page: histories, contact loops, contact log, spectrum, section, multipliers, moving bodies."""
+"""Panels of one motion: histories, contact loops, contact log, spectrum, section, multipliers, moving bodies.
+
+They are computed in one thread of the server; of several clicks only the last one is answered.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import asyncio
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.section import strobe
-from gapwalk.attractors.settled import Settled
 from gapwalk.attractors.spectrum import spectrum
+from gapwalk.errors import GapwalkError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.flow.motion import Motion, force_of, signal_names
+from gapwalk.flow.motion import Motion, force_of, integrate, signal_names, train_signals
 from gapwalk.flow.signal import contact_to_show
-from gapwalk.flow.train_motion import train_signals
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.system import System
+from gapwalk.model.words import order_words
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.plot.words import order_words
 
 _COORDINATES = 12  # whose histories are sent; a page shows no more
 _LOG = 200  # entries of the contact log
@@ -28,12 +36,12 @@ _STROBES = 400  # of a motion without period
 
 
 def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dict[str, Any]:
-    """Everything that the page shows of a motion but its spectrum and its section (see `details_of`).
+    """Return all panels of a motion except its spectrum and its section (see `details_of`).
 
     Parameters
     ----------
     motion
-        An orbit, or where a motion has settled.
+        An orbit or a settled motion.
     signal
         The signal whose history is shown; its coordinate, if it has one, is that of the phase portrait.
     most
@@ -64,7 +72,7 @@ def panels_of(motion: Orbit | Settled, signal: str, most: int = _SAMPLES) -> dic
 
 
 def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
-    """Spectrum and section of a motion."""
+    """Return spectrum and section of a motion."""
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     lines = spectrum(orbit or motion, signal)
     base = signal.rstrip("'")
@@ -81,7 +89,7 @@ def details_of(motion: Orbit | Settled, signal: str) -> dict[str, Any]:
 
 
 def check_signal(system: System, name: str) -> str:
-    """A signal of the system, or its first coordinate if there is none of that name."""
+    """Return a signal of the system, or its first coordinate if there is none of that name."""
     return name if name in signal_names(system) else system.coordinates[0]
 
 
@@ -100,7 +108,7 @@ def _text(motion: Orbit | Settled) -> str:
 
 
 def _contacts(sampled: Motion, signal: str) -> dict[str, Any]:
-    """The first contacts with the one that is shown by default, and the place of that one among them."""
+    """Return the first contacts and the one that is shown by default, with its index."""
     system, forms = sampled.system, sampled.system.structure.contacts
     if not forms:
         return {"contacts": [], "shown": None}
@@ -138,7 +146,7 @@ def _log(sampled: Motion) -> list[dict[str, Any]]:
 
 
 def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
-    """What moves: the inertias of a train by their angles, else the coordinates."""
+    """Return the moving bodies: the inertias of a train by their angles, otherwise the coordinates."""
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
         names, moved = assembly.form.inertias, sampled.q @ np.asarray(assembly.angles(system.values), dtype=float).T
@@ -150,5 +158,73 @@ def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
 
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:
-    """Seven digits: what a screen can show."""
+    """Round to the seven digits that a screen can show."""
     return [float(f"{value:.7g}") for value in values.tolist()]
+
+
+T = TypeVar("T")
+
+_TABS = 1000  # whose last clicks are remembered
+
+
+class SupersededError(Exception):
+    """Error: a newer click in the same tab has replaced the request."""
+
+
+def _warm(system: System) -> None:
+    from scipy import signal  # the windows of spectra: a second
+
+    del signal
+    with suppress(GapwalkError):
+        integrate(system, np.zeros(2 * system.size))
+
+
+class Flows:
+    """Thread for work with compiled equations of motion: one call after the other, as parallel calls are not faster."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="gapwalk-flows")
+        self._last: dict[str, int] = {}
+        self._guard = threading.Lock()
+        self._behind = asyncio.Lock()
+
+    def warm(self, system: System) -> None:
+        """Load and compile in advance what the first click on an orbit needs."""
+        self._thread.submit(_warm, system)
+
+    async def do(self, call: Callable[[], T]) -> T:
+        """Return the value of a call."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, call)
+
+    async def do_behind(self, parts: Iterable[Callable[[], object]]) -> None:
+        """Do work of low priority, part by part; a click waits for one part at most."""
+        async with self._behind:
+            for part in parts:
+                await self.do(part)
+
+    async def do_last(self, tab: str, parts: list[Callable[[], T]]) -> list[T]:
+        """Return the values of calls, made one after the other, unless the same tab sends a newer request.
+
+        Raises
+        ------
+        SupersededError
+            After a newer request.
+        """
+        with self._guard:
+            number = self._last.get(tab, 0) + 1
+            if len(self._last) > _TABS:
+                self._last.clear()
+            self._last[tab] = number
+        found = []
+        for part in parts:
+            found.append(await self.do(lambda part=part: self._unless_old(tab, number, part)))
+        return found
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.shutdown(wait=True, cancel_futures=True)
+
+    def _unless_old(self, tab: str, number: int, part: Callable[[], T]) -> T:
+        if self._last.get(tab) != number:
+            raise SupersededError
+        return part()

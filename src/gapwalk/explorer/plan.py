@@ -1,71 +1,191 @@
-"""From an action to the task that answers it: which study of which system, and what the result is called."""
+"""Requests of a page, and the task that each one becomes: a study of a system, with the title of its result."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol
 
-from gapwalk.attractors.settled import Settled
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from gapwalk.attractors.attractor import Settled
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.continuation.parameter_range import check_range
+from gapwalk.continuation.walk_options import check_range
 from gapwalk.errors import ModelError
-from gapwalk.explorer.action import Action, Compute, FollowLocus, Place, Search, Settle, Switch, Walk
-from gapwalk.explorer.follow_ups import LocusFollowUp, SearchFollowUp, SwitchFollowUp
-from gapwalk.explorer.page_result import Line
-from gapwalk.explorer.task import Task
+from gapwalk.explorer.tasks import LocusFollowUp, SearchFollowUp, SwitchFollowUp, Task
 from gapwalk.model.system import System
+from gapwalk.model.words import pace_words, parameter_symbol
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.plot.words import pace_words, parameter_symbol
-from gapwalk.studies.file import Study
-from gapwalk.studies.map import KINDS
-from gapwalk.studies.options import (
-    BranchOptions,
-    DiagramStudyOptions,
-    MapStudyOptions,
-    ResponseOptions,
-    SecondParameter,
-)
-from gapwalk.studies.settle.study_options import SettleStudyOptions
+from gapwalk.studies.diagram_study import DiagramStudyOptions
+from gapwalk.studies.map_study import MapStudyOptions
+from gapwalk.studies.options import BranchOptions, SecondParameter
+from gapwalk.studies.response_study import ResponseOptions
+from gapwalk.studies.settle_study import SettleStudyOptions
+from gapwalk.studies.study_file import Study
+
+if TYPE_CHECKING:
+    from gapwalk.explorer.exploration import Line
 
 
-class Shown(Protocol):
-    """What a plan asks of what is on the page."""
-
-    def motion(self, place: Place) -> Orbit | Settled:
-        """The motion at a place."""
-        ...
-
-    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
-        """The special point at a place, and its branch."""
-        ...
-
-    def branches(self, key: str) -> tuple[Branch, ...]:
-        """The branches of a result."""
-        ...
-
-    def study(self, name: str, values: Mapping[str, float]) -> Study:
-        """A study of the file that was opened, with other values."""
-        ...
-
-    def base(self) -> Study:
-        """The first study of the file that was opened."""
-        ...
-
-    def origin(self, place: Place) -> Study:
-        """The study of the result at a place."""
-        ...
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Values = Annotated[dict[Name, Number], Field(max_length=1000)]
 
 
-def plan(action: Action, shown: Shown) -> tuple[str, Task]:
-    """The title of what an action asks for, and the task without its output.
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Place(_Part):
+    """An orbit on the page: a point or a special point of a branch, or a settled motion.
+
+    Parameters
+    ----------
+    result
+        Key of the result; empty for the one that was opened.
+    branch
+        Index of the branch.
+    point, special
+        Index of the point or the special point of the branch; both None for a settled motion.
+    """
+
+    result: Annotated[str, Field(max_length=100)] = ""
+    branch: Annotated[int, Field(ge=0)] = 0
+    point: Annotated[int, Field(ge=0)] | None = None
+    special: Annotated[int, Field(ge=0)] | None = None
+
+
+class Compute(_Part):
+    """Run a study of the model file, with changed values if any are given."""
+
+    do: Literal["compute"]
+    study: Annotated[str, Field(max_length=200)] = ""
+    values: Values = {}
+
+
+class Walk(_Part):
+    """Follow the branch from an orbit along any parameter to a value."""
+
+    do: Literal["walk"]
+    start: Place
+    parameter: Name
+    to: Number
+
+
+class Switch(_Part):
+    """Follow the branches that begin or cross at a special point, between two values of the parameter of its branch."""
+
+    do: Literal["switch"]
+    start: Place
+    low: Number
+    high: Number
+
+
+class Search(_Part):
+    """Search for isolated branches: motions connected to no known branch, between two values of a parameter.
+
+    Parameters
+    ----------
+    start
+        A motion of the system to search; None for the system of the file that was opened.
+    parameter, low, high
+        Name of the parameter, and its range.
+    count
+        Number of parameter values at which to search.
+    known
+        Keys of the results whose branches are known.
+    """
+
+    do: Literal["search"]
+    start: Place | None = None
+    parameter: Name
+    low: Number
+    high: Number
+    count: Annotated[int, Field(ge=1, le=3000)] = 60
+    known: Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=500)] = []
+
+
+class FollowLocus(_Part):
+    """Follow a special point in two parameters: that of its branch, between two values, and a second one."""
+
+    do: Literal["locus"]
+    start: Place
+    low: Number
+    high: Number
+    second: Name
+    second_low: Number
+    second_high: Number
+
+
+class Settle(_Part):
+    """Let a motion settle that begins at the state of an orbit, or from zero, with changed values if any are given."""
+
+    do: Literal["settle"]
+    start: Place | None = None
+    values: Values = {}
+
+
+Action = Compute | Walk | Switch | Search | FollowLocus | Settle
+_ACTION: TypeAdapter[Action] = TypeAdapter(Annotated[Action, Field(discriminator="do")])
+
+
+def read_action(plain: object) -> Action:
+    """Read an action from the JSON values of a request or a stored record.
 
     Raises
     ------
     ModelError
-        If it makes no sense.
+        If they are not an action; the message lists what is wrong.
+    """
+    try:
+        return _ACTION.validate_python(plain)
+    except ValidationError as error:
+        wrong = [f"{'.'.join(map(str, each['loc'][1:])) or 'the request'}: {each['msg']}" for each in error.errors()]
+        raise ModelError(f"this request is not valid: {'; '.join(wrong[:5])}") from None
+
+
+def plain_action(action: Action) -> dict[str, object]:
+    """Write an action as JSON values, which `read_action` reads."""
+    return action.model_dump(mode="json")
+
+
+class Shown(Protocol):
+    """Contents of the page, as far as a plan needs them."""
+
+    def motion(self, place: Place) -> Orbit | Settled:
+        """Return the motion at a place."""
+        ...
+
+    def special(self, place: Place) -> tuple[Line, SpecialPoint]:
+        """Return the special point at a place, and its branch."""
+        ...
+
+    def branches(self, key: str) -> tuple[Branch, ...]:
+        """Return the branches of a result."""
+        ...
+
+    def study(self, name: str, values: Mapping[str, float]) -> Study:
+        """Return a study of the file that was opened, with changed values."""
+        ...
+
+    def base(self) -> Study:
+        """Return the first study of the file that was opened."""
+        ...
+
+    def origin(self, place: Place) -> Study:
+        """Return the study of the result at a place."""
+        ...
+
+
+def plan(action: Action, shown: Shown) -> tuple[str, Task]:
+    """Return the title of the result of an action, and its task, still without a result file.
+
+    Raises
+    ------
+    ModelError
+        If the action is not possible, for example because a range is empty.
     """
     match action:
         case Compute():
@@ -85,16 +205,16 @@ def plan(action: Action, shown: Shown) -> tuple[str, Task]:
 
 
 def _changed(values: Mapping[str, float]) -> str:
-    """The first of the values that are not those of the file, for a title."""
+    """Return the first changed values, for a title."""
     shown = [f"{name} = {value:.6g}" for name, value in list(values.items())[:3]]
     more = f" and {len(values) - 3} more" if len(values) > 3 else ""
     return f", {', '.join(shown)}{more}" if shown else ""
 
 
 def known_branches(action: Search, shown: Shown, system: System) -> list[tuple[str, int]]:
-    """The branches that a search of a system need not find: those of its results along its parameter, of that system.
+    """Return the branches that a search need not find: those along its parameter that belong to the searched system.
 
-    Each by the key of its result and its number there.
+    Each is given by the key of its result and its index there.
     """
     return [
         (key, number)
@@ -105,28 +225,23 @@ def known_branches(action: Search, shown: Shown, system: System) -> list[tuple[s
 
 
 def search_system(action: Search, shown: Shown) -> System:
-    """The system that is searched."""
+    """Return the system to search."""
     return shown.base().system if action.start is None else shown.motion(action.start).system
 
 
 def _is_same_system(branch: Branch, system: System) -> bool:
-    """Whether a branch belongs to a system, whatever its value of the parameter."""
+    """Return True if a branch belongs to a system, at any value of its parameter."""
     own = branch.points[0].orbit.system
     same = system.at({branch.parameter: own[branch.parameter]})
     return own.structure == same.structure and bool((own.values == same.values).all())
 
 
-def word_of(action: Action) -> str:
-    """The word in the name of its result file."""
-    return action.do
-
-
 def orbit_at(place: Place, shown: Shown) -> Orbit:
-    """The orbit at a place; a ModelError if the motion there is not periodic."""
+    """Return the orbit at a place; raise a ModelError if the motion there is not periodic."""
     motion = shown.motion(place)
     orbit = motion if isinstance(motion, Orbit) else motion.orbit
     if orbit is None:
-        raise ModelError("this motion is not periodic, so there is no branch to walk; choose a point of a branch")
+        raise ModelError("this motion is not periodic, so no branch begins at it; choose a point of a branch")
     return orbit
 
 
@@ -154,8 +269,8 @@ def _switch(action: Switch, shown: Shown) -> tuple[str, Task]:
     parameter, orbit, origin = line.parameter, special.orbit, shown.origin(action.start)
     if not special.kind.ways:
         raise ModelError(
-            f"no other branch of periodic motions leaves a {special.kind.value}; choose a flip (PD) or a branch point "
-            "(BP)"
+            f"no other branch of periodic motions begins at a {special.kind.value}; choose a flip (PD) or a branch "
+            "point (BP)"
         )
     check_range(special.value, (action.low, action.high))
     for bound in (action.low, action.high):
@@ -178,16 +293,17 @@ def _search(action: Search, shown: Shown) -> tuple[str, Task]:
     for bound in (action.low, action.high):
         system.at({parameter: bound})
     if not action.low < action.high:
-        raise ModelError(f"the range of {parameter} is from {action.low:g} to {action.high:g}; it must go up")
+        given = f"the range of {parameter} is from {action.low:g} to {action.high:g}"
+        raise ModelError(f"{given}; its second value must be the larger one")
     known = tuple(shown.branches(key)[number] for key, number in known_branches(action, shown, system))
     origin = shown.base() if action.start is None else shown.origin(action.start)
     options = _others_options(action, system, origin)
-    title = f"others, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
+    title = f"isolated branches, {parameter_symbol(parameter)} from {action.low:.6g} to {action.high:.6g}"
     return title, Task(_study_of(system, options, title, origin), Path(), SearchFollowUp(known))
 
 
 def _others_options(action: Search, system: System, origin: Study) -> DiagramStudyOptions:
-    """As the diagram searches that it starts from, if it is one."""
+    """Return the options of a search: those of the diagram from which it starts, if it starts from one."""
     own, measure = origin.options, _measure(origin, system)
     where = (action.parameter, action.low, action.high)
     if isinstance(own, DiagramStudyOptions):
@@ -211,8 +327,8 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
     line, special = shown.special(action.start)
     first, second, system = line.parameter, action.second, special.orbit.system
     origin = shown.origin(action.start)
-    if special.kind not in KINDS:
-        raise ModelError(f"a {special.kind.value} has no locus; choose a fold, a flip, Neimark-Sacker or grazing point")
+    if special.kind.no_locus:
+        raise ModelError(special.kind.no_locus)
     if first == second:
         raise ModelError(f"choose a second parameter other than {first}: the plane of a locus has two")
     second_low, second_high = sorted((action.second_low, action.second_high))
@@ -220,7 +336,8 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
         for bound in (low, high):
             system.at({name: bound})
         if not low <= system[name] <= high or low == high:
-            raise ModelError(f"the range of {name} is from {low:g} to {high:g}; it must hold {system[name]:.8g}")
+            given = f"the range of {name} is from {low:g} to {high:g}"
+            raise ModelError(f"{given}; it must contain the value of the point, {system[name]:.8g}")
     options = MapStudyOptions(
         first,
         action.low,
@@ -239,7 +356,7 @@ def _locus(action: FollowLocus, shown: Shown) -> tuple[str, Task]:
 
 
 def locus_method(orbit: Orbit, origin: Study) -> Method:
-    """How a locus is followed from an orbit: as the orbit was found, but for shooting in one segment."""
+    """Return the method for a locus: that by which the orbit was found, but shooting in one segment."""
     return method_of(orbit, origin).for_loci()
 
 
@@ -251,13 +368,13 @@ def _settle(action: Settle, shown: Shown) -> tuple[str, Task]:
         motion, origin = shown.motion(action.start), shown.origin(action.start)
         system, start = motion.system, tuple(motion.state.tolist())
     system = system.at(dict(action.values))
-    options = SettleStudyOptions(system.coordinates[0], start)
+    options = SettleStudyOptions(signal=system.coordinates[0], start=start)
     title = f"settled at {pace_words(system)}"
     return title, Task(_study_of(system, options, title, origin), Path())
 
 
 def method_of(orbit: Orbit, origin: Study) -> Method:
-    """How to go on from an orbit of a study: as it was found."""
+    """Return the method by which an orbit of a study was found."""
     options = origin.options
     found = options.method if isinstance(options, BranchOptions) else None
     return found if found is not None and found.name == orbit.found_by else orbit.method()

@@ -1,4 +1,4 @@
-"""What stands before every request: only pages of this server may ask, and only for small things."""
+"""Checks of every request: only pages of this server may send requests, and only small ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 MAX_BODY = 64_000
-"""Bytes of a request, at most."""
+"""Largest size of a request, in bytes."""
 
 _COOKIE = "gapwalk-token"
 _HEADERS = {
@@ -29,7 +29,7 @@ Send = Callable[[Any], Awaitable[None]]
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address to listen on is reached from this machine only."""
+    """Return True if an address can be reached only from this machine."""
     if host == "localhost":
         return True
     try:
@@ -39,25 +39,25 @@ def is_loopback(host: str) -> bool:
 
 
 def new_token() -> str:
-    """A token that nobody guesses."""
+    """Return a random token."""
     return secrets.token_urlsafe(24)
 
 
 class Guard:
-    """Refuses requests that a page of this server would not make.
+    """Application that refuses requests which a page of this server would not send.
 
     - The name of the host must be this machine's loopback, so that no foreign name that points here is served
       (DNS rebinding). Where a token is set, the token says who may ask instead.
-    - The origin, if the browser tells one, must be this server itself.
-    - What changes something must be JSON: a form of a foreign page cannot send it without being asked.
+    - The origin, if the browser sends one, must be this server itself.
+    - Requests that change something must be JSON: a form of a foreign page cannot send it without a preflight request.
     - Bodies are small.
 
     Parameters
     ----------
     app
-        What is guarded.
+        The guarded application.
     token
-        If there is one, each request must bring it: once in the address (``?token=...``), then in a cookie.
+        If it is not empty, each request must carry it: once in the address (``?token=...``), then in a cookie.
     """
 
     def __init__(self, app: Callable[..., Awaitable[None]], token: str = "") -> None:
@@ -117,11 +117,11 @@ class Guard:
 
 
 class TooLargeError(Exception):
-    """A body that goes on beyond the limit."""
+    """A request body that exceeds the limit."""
 
 
 def _bounded(receive: Receive) -> Receive:
-    """The same messages, as long as their bodies are small in all: a length may be a lie, or not be told."""
+    """Return the same messages; raise an error once their bodies exceed the limit, whatever the stated length."""
     total = 0
 
     async def bounded() -> Mapping[str, Any]:
@@ -143,7 +143,7 @@ async def _refuse(send: Send, status: int, sentence: str) -> None:
 
 
 def _name_of(host: str) -> str:
-    """The name in a Host header, without its port."""
+    """Return the name in a Host header without its port."""
     if host.startswith("["):
         return host[1:].partition("]")[0]
     return host.rpartition(":")[0] if ":" in host else host
@@ -152,6 +152,6 @@ def _name_of(host: str) -> str:
 def _cookie(headers: Mapping[str, str]) -> str:
     try:
         found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
-    except Exception:  # whatever a foreign client writes
+    except Exception:  # a foreign client may send anything
         return ""
     return found.value if found else ""

@@ -1,4 +1,4 @@
-"""The Python script that repeats a result of an exploration, with every result that it goes back to."""
+"""Python script that computes a result again, with every result from which it starts."""
 
 from __future__ import annotations
 
@@ -6,33 +6,45 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.action import Compute, FollowLocus, Place, Search, Settle, Switch, Walk
-from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.page_result import Entry, State
-from gapwalk.explorer.plan import known_branches, locus_method, method_of, orbit_at, plan, search_system
+from gapwalk.explorer.exploration import Entry, Exploration, State
+from gapwalk.explorer.plan import (
+    Compute,
+    FollowLocus,
+    Place,
+    Search,
+    Settle,
+    Switch,
+    Walk,
+    known_branches,
+    locus_method,
+    method_of,
+    orbit_at,
+    plan,
+    search_system,
+)
 from gapwalk.explorer.workspace import RESULT
-from gapwalk.model.large_files import MATRICES
+from gapwalk.model.model_file import MATRICES
 from gapwalk.model.model_source import parse_source
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.studies.diagram.diagram import DiagramOptions
-from gapwalk.studies.options import DiagramStudyOptions
+from gapwalk.studies.diagram_study import DiagramStudyOptions
+from gapwalk.studies.whole_diagram import DiagramOptions
 
-_MOST = 100  # results that one goes back to
+_MOST = 100  # results from which one may start
 
 
 def script_of(exploration: Exploration, entry: Entry) -> str:
-    """A script that computes the branches of an entry again; it runs in the folder of the file that was opened.
+    """Return a script that computes the branches of an entry again, in the folder of the file that was opened.
 
     Raises
     ------
     ModelError
-        If what it goes back to is not on the page any more.
+        If a result from which it starts is not on the page any more.
     """
     return _Script(exploration).text(entry)
 
 
 class _Script:
-    """The lines of a script while they are put together."""
+    """Builder of the lines of a script."""
 
     def __init__(self, exploration: Exploration) -> None:
         self.exploration = exploration
@@ -46,7 +58,7 @@ class _Script:
         head = [
             f'"""{_plain(entry.title)}: computed again, from {_plain(self.exploration.name)}."""',
             "",
-            *sorted(self.imports, reverse=True),  # `import gapwalk` stands after `from`
+            *sorted(self.imports, reverse=True),  # `import gapwalk` comes after `from`
             "import gapwalk as gw",
             "",
             *(line for text, word in self.models.items() for line in (f"{word} = {_literal(text)}", "")),
@@ -55,11 +67,11 @@ class _Script:
         return "\n".join([*head, *self.lines, *last, ""])
 
     def repeat(self, entry: Entry) -> str:
-        """Add the lines of an entry, and of all that it goes back to; the name of what they make."""
+        """Add the lines of an entry, and of all results from which it starts; return the name of their value."""
         if entry.key in self.names:
             return self.names[entry.key]
         if len(self.names) >= _MOST:
-            raise ModelError(f"this result goes back to more than {_MOST} others; export one of those first")
+            raise ModelError(f"this result starts from a chain of more than {_MOST} others; export one of those first")
         action = entry.action
         if isinstance(action, Settle):
             name = self._settle(entry, action)
@@ -92,7 +104,7 @@ class _Script:
         return name
 
     def _study(self, entry: Entry, action: Compute) -> str:
-        """The study of an entry, from the model as it was then."""
+        """Return the study of an entry, from the model as it was then."""
         source = self._source(entry)
         if source is None:
             return f"gw.load({self._result(entry)!r}).study"
@@ -104,7 +116,7 @@ class _Script:
         return f"gw.read_study({', '.join(arguments)})"
 
     def _source(self, entry: Entry) -> str | None:
-        """The model file of an entry as it was then, as an argument; None where its text does not hold all of it."""
+        """Return the model file of an entry as it was then, as an argument; None if its text is not the whole model."""
         study = self.exploration.base() if entry.result is None else entry.result.study
         if entry.result is not None and not _is_whole(study.text):
             return None
@@ -114,11 +126,11 @@ class _Script:
         return f"io.StringIO({self.models[study.text]})"
 
     def _result(self, entry: Entry) -> str:
-        """The result file of an entry, from the folder of the file that was opened."""
+        """Return the path of the result file of an entry, from the folder of the file that was opened."""
         return f"{entry.path.parent.name}/{entry.path.name}"
 
     def _lines_of(self, entry: Entry, name: str, result: str) -> list[str]:
-        """The branches of a result; of a map its loci after them, as the page shows them."""
+        """Return lines for the branches of a result; of a map its loci follow, as on the page."""
         if entry.result is None or entry.result.map is None:
             return [f"{name} = {result}.branches", ""]
         return [f"chart = {result}.map", f"{name} = (*chart.branches, *chart.loci)", ""]
@@ -126,7 +138,7 @@ class _Script:
     def _walk(self, entry: Entry, action: Walk) -> str:
         orbit, name = self._motion(action.start), _name("branches", entry)
         self._comment(entry)
-        # as a walk begins: Newton's method from the state, which is on the orbit already
+        # Newton's method from the state, which is on the orbit already, as the walk began
         options = self._method(action.start)
         self.lines += [
             f"orbit = {orbit}",
@@ -204,18 +216,18 @@ class _Script:
         return name
 
     def _base_system(self, entry: Entry) -> str:
-        """The system of the file that was opened, as it was when the entry was computed."""
+        """Return the system of the opened file, as it was when the entry was computed."""
         if self.exploration.file.suffix == RESULT:
             return f"gw.load({Path(self.exploration.name).name!r}).system"
         source = self._source(entry)
         return f"gw.load({self._result(entry)!r}).system" if source is None else f"gw.read_studies({source})[0].system"
 
     def _motion(self, place: Place) -> str:
-        """The motion at a place: an orbit, whether that is special or not, or where a motion has settled."""
+        """Return the motion at a place: an orbit, or a settled motion."""
         return f"{self._place(place)}.orbit" if place.special is not None else self._place(place)
 
     def _place(self, place: Place) -> str:
-        """The orbit, or the special point, at a place."""
+        """Return the orbit, or the special point, at a place."""
         entry = self.exploration.entry(place.result)
         name = self.repeat(entry)
         settled = entry.settled()
@@ -230,22 +242,22 @@ class _Script:
         return f"{line}.points[{place.point}].orbit"
 
     def _method(self, place: Place) -> str:
-        """How orbits are posed, if not as by default."""
+        """Return the method of an orbit as an argument, if it is not the default."""
         return _option(method_of(orbit_at(place, self.exploration), self.exploration.origin(place)))
 
     def _comment(self, entry: Entry) -> None:
         self.lines.append(f"# {_plain(entry.title)}")
         if entry.state is State.STOPPED:
-            self.lines.append("# (it was stopped; the script goes on to the end)")
+            self.lines.append("# (it was stopped; the script computes it to the end)")
 
 
 def _option(method: Method) -> str:
-    """How orbits are posed, as one argument more; nothing for the default."""
+    """Return a method as a further argument; an empty text for the default."""
     return "" if method == chosen(None) else f", method={_gw(method)}"
 
 
 def _gw(value: object) -> str:
-    """A value as Python text, with the names of gapwalk."""
+    """Return a value as Python text, with the names of gapwalk."""
     return f"gw.{value!r}" if is_dataclass(value) else repr(value)
 
 
@@ -255,17 +267,17 @@ def _name(word: str, entry: Entry) -> str:
 
 
 def _is_whole(text: str) -> bool:
-    """Whether the text of a model file holds all of the model: no matrix stands beside it, nothing is reduced."""
+    """Return True if the text of a model file is the whole model: without matrix files, and not reduced."""
     data = parse_source(text).data
     return "reduction" not in data and not any(isinstance(data.get(name), str) for name in MATRICES)
 
 
 def _literal(text: str) -> str:
-    """A text as Python's, over several lines where that can be."""
+    """Return a text as a Python literal, over several lines if possible."""
     plain = all(char.isprintable() or char == "\n" for char in text) and "\\" not in text and '"""' not in text
     return f'"""\\\n{text}"""' if plain and not text.endswith('"') else repr(text)
 
 
 def _plain(text: str) -> str:
-    """A text that ends neither a comment nor a docstring."""
+    """Return a text that can stand in a comment and in a docstring."""
     return "".join(char if char.isprintable() and char not in '"\\' else " " for char in text)

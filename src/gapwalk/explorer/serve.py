@@ -1,4 +1,4 @@
-"""Serve the explorer: on this machine's loopback, unless another address is asked for and a token is set.
+"""Server of the explorer: on the loopback address, or on another one with a token.
 
 Method: docs/numerics/explorer.md
 """
@@ -29,13 +29,13 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
     Parameters
     ----------
     file
-        The model or result to begin with, or a folder; its folder is the workspace. None: the current folder.
+        The model or result to show first, or a folder; its folder is the workspace. None: the current folder.
     host
-        Where to listen. Beyond loopback, every request must bring a token, which is part of the address printed.
+        Address to listen on. If it is not loopback, every request needs a token, which the printed address contains.
     port
         The port; 0 for a free one.
     browser
-        Whether to open the page.
+        True to open the page.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
 
         def tell() -> None:
             print(f"the explorer of {session.workspace.root} is at\n    {address}", flush=True)
-            print("Ctrl-C ends it; what is computed is kept", flush=True)
+            print("Ctrl-C ends it; results are stored", flush=True)
             if browser:
                 webbrowser.open(address)
 
@@ -63,36 +63,36 @@ def serve(file: Path | None, host: str = "127.0.0.1", port: int = 0, *, browser:
 
 
 class _Server(uvicorn.Server):
-    """A server that says when it answers, for an address is of no use before, and that lets pages go when it ends.
+    """A server that announces its address once it answers, and closes the streams of pages when it ends.
 
     Parameters
     ----------
     config
         As of `uvicorn.Server`.
     tell
-        Called once it listens.
-    part
-        Called when it ends, before it waits for requests that are being answered: those for events have no end.
+        Function that is called once it listens.
+    close
+        Function that is called when it ends, before it waits for open requests: streams of events have no end.
     """
 
-    def __init__(self, config: uvicorn.Config, tell: Callable[[], object], part: Callable[[], object]) -> None:
+    def __init__(self, config: uvicorn.Config, tell: Callable[[], object], close: Callable[[], object]) -> None:
         super().__init__(config)
-        self._tell, self._part = tell, part
+        self._tell, self._close = tell, close
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to listen, and tell."""
+        """Begin to listen, and announce the address."""
         await super().startup(sockets)
         if self.started:
             self._tell()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Let the pages go, and end."""
-        self._part()
+        """Close the streams of pages, and end."""
+        self._close()
         await super().shutdown(sockets)
 
 
 def _workspace(file: Path | None) -> tuple[Path, str]:
-    """The folder, and the file in it; empty for none."""
+    """Return the folder, and the name of the file in it; empty for none."""
     path = Path() if file is None else file
     if path.is_dir():
         return path, ""
@@ -108,13 +108,13 @@ def _listen(host: str, port: int) -> socket.socket:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.socket(family, socket.SOCK_STREAM)
     except OSError as error:
-        raise ModelError(f"{host} is no address to listen at: {error.strerror}") from None
+        raise ModelError(f"{host} is not an address to listen on: {error.strerror}") from None
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host, port))
     except OSError as error:
         listener.close()
-        raise ModelError(f"cannot listen at {host}, port {port}: {error.strerror}; try --port 0") from None
+        raise ModelError(f"cannot listen on {host}, port {port}: {error.strerror}; try --port 0") from None
     return listener
 
 

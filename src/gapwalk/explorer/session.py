@@ -1,4 +1,4 @@
-"""State of the server: the workspace, the open explorations, the jobs, and the pages that listen."""
+"""State of the server: the workspace, the open files, the jobs, and the connected pages."""
 
 from __future__ import annotations
 
@@ -8,26 +8,25 @@ from pathlib import Path
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.explorer.action import read_action
 from gapwalk.explorer.curve_data import measure_name
 from gapwalk.explorer.events import Events
-from gapwalk.explorer.exploration import Exploration
-from gapwalk.explorer.flows import Flows
-from gapwalk.explorer.job_queue import Jobs
-from gapwalk.explorer.page_result import Entry
+from gapwalk.explorer.exploration import Entry, Exploration
+from gapwalk.explorer.jobs import Jobs
+from gapwalk.explorer.panels import Flows
+from gapwalk.explorer.plan import read_action
 from gapwalk.explorer.workspace import Workspace
 from gapwalk.flow.motion import signal_names
 from gapwalk.model.system import System
-from gapwalk.plot.words import full_measure, measure_words, parameter_words
-from gapwalk.studies.file import Study
+from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_file import Study
 
-_BOARDS = 20  # files that are open at once
+_MOST_OPEN = 20  # files open at the same time
 _PARAMETERS = 400  # that a page can choose from
 
 
 class Session:
-    """Everything that outlives a page.
+    """State that outlives a page.
 
     Parameters
     ----------
@@ -39,7 +38,7 @@ class Session:
 
     def __init__(self, root: Path, name: str = "") -> None:
         self.workspace, self.first = Workspace(root), name
-        self.mark = secrets.token_hex(4)  # tells pages that another server answers than before
+        self.mark = secrets.token_hex(4)  # by which pages notice that the server was restarted
         self._guard, self._opening = threading.Lock(), threading.Lock()
         self._explorations: dict[str, Exploration] = {}
         self.flows = Flows()
@@ -47,7 +46,7 @@ class Session:
         self.jobs = Jobs(self.events.changed)
 
     def exploration(self, name: str) -> Exploration:
-        """The exploration of a file, which is opened if it is not open yet.
+        """Return the exploration of a file; open the file if it is not open yet.
 
         Raises
         ------
@@ -67,36 +66,36 @@ class Session:
             return found
 
     def _make_room(self) -> None:
-        """Forget the file that was opened first of those of which nothing is being computed: all of it is stored."""
-        if len(self._explorations) < _BOARDS:
+        """Close the file that was opened first, of those without a running job; all of its results are stored."""
+        if len(self._explorations) < _MOST_OPEN:
             return
         idle = [name for name, exploration in self._explorations.items() if exploration.is_idle()]
         if not idle:
-            raise ModelError(f"{_BOARDS} files are open, and something is computed for each; stop some of it")
+            raise ModelError(f"{_MOST_OPEN} files are open, and each has a running job; stop some of them")
         del self._explorations[idle[0]]
 
     def reopen(self, name: str) -> Exploration:
-        """The exploration of a file, which is read again if it has been changed."""
+        """Return the exploration of a file; read the file again if it has been changed."""
         exploration = self.exploration(name)
         with self._opening:
             exploration.refresh()
         return exploration
 
     def act(self, name: str, plain: object) -> Entry:
-        """Begin what a page asks for; a ModelError if it makes no sense."""
-        exploration = self.reopen(name)  # what is computed is what stands in the file
+        """Start a job that a page asks for; raise a ModelError if it is not possible."""
+        exploration = self.reopen(name)  # the job uses the file as it is now
         entry, task = exploration.prepare(read_action(plain))
         self.jobs.add(exploration, entry, task)
         return entry
 
-    def go_on(self, name: str, key: str) -> None:
-        """Go on with a job that was stopped; a ModelError if that cannot be."""
+    def resume(self, name: str, key: str) -> None:
+        """Continue a job that was stopped; raise a ModelError if that is not possible."""
         exploration = self.exploration(name)
         entry = exploration.entry(key)
         self.jobs.add(exploration, entry, exploration.resumed(entry))
 
     def progress(self) -> dict[str, Any]:
-        """Which server this is, and for each exploration what its file is and how far its results have come."""
+        """Return the mark of the server, and for each open file its stamp and the progress of its results."""
         with self._guard:
             explorations = dict(self._explorations)
         return {
@@ -108,10 +107,10 @@ class Session:
         }
 
     def about(self, name: str) -> dict[str, Any]:
-        """What a page needs to know of a file to show it; a ModelError if it cannot be opened."""
+        """Return what a page needs to show a file; raise a ModelError if the file cannot be opened."""
         exploration = self.reopen(name)
         stamp, study = exploration.stamp(), exploration.described()
-        assert study is not None  # a exploration without anything to describe cannot be opened
+        assert study is not None  # without it the file could not have been opened
         system, options = study.system, study.options
         self.flows.warm(system)
         walked = isinstance(options, BranchOptions)
@@ -142,21 +141,21 @@ class Session:
         }
 
     def close(self) -> None:
-        """Stop everything."""
+        """Stop all jobs and threads."""
         self.events.close()
         self.jobs.close()
         self.flows.close()
 
 
 def _study(study: Study) -> dict[str, Any]:
-    """What a page is told of a study of the file; parameters that it walks have no value to be chosen."""
+    """Describe a study of the file for the page; the parameters along which it runs have no value to be chosen."""
     second = getattr(study.options, "second", None)
     walks = [getattr(study.options, "parameter", None), getattr(second, "parameter", None)]
     return {"name": study.name, "plan": study.options.plan, "walks": [name for name in walks if name]}
 
 
 def _parameters(system: System) -> list[dict[str, Any]]:
-    """The named parameters of the system; of very many, those that are not zero."""
+    """Return the named parameters of the system; if they are very many, those that are not zero."""
     items = list(system.parameters.items())
     if len(items) > _PARAMETERS:
         items = [(name, value) for name, value in items if value][:_PARAMETERS]
@@ -164,7 +163,7 @@ def _parameters(system: System) -> list[dict[str, Any]]:
 
 
 def exploration_progress(exploration: Exploration) -> list[dict[str, Any]]:
-    """How far the results of a exploration have come."""
+    """Return the progress of the results of an exploration."""
     with exploration.guard:
         return [_progress(entry) for entry in exploration.entries.values()]
 
@@ -179,7 +178,7 @@ def _progress(entry: Entry) -> dict[str, Any]:
         "model": entry.model,
         "kind": entry.action.do if entry.action else "opened",
         "settled": entry.settled() is not None,
-        "can_go_on": entry.can_go_on,
+        "can_resume": entry.can_resume,
         "saves": entry.saves,
         "done": [entry.live.done, entry.live.total],
         "branches": [

@@ -1,4 +1,4 @@
-"""The web application: pages, and what they may ask for, in JSON."""
+"""The web application: the page, and the requests that it sends, answered in JSON."""
 
 from __future__ import annotations
 
@@ -19,16 +19,14 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from gapwalk.errors import GapwalkError, ModelError
-from gapwalk.explorer.action import Place
-from gapwalk.explorer.curve_data import LABELS, MEASURE, Quantities, curve_of, quantity
+from gapwalk.explorer.curve_data import MEASURE, Quantities, curve_of, labels, quantity
 from gapwalk.explorer.events import Events
-from gapwalk.explorer.flows import SupersededError
-from gapwalk.explorer.model_file import model_file
-from gapwalk.explorer.panels import check_signal, details_of, panels_of
-from gapwalk.explorer.plan import orbit_at
+from gapwalk.explorer.panels import SupersededError, check_signal, details_of, panels_of
+from gapwalk.explorer.plan import Place, orbit_at
 from gapwalk.explorer.request_guard import Guard, TooLargeError
 from gapwalk.explorer.script import script_of
 from gapwalk.explorer.session import Session
+from gapwalk.explorer.workspace import model_file
 from gapwalk.studies.export import table_names, table_of
 
 _PAGE = files("gapwalk.explorer") / "page"
@@ -38,7 +36,7 @@ Answer = Callable[[Request], Awaitable[Response]]
 
 
 def application(session: Session, token: str = "") -> Callable[..., Awaitable[None]]:
-    """The guarded application of a session; with a token, each request must bring it."""
+    """Return the guarded application of a session; if there is a token, each request must carry it."""
     api = _Api(session)
 
     @asynccontextmanager
@@ -47,10 +45,10 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
         session.close()
 
     def get(path: str, answer: Answer) -> Route:
-        return Route(path, _told(answer), methods=["GET"])
+        return Route(path, _with_errors(answer), methods=["GET"])
 
     def post(path: str, answer: Answer) -> Route:
-        return Route(path, _told(answer), methods=["POST"])
+        return Route(path, _with_errors(answer), methods=["POST"])
 
     routes = [
         get("/", api.page),
@@ -69,10 +67,10 @@ def application(session: Session, token: str = "") -> Callable[..., Awaitable[No
     return Guard(Starlette(routes=routes, lifespan=lifespan), token)
 
 
-def _told(answer: Answer) -> Answer:
-    """The same, with errors told in sentences."""
+def _with_errors(answer: Answer) -> Answer:
+    """Return the same handler, which answers errors with sentences."""
 
-    async def told(request: Request) -> Response:
+    async def guarded(request: Request) -> Response:
         try:
             return await answer(request)
         except TooLargeError as error:
@@ -82,18 +80,18 @@ def _told(answer: Answer) -> Answer:
         except GapwalkError as error:
             return _Json({"error": str(error)}, 400)
 
-    return told
+    return guarded
 
 
 class _Json(JSONResponse):
-    """JSON in ASCII: whatever stands in a name of a file, lone surrogates too, can be sent."""
+    """JSON in ASCII, so that any file name can be sent, even one with lone surrogates."""
 
     def render(self, content: Any) -> bytes:
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode("ascii")
 
 
 class _Stream(StreamingResponse):
-    """The events for one page, which leaves with it, however it ends."""
+    """The stream of events for one page; it gives its place back however it ends."""
 
     def __init__(self, events: Events, page: asyncio.Event) -> None:
         super().__init__(events.listen(page), media_type="text/event-stream", headers={"cache-control": "no-store"})
@@ -107,32 +105,32 @@ class _Stream(StreamingResponse):
 
 
 class _Api:
-    """What can be asked for."""
+    """Handlers of the requests."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
 
     async def page(self, _: Request) -> Response:
-        """The page."""
+        """Return the page."""
         return FileResponse(str(_PAGE / "index.html"), headers={"cache-control": "no-cache"})
 
     async def plotly(self, _: Request) -> Response:
-        """Plotly's JavaScript, which its Python package carries."""
+        """Return Plotly's JavaScript, from its Python package."""
         path = Path(str(files("plotly") / "package_data" / "plotly.min.js"))
         return FileResponse(path, media_type="text/javascript", headers={"cache-control": "max-age=86400"})
 
     async def files(self, _: Request) -> Response:
-        """The files of the workspace, and the one to begin with."""
+        """Return the files of the workspace, and the one to show first."""
         workspace = self.session.workspace
         return _Json({"folder": workspace.root.name, "files": workspace.files(), "first": self.session.first})
 
     async def about(self, request: Request) -> Response:
-        """What there is to know of a file."""
+        """Return the description of a file."""
         name = _text(request, "file")
         return _Json(await asyncio.to_thread(self.session.about, name))
 
     async def curve(self, request: Request) -> Response:
-        """A branch, or a settled motion, as arrays."""
+        """Return a branch, or a settled motion, as arrays."""
         exploration = self.session.exploration(_text(request, "file"))
         entry, branch, first = (
             exploration.entry(_text(request, "result")),
@@ -149,15 +147,15 @@ class _Api:
             place = await self.session.flows.do(lambda: [quantity(orbit, x), quantity(orbit, y)])
             return _Json({"settled": place})
         if branch >= len(lines):
-            return _Json({"gone": True})  # of two directions of a walk, one branch has come
+            return _Json({"gone": True})  # the two directions of a walk have become one branch
         line = lines[branch]
         wanted = Quantities(line, (x, y), first)
         await self.session.flows.do_behind(wanted.parts())
         found = await asyncio.to_thread(curve_of, wanted)
-        return _Json({**found, "name": line.name, "period": line.period, "labels": LABELS})
+        return _Json({**found, "name": line.name, "period": line.period, "labels": labels()})
 
     async def motion(self, request: Request) -> Response:
-        """The motion at a place; only the last one that a tab asks for."""
+        """Return the motion at a place; of several requests of a tab only the last one is answered."""
         exploration, place, signal = self._asked(request)
         motion = exploration.motion(place)
         name = check_signal(motion.system, signal)
@@ -165,7 +163,7 @@ class _Api:
         return _Json(found)
 
     async def details(self, request: Request) -> Response:
-        """Spectrum and section of the motion at a place; only of the last one that a tab asks for."""
+        """Return spectrum and section of the motion at a place; only the last request of a tab is answered."""
         exploration, place, signal = self._asked(request)
         motion = exploration.motion(place)
         name = check_signal(motion.system, signal)
@@ -174,35 +172,35 @@ class _Api:
         return _Json(found)
 
     async def events(self, _: Request) -> Response:
-        """What changes, as it changes."""
+        """Return a stream of changes."""
         page = self.session.events.join()
         return _Stream(self.session.events, page)
 
     async def act(self, request: Request) -> Response:
-        """Begin a job."""
+        """Start a job."""
         body = await _body(request)
         name = str(body.pop("file", ""))
         entry = await asyncio.to_thread(self.session.act, name, body)
         return _Json({"key": entry.key, "title": entry.title})
 
     async def job(self, request: Request) -> Response:
-        """Stop, hold, or go on with a job."""
+        """Stop, pause, continue or resume a job."""
         body, word = await _body(request), request.path_params["word"]
         name, key = str(body.get("file", "")), str(body.get("result", ""))
         entry = self.session.exploration(name).entry(key)
         acts: dict[str, Callable[[], None]] = {
             "stop": lambda: self.session.jobs.stop(entry),
             "pause": lambda: self.session.jobs.pause(entry),
-            "continue": lambda: self.session.jobs.go_on(entry),
-            "resume": lambda: self.session.go_on(name, key),
+            "continue": lambda: self.session.jobs.resume(entry),
+            "resume": lambda: self.session.resume(name, key),
         }
         if word not in acts:
-            raise ModelError(f"a job cannot {word[:40]!r}; it can {', '.join(acts)}")
+            raise ModelError(f"{word[:40]!r} is not an action on a job; the actions are {', '.join(acts)}")
         acts[word]()
         return _Json({"state": entry.state.value})
 
     async def export(self, request: Request) -> Response:
-        """A table, a script, a model file or the result itself."""
+        """Return a table, a script, a model file or the result file."""
         exploration, what = self.session.exploration(_text(request, "file")), request.path_params["what"]
         entry = exploration.entry(_text(request, "result"))
         stem = entry.key or exploration.file.stem
@@ -236,7 +234,7 @@ class _Api:
         return _file(text, f"{stem}.toml", "application/toml")
 
     def _asked(self, request: Request) -> tuple[Any, Place, str]:
-        """Exploration, place and signal of a request."""
+        """Return exploration, place and signal of a request."""
         exploration = self.session.exploration(_text(request, "file"))
         entry = exploration.entry(_text(request, "result"))
         numbers = {

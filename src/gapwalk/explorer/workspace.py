@@ -1,13 +1,20 @@
-"""The workspace: the one folder whose model files and results the explorer may read, and where it writes."""
+"""Workspace: the only folder in which the explorer reads model files and results, and in which it writes."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gapwalk.errors import ModelError, StoreError
+from gapwalk.model.model_source import parse_source
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.studies.study_file import Study, check_study
 
 MODEL, RESULT = ".toml", ".gapwalk"
 _MOST = 500  # files that are listed, and results of one exploration
@@ -17,8 +24,8 @@ _RECORD_BYTES = 100_000
 class Workspace:
     """A folder, and the exploration of one file in it.
 
-    An exploration is a folder beside that file, such as ``clutch.explorer`` for ``clutch.toml``. It holds a result file
-    for each job, and beside it a record of what was asked, in JSON.
+    An exploration is a folder next to that file, such as ``clutch.explorer`` for ``clutch.toml``. It holds a result
+    file for each job, with a record of the request in JSON.
 
     Parameters
     ----------
@@ -30,7 +37,7 @@ class Workspace:
         self.root = root.resolve()
 
     def files(self) -> list[str]:
-        """Model files and results in the folder, sorted, as names that `path` takes."""
+        """Return the sorted names of the model files and results in the folder."""
         found = [
             path.name
             for path in self.root.iterdir()
@@ -42,7 +49,7 @@ class Workspace:
         return sorted(found)[:_MOST]
 
     def path(self, name: str) -> Path:
-        """The file of a name that a request gives.
+        """Return the file of a name in a request.
 
         Raises
         ------
@@ -51,7 +58,7 @@ class Workspace:
         """
         given = f"{name[:100]!r}"
         if not name or "\0" in name or len(name) > 300 or not _can_be_asked(name):
-            raise ModelError(f"{given} is no name of a file; write that of a file in {self.root.name}")
+            raise ModelError(f"{given} is not the name of a file; write that of a file in {self.root.name}")
         path = (self.root / name).resolve()
         inside = path.is_relative_to(self.root)
         if not inside or any(part.startswith(".") for part in path.relative_to(self.root).parts):
@@ -61,16 +68,16 @@ class Workspace:
         return path
 
     def exploration(self, file: Path) -> Path:
-        """The folder that the exploration of a file writes into; it need not be there yet."""
+        """Return the folder of the exploration of a file; it may not exist yet."""
         return file.with_name(f"{file.name.removesuffix(RESULT).removesuffix(MODEL)}.explorer")
 
     def claim(self, file: Path, word: str) -> Path:
-        """A new name for the result of a job on a file: nobody else gets it, in this process or another.
+        """Reserve a new name for the result of a job, which no other job gets, in this process or another.
 
         Raises
         ------
         StoreError
-            If nothing can be written there, or it is full.
+            If the folder cannot be written, or is full.
         """
         folder = self.exploration(file)
         try:
@@ -80,7 +87,7 @@ class Workspace:
             taken = [int(head) for each in folder.iterdir() if (head := each.name.partition("-")[0]).isdigit()]
             for number in range(max(taken, default=0) + 1, _MOST + 1):
                 try:
-                    # the number is what is claimed, whatever the word
+                    # the number alone is reserved, whatever the word
                     os.close(os.open(folder / f"{number:02d}-claim", os.O_CREAT | os.O_EXCL | os.O_WRONLY))
                 except FileExistsError:
                     continue
@@ -91,12 +98,12 @@ class Workspace:
 
 
 def _can_be_asked(name: str) -> bool:
-    """Whether a page can name a file: it writes UTF-8, which the bytes of a name may not be."""
+    """Return True if a page can send the name, which must be UTF-8."""
     return not any("\ud800" <= char <= "\udfff" for char in name)
 
 
 def write_record(output: Path, record: dict[str, Any]) -> None:
-    """Write what was asked beside the result that answers it: whole, or not at all.
+    """Write the record of a request next to its result, whole or not at all.
 
     Raises
     ------
@@ -112,7 +119,7 @@ def write_record(output: Path, record: dict[str, Any]) -> None:
 
 
 def read_records(folder: Path) -> dict[Path, dict[str, Any]]:
-    """What was asked in an exploration, by the result files, in order; what cannot be read is left out."""
+    """Return the records of an exploration by result file, in order; unreadable ones are left out."""
     records = {}
     for path in sorted(folder.glob("*.json")) if folder.is_dir() else []:
         try:
@@ -124,3 +131,92 @@ def read_records(folder: Path) -> dict[Path, dict[str, Any]]:
         if isinstance(record, dict):
             records[path.with_suffix(RESULT)] = record
     return records
+
+
+_HEADER = re.compile(r"\s*\[\[?\s*([\w-]+|\"[^\"]*\")")
+
+
+def model_file(text: str, name: str, within: str, orbit: Orbit, parameter: str, to: float, measure: str) -> str:
+    """Return the text of a model file whose study is a response from an orbit.
+
+    Parameters
+    ----------
+    text
+        The text of the file that was opened.
+    name
+        Its name, from which the files of its matrices are found.
+    within
+        The folder outside of which no file is read.
+    orbit
+        The orbit.
+    parameter, to, measure
+        Parameter of the response, its last value, and the measure to show.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be written so that it describes the same system: one that was reduced, for example.
+    """
+    text = _with_frequency(_without_studies(text), orbit, parameter)
+    changes = _changes(text, name, within, orbit, parameter)
+    study = [
+        "[study]",
+        'kind = "response"',
+        f"parameter = {_quoted(parameter)}",
+        f"from = {orbit.system[parameter]!r}",
+        f"to = {to!r}",
+        f"period = {orbit.period}",
+        f"start = {orbit.state.tolist()!r}",
+        f"measure = {_quoted(measure)}",
+    ]
+    if changes:
+        study += ["", "[study.set]", *(f"{_quoted(name)} = {value!r}" for name, value in changes.items())]
+    found = f"{text.rstrip()}\n\n" + "\n".join(study) + "\n"
+    if not np.array_equal(check_study(parse_source(found, name, within)).system.values, orbit.system.values):
+        raise ModelError("this system cannot be written as a model file: it has other numbers when it is read back")
+    return found
+
+
+def _changes(text: str, name: str, within: str, orbit: Orbit, parameter: str) -> dict[str, float]:
+    """Return the values of the orbit's system that differ from those of the file without its studies."""
+    system = orbit.system
+    bare = f'{text}\n[study]\nkind = "response"\nparameter = {_quoted(parameter)}\n'
+    bare += f"from = {system[parameter]!r}\nto = {system[parameter] + 1.0!r}\n"
+    base: Study = check_study(parse_source(bare, name, within))
+    if base.system.structure != system.structure:
+        raise ModelError("this system is not that of the model file (it was reduced, for example); export the script")
+    names = system.structure.names
+    places = np.flatnonzero(base.system.values != system.values).tolist()
+    return {names[place]: float(system.values[place]) for place in places if names[place] != parameter}
+
+
+def _with_frequency(text: str, orbit: Orbit, parameter: str) -> str:
+    """Return the text with a frequency, if it needs one and has none."""
+    if parameter == "frequency" or "frequency" in parse_source(text).data:
+        return text
+    return f"frequency = {orbit.system.frequency!r}\n{text}"
+
+
+def _without_studies(text: str) -> str:
+    """Return the text without its tables of studies."""
+    kept, inside = [], False
+    for line in text.splitlines():
+        header = _HEADER.match(line)
+        if header:
+            inside = header.group(1).strip('"') == "study"
+        if not inside:
+            kept.append(line)
+    return "\n".join(kept)
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def mark_of(study: Study) -> str:
+    """Return the mark of the model file of a study: the first letters of its SHA-256, matrices included.
+
+    Values that were changed after reading it, and other studies of the same text, have the same mark.
+    """
+    return hashlib.sha256((study.text + study.matrices).encode("utf-8", "replace")).hexdigest()[:8]

@@ -2,20 +2,23 @@
 
 Each coefficient that is not zero becomes a run-time parameter of the compiled flow, so that one compilation
 serves every value. Each stage on each side has a *switch*, 1 while it touches and 0 while it does not, that
-multiplies its force: the expressions are smooth, and events at the breakpoints flip the switches.
+multiplies its force: the expressions are smooth, and events at the breakpoints flip the switches. The forces are the
+formulas of the force laws (`gapwalk.model.laws`), and all derivatives are taken of those expressions.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.coefficients import CoefficientLayout, ContactSlots, StageSlots
-from gapwalk.model.contact import DampingLaw
+from gapwalk.model.laws import Stages, StageTerms
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,15 +28,15 @@ class Equations:
     Parameters
     ----------
     layout
-        Where the coefficients stand.
+        Positions of the coefficients in an array.
     pattern : shape (number of coefficients,), bool
-        Which of them take part; the others are zero.
+        True for each coefficient that is included; the others are zero.
     varying
-        For each sensitivity that is wanted, the slots of the coefficients that vary along its direction.
+        For each sensitivity, the slots of the coefficients that vary along its direction.
 
     The run-time parameters are the components of the directions, one direction after the other, then the switches,
-    then the weights of the event functions, then the coefficients. The last of all, `1/W`, is in every equation, so
-    the integrator has room for them all.
+    then the weights of the event functions, then the coefficients. The last one, `1/W`, occurs in every equation, so
+    heyoka allocates room for all of them.
     """
 
     layout: CoefficientLayout
@@ -42,10 +45,10 @@ class Equations:
 
     @property
     def text(self) -> str:
-        """What tells these equations from others, whatever things are called."""
+        """Text that distinguishes these equations from others, whatever the names of coordinates and contacts."""
         structure = self.layout.structure
         contacts = [
-            (form.damping.value, form.reciprocal, *(stage.side.value for stage in form.stages))
+            (form.law.name, form.reciprocal, *(stage.side.value for stage in form.stages))
             for form in structure.contacts
         ]
         orders = [form.order for form in structure.harmonics]
@@ -54,7 +57,7 @@ class Equations:
 
     @cached_property
     def active(self) -> NDArray[np.intp]:
-        """Slots of the coefficients that take part, in the order of their run-time parameters."""
+        """Slots of the coefficients that are included, in the order of their run-time parameters."""
         return np.roll(np.flatnonzero(self.pattern), -1)
 
     @cached_property
@@ -63,12 +66,12 @@ class Equations:
         return {int(slot): self.first_coefficient + i for i, slot in enumerate(self.active)}
 
     def first_component(self, index: int) -> int:
-        """Run-time parameter of the first component of a direction."""
+        """Return the run-time parameter of the first component of a direction."""
         return sum(len(slots) for slots in self.varying[:index])
 
     @cached_property
     def components(self) -> NDArray[np.intp]:
-        """Where the components of all directions stand among the coefficients of all directions, one after another."""
+        """Indices of the components of all directions, in the joined coefficients of all directions."""
         return np.concatenate([index * len(self.pattern) + slots for index, slots in enumerate(self.varying)])
 
     @property
@@ -114,10 +117,10 @@ class Equations:
         return self._coefficient(0)
 
     def gap(self, contact: int, stage: int) -> hy.expression:
-        """Deflection of a contact past a breakpoint, weighed: the stage's event function.
+        """Return the weighted deflection of a contact past a breakpoint: the stage's event function.
 
-        The integrator counts event functions among what its tolerance is relative to, so one of a breakpoint that is
-        far away must weigh no more than the motion.
+        The tolerance of the integrator is relative to the largest of the variables and the event functions. So the
+        event function of a distant breakpoint must not be larger than the motion.
         """
         slots = self.layout.contacts[contact]
         weight = hy.par[self.first_weight + self.switches.index((contact, stage))]
@@ -130,7 +133,7 @@ class Equations:
         return kinematics + list(zip(self.velocities, self._accelerations, strict=True))
 
     def fundamental(self) -> list:
-        """Equations of the state transition matrix, column by column: 2n columns of 2n variables."""
+        """Return the equations of the state transition matrix, column by column: 2n columns of 2n variables."""
         size = 2 * self.layout.structure.size
         columns = []
         for j in range(size):
@@ -138,7 +141,7 @@ class Equations:
         return columns
 
     def direction(self, index: int) -> list:
-        """Equations of the sensitivity to the coefficients along a direction given at run time."""
+        """Return the equations of the sensitivity to the coefficients along a direction given at run time."""
         size = 2 * self.layout.structure.size
         first = self.first_component(index)
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
@@ -152,7 +155,7 @@ class Equations:
         return forced
 
     def integrals(self) -> list:
-        """Equations of the integrals over theta of each position and of its square."""
+        """Return the equations of the integrals over theta of each position and of its square."""
         firsts = [(hy.make_vars(f"s{i}"), q) for i, q in enumerate(self.positions)]
         return firsts + [(hy.make_vars(f"ss{i}"), q * q) for i, q in enumerate(self.positions)]
 
@@ -170,16 +173,13 @@ class Equations:
         return events
 
     def _coefficient(self, slot: int):
-        """Symbol of one coefficient, or the number 0 where it takes no part."""
+        """Return the symbol of one coefficient, or the number 0 if it is not included."""
         if not self.pattern[slot]:
             return hy.expression(0.0)
         return hy.par[self._indices[int(slot)]]
 
-    def _switch(self, contact: int, stage: int) -> hy.expression:
-        return hy.par[self.first_switch + self.switches.index((contact, stage))]
-
     def _terms(self, slots, symbols) -> list[hy.expression]:
-        """Products of coefficients and symbols, without those that are zero."""
+        """Return the products of coefficients and symbols, without those that are zero."""
         return [
             self._coefficient(slot) * symbol for slot, symbol in zip(slots, symbols, strict=True) if self.pattern[slot]
         ]
@@ -196,43 +196,27 @@ class Equations:
         return [self._contact_law(index) for index in range(len(self.layout.contacts))]
 
     def _contact_law(self, index: int) -> tuple:
-        slots, form = self.layout.contacts[index], self.layout.structure.contacts[index]
-        x, rate = self._deflection(slots), self._dot(slots.deflection, self.velocities)
-        zero = hy.expression(0.0)
-        spring, slope, size, growth = [zero], [zero], [zero], [zero]
-        for number, stage in enumerate(slots.stages):
-            force, tangent = self._spring(x, stage)
-            switch = self._switch(index, number)
-            weight = 1 if form.damping is DampingLaw.HUNT_CROSSLEY_AS_PRINTED else stage.sign
-            spring.append(switch * force)
-            slope.append(switch * tangent)
-            # each parameter next to a variable: to the integrator a product of parameters is a series like any other
-            size.append(weight * (switch * force))
-            growth.append(weight * (switch * (tangent * rate)))
-        g, k = hy.sum(spring), hy.sum(slope)
-        if slots.damping is None or not self.pattern[slots.damping]:
-            return g, k, zero
-        c = self._coefficient(slots.damping)
-        if form.damping is DampingLaw.VISCOUS:
-            touching = hy.sum([self._switch(index, number) for number in _first_stages(slots)])
-            return g + c * touching * rate, k, c * touching
-        magnitude = hy.sum(size)  # of the spring force: |g|, or g as the paper prints it
-        return g + c * (magnitude * rate), k + c * hy.sum(growth), c * magnitude
+        slots, law = self.layout.contacts[index], self.layout.structure.contacts[index].law
+        x, rate = hy.make_vars("deflection", "deflection_rate")
+        stages = Stages((self._stage(index, number, x) for number in range(len(slots.stages))), hy.sum)
+        force = hy.expression(0.0) + law.force(rate, stages, self._named(slots.numbers))
+        motion = {x: self._deflection(slots), rate: self._dot(slots.deflection, self.velocities)}
+        return tuple(hy.subs(each, motion) for each in (force, hy.diff(force, x), hy.diff(force, rate)))
+
+    def _stage(self, contact: int, number: int, x) -> StageTerms:
+        """Return one stage on one side for the formula of its law."""
+        slots = self.layout.contacts[contact].stages[number]
+        switch = hy.par[self.first_switch + self.switches.index((contact, number))]
+        return StageTerms(slots.sign, self._depth(x, slots), switch, slots.innermost, self._named(slots.numbers))
+
+    def _named(self, slots: Mapping[str, int]) -> dict[str, Any]:
+        """Return the symbols of some parameters by name."""
+        return {name: self._coefficient(slot) for name, slot in slots.items()}
 
     def _depth(self, x, stage: StageSlots):
-        """Deflection past a breakpoint."""
+        """Return the deflection past a breakpoint."""
         clearance = self._coefficient(stage.clearance)
         return x - clearance if stage.sign > 0 else x + clearance
-
-    def _spring(self, x, stage: StageSlots) -> tuple:
-        depth = self._depth(x, stage)
-        force, tangent = self._coefficient(stage.stiffness) * depth, self._coefficient(stage.stiffness)
-        if self.pattern[stage.cubic]:
-            cubic = self._coefficient(stage.cubic)
-            # products, not powers: a symbolic power at exactly 0 gives NaN
-            force = force + cubic * (depth * depth * depth)
-            tangent = tangent + 3.0 * cubic * (depth * depth)
-        return force, tangent
 
     @cached_property
     def _accelerations(self) -> list:
@@ -255,7 +239,7 @@ class Equations:
         return rows
 
     def _linearised(self, symbols: list) -> list:
-        """The equations linearised about the motion, applied to one column of symbols."""
+        """Linearise the equations about the motion, and apply them to one column of symbols."""
         n, slots = self.layout.structure.size, self.layout.accelerations
         dq, dv = symbols[:n], symbols[n:]
         equations = [(symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)]
@@ -274,12 +258,6 @@ class Equations:
         return equations
 
 
-def _first_stages(slots: ContactSlots) -> list[int]:
-    """The innermost stage on each side, the one that decides whether the contact touches."""
-    signs = [stage.sign for stage in slots.stages]
-    return [signs.index(sign) for sign in (1, -1) if sign in signs]
-
-
 def _parameter_indices(expression) -> set[int]:
-    """Indices of the run-time parameters on which an expression depends."""
+    """Return the indices of the run-time parameters on which an expression depends."""
     return {int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression)}

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
+from gapwalk.flow.contact_events import EventCall, answer_events
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.event_call import EventCall, answer_events
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
 from gapwalk.flow.switching import COOLDOWN, ContactEvent, Switchboard
@@ -33,11 +33,11 @@ PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
 
 _TOLERANCE = 1e-15
-_STEPS = 20_000  # Taylor steps a forcing period before a motion counts as runaway; ordinary ones take 20 to 2,000
-_EVENTS = 20_000  # contact events a forcing period before a motion counts as chattering without end
-_MOST = 64  # flows that a process keeps, about 2 MB each for two degrees of freedom; those used longest ago go
-_MACHINE_CODE = 50_000_000  # bytes of machine code that heyoka keeps besides, where its own bound is 2 GB
-_COMPACT_FROM = 150  # equations from which the compact form compiles so much faster that it pays
+_STEPS = 20_000  # Taylor steps per forcing period before a motion counts as divergent; usual are 20 to 2,000
+_EVENTS = 20_000  # contact events per forcing period before a motion counts as chattering without end
+_MOST = 64  # flows in the cache of a process, about 2 MB each for two degrees of freedom
+_MACHINE_CODE = 50_000_000  # bytes of machine code in heyoka's own cache, whose default bound is 2 GB
+_COMPACT_FROM = 150  # number of equations from which heyoka's compact mode saves more than it costs
 
 if hasattr(hy, "set_logger_level_critical"):
     hy.set_logger_level_critical()  # a start at rest on a breakpoint once wrote a hundred million warnings
@@ -46,7 +46,7 @@ _compiling = Lock()
 
 
 class Arc(NamedTuple):
-    """What the flow returns for one stretch of motion.
+    """Result of the flow for one interval of theta.
 
     Attributes
     ----------
@@ -106,9 +106,9 @@ class Flow:
     equations
         The equations to compile.
     transition
-        Whether to integrate the state transition matrix.
+        True to integrate the state transition matrix too.
     survey
-        Whether to integrate the positions and their squares, and to note where coordinates and deflections turn.
+        True to integrate the positions and their squares, and to record where coordinates and deflections turn.
     """
 
     calls = 0
@@ -151,7 +151,7 @@ class Flow:
         stop: float = PERIOD,
         direction: NDArray[np.float64] | None = None,
     ) -> Arc:
-        """Carry a state from one theta to another.
+        """Integrate a state from one theta to another.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class Flow:
         Raises
         ------
         FlowError
-            If the motion runs away, chatters without end, or a contact is lost.
+            If the motion diverges, chatters without end, or a contact event is missed.
         """
         integrator = self._take()
         try:
@@ -179,7 +179,7 @@ class Flow:
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], list[ContactEvent]]:
-        """States at each of the increasing `thetas` (shape (len(thetas), 2n)), and the contact events between.
+        """Return the states at each of the increasing `thetas`, shape (len(thetas), 2n), and the contact events.
 
         The state given is that at ``thetas[0]``. Errors as in `integrate`.
         """
@@ -196,7 +196,7 @@ class Flow:
         thetas: NDArray[np.float64],
         direction: NDArray[np.float64] | None = None,
     ) -> Variations:
-        """States and their derivatives at each of the increasing `thetas`; parameters as in `sample` and `integrate`.
+        """Return states and their derivatives at the increasing `thetas`; parameters as in `sample` and `integrate`.
 
         For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
         """
@@ -209,7 +209,7 @@ class Flow:
     def survey(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
     ) -> tuple[NDArray[np.float64], list[Turn]]:
-        """Integrals over theta of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
+        """Return the integrals of positions and squared positions from 0 to `stop`, shape (2, n), and all turns.
 
         For a flow compiled for a survey. Errors as in `integrate`.
         """
@@ -220,7 +220,7 @@ class Flow:
             self._idle.append(integrator)
 
     def _take(self) -> _Integrator:
-        """An integrator for one call, which no other thread uses meanwhile; whoever took it gives it back."""
+        """Take an integrator for one call, which no other thread uses until it is given back."""
         try:
             return self._idle.pop()
         except IndexError:
@@ -228,7 +228,7 @@ class Flow:
 
 
 class _Integrator:
-    """One integrator of a flow, with its switches; one thread at a time uses it. Methods as those of `Flow`.
+    """One integrator of a flow, with its switches; one thread at a time uses it. Its methods are those of `Flow`.
 
     Parameters
     ----------
@@ -245,8 +245,8 @@ class _Integrator:
         self._state, self._parameters = taylor.state, taylor.pars
         self._coefficients = self._parameters[self.equations.first_coefficient :]
         self._components = self._parameters[: self.equations.first_switch]
-        self._board = Switchboard(self.equations)
-        self._board.attach(taylor, self.size * self.has_transition + self.directions)
+        self._switchboard = Switchboard(self.equations)
+        self._switchboard.attach(taylor, self.size * self.has_transition + self.directions)
         if flow.has_survey:
             answer_events(self, taylor.nt_events)
         self._identity = np.zeros(len(self._state) - self.size)
@@ -258,7 +258,7 @@ class _Integrator:
         for longest_step in (math.inf, PERIOD / 128, PERIOD / 2048):
             self._prepare(coefficients, state, start, stop, direction)
             steps = self._run(start, stop, longest_step)
-            if self._board.is_right():
+            if self._switchboard.is_right():
                 return self._arc(steps)
         raise FlowError(
             f"a contact event was missed between theta = {start:.6g} and {stop:.6g}, even with short steps, from the "
@@ -286,20 +286,20 @@ class _Integrator:
         return self._state[self.size :].reshape(2, -1) * units, self._turns
 
     def _sample(self, coefficients, state, thetas, direction):
-        """All that is integrated, at each of `thetas`, and the contact events; None for the first if one was missed."""
+        """Integrate everything to each of `thetas`; return None and the contact events if an event was missed."""
         self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
         outcome = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
         if outcome[0] != hy.taylor_outcome.time_limit:
             self._refuse(outcome[0], float(thetas[0]))
-        return (outcome[-1] if self._board.is_right() else None), self._board.log
+        return (outcome[-1] if self._switchboard.is_right() else None), self._switchboard.log
 
     def at_event(self, event: int, theta: float) -> None:
-        """Note where a coordinate or a deflection turns, at an event of a survey."""
+        """Record where a coordinate or a deflection turns, at an event of a survey."""
         positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
     def _sample_piecewise(self, coefficients, state, thetas):
-        """The same as `sample`, point by point with the checks of `integrate`: slower, and never wrong in silence."""
+        """Sample point by point with the checks of `integrate`: slower than `sample`, but never silently wrong."""
         states, contacts = [np.asarray(state, dtype=float)], []
         for start, stop in pairwise(thetas):
             arc = self.integrate(coefficients, states[-1], float(start), float(stop))
@@ -308,7 +308,7 @@ class _Integrator:
         return np.array(states), contacts
 
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
-        """The same as `vary`, point by point: derivatives over a stretch follow those before it."""
+        """Compute the result of `vary` point by point: derivatives over an interval continue those before it."""
         size = self.size
         states, contacts = [np.asarray(state, dtype=float)], []
         transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
@@ -339,7 +339,7 @@ class _Integrator:
             self._components[:] = 0.0 if direction is None else direction.ravel()[self.equations.components]
         periods = max(1.0, (stop - start) / PERIOD)
         self._max_steps = int(_STEPS * periods)
-        self._board.start(coefficients, start, int(_EVENTS * periods), unit)
+        self._switchboard.start(coefficients, start, int(_EVENTS * periods), unit)
 
     def _run(self, start: float, stop: float, longest_step: float) -> int:
         outcome, _, _, steps, *_ = self._taylor.propagate_until(
@@ -352,14 +352,19 @@ class _Integrator:
     def _refuse(self, outcome, start: float) -> None:
         theta, state = self._taylor.time, self._state[: self.size] * self._unit
         where = f"at theta = {theta:.6g} (begun at {start:.6g}), in the state {_short(state)}"
-        if self._board.event_limit <= 0:
-            raise FlowError(f"more than {_EVENTS} contact events in a forcing period, {where}: it chatters without end")
+        if self._switchboard.event_limit <= 0:
+            raise FlowError(
+                f"more than {_EVENTS} contact events in a forcing period, {where}: the motion chatters without end"
+            )
         if outcome == hy.taylor_outcome.err_nf_state or not np.all(np.isfinite(state)) or np.abs(state).max() > 1e12:
             raise FlowError(
-                f"the motion runs away to infinity within the time from theta = {start:.6g}; is there a stiffness, and "
-                "a damping that takes energy out?"
+                f"the motion diverges to infinity in the interval from theta = {start:.6g}; is there a stiffness, and "
+                "a damping that dissipates energy?"
             )
-        raise FlowError(f"more than {_STEPS} integration steps a forcing period, {where}: it is too stiff or runs away")
+        raise FlowError(
+            f"more than {_STEPS} integration steps per forcing period, {where}: the system is too stiff, or the motion "
+            "diverges"
+        )
 
     def _arc(self, steps: int) -> Arc:
         size, state, unit = self.size, self._state, self._unit
@@ -370,22 +375,22 @@ class _Integrator:
             sensitivity = state[-size:] * unit
         elif self.directions:
             sensitivity = state[-size * self.directions :].reshape(self.directions, size).T * unit
-        return Arc(state[:size] * unit, transition, sensitivity, self._board.log, steps)
+        return Arc(state[:size] * unit, transition, sensitivity, self._switchboard.log, steps)
 
 
 def flow_of(system: System, *parameters: str, transition: bool = False, survey: bool = False) -> Flow:
-    """The compiled flow of a system; systems of equal structure and pattern share one.
+    """Return the compiled flow of a system; systems of equal structure and pattern share one.
 
     Parameters
     ----------
     system
         The system.
     *parameters
-        The named parameters to which the sensitivity will be asked for.
+        Names of the parameters for which sensitivities are needed.
     transition
-        Whether the state transition matrix is wanted too.
+        True to integrate the state transition matrix too.
     survey
-        Whether the flow is to survey orbits; see `Flow.survey`.
+        True for a flow that surveys orbits; see `Flow.survey`.
     """
     pattern, directions = coefficients_of(system) != 0.0, varying(system, parameters)
     for mask in directions:

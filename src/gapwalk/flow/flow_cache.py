@@ -1,9 +1,10 @@
-"""Machine code of flows, kept on disk: the next process, and each worker, need not compile them again.
+"""Cache of the machine code of flows on disk, so that the next process, and each worker, need not compile them again.
 
-heyoka keeps it in a database, and finds it there by the equations and by its own version. It trusts what it finds: four
-bits that have changed in it ended the process, another processor might not know its instructions, and a database that
-was cut short was never made again. So each flow has a database of its own, named by the processor, by its equations and
-by its own content. Only what still has that content is given to heyoka, as a copy; what is new is kept.
+heyoka keeps machine code in a database, in which it finds a flow by its equations and by heyoka's own version. It
+trusts what it finds: four flipped bits in a database ended the process, another processor may not know the
+instructions, and a truncated database was never rebuilt. So each flow has a database of its own, named by the
+processor, by its equations and by a checksum of its content. Only a database whose content matches its name is given to
+heyoka, as a copy. New machine code is stored. The folder must be the user's own; otherwise nothing is stored.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import hashlib
 import os
 import platform
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,64 +23,53 @@ from threading import RLock
 
 import heyoka as hy
 
-from gapwalk.flow.cache_folder import cache_folder, is_private, write_whole
-
 _MOST_BYTES = 500_000_000
-"""Of all databases together; beyond that those that were used longest ago go."""
+"""Size limit of all databases together; beyond it those that were used longest ago are removed."""
 
-_NAME = "cache.db"  # as heyoka calls it
-_DESK = "gapwalk-flow-"
-_one_at_a_time = RLock()  # where heyoka's database stands is known to the process as a whole
+_NAME = "cache.db"  # the name that heyoka uses
+_PREFIX = "gapwalk-flow-"
+_one_at_a_time = RLock()  # the path of heyoka's database is global to the process
 
 
 @contextmanager
 def kept(equations: str, *, folder: Path | None = None) -> Iterator[None]:
-    """Compile the flow of some equations within: what was compiled before is loaded, what is new is kept.
+    """Context in which a flow is compiled: machine code that exists is loaded, new machine code is stored.
 
     Parameters
     ----------
     equations
-        A text that tells them; flows of one text share a database.
+        A text that identifies them; flows of one text share a database.
     folder
-        Where the databases are; by default ``gapwalk/flows`` in ``$XDG_CACHE_HOME`` or ``~/.cache``. Where no folder
-        can be trusted or written to, nothing is kept.
+        Folder of the databases; by default ``gapwalk/flows`` in ``$XDG_CACHE_HOME`` or ``~/.cache``. If no folder
+        can be trusted or written to, nothing is stored.
     """
     state = hy.llvm_state
     with _one_at_a_time:
         before = state.get_diskcache_path(), state.get_diskcache_enabled()
         folder = _trusted(folder)
-        desk = _desk() if folder else None
+        work = _working_folder() if folder else None
         try:
-            if folder is None or desk is None:
+            if folder is None or work is None:
                 state.set_diskcache_enabled(False)
                 yield
                 return
             stem = hashlib.sha256(f"{processor()} {hy.__version__} {equations}".encode()).hexdigest()[:32]
-            _lay_out(folder, stem, desk / _NAME)
-            size = _opened(desk)
+            _copy_unchanged(folder, stem, work / _NAME)
+            size = _opened(work)
             yield
             is_new = size is not None and state.get_diskcache_size() > size
             state.set_diskcache_path(before[0])  # closes the database, so that all is in one file
             if is_new:
-                _keep(folder, stem, desk / _NAME)
+                _keep(folder, stem, work / _NAME)
         finally:
             state.set_diskcache_path(before[0])
             state.set_diskcache_enabled(before[1])
-            if desk is not None:
-                shutil.rmtree(desk, ignore_errors=True)
-
-
-@cache
-def processor() -> str:
-    """What tells processors apart: machine code for one may not run on another."""
-    with suppress(OSError), open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
-        first = file.read(20_000).partition("\n\n")[0].splitlines()
-        return "\n".join(line for line in first if line.startswith(("model name", "flags", "CPU", "Features", "isa")))
-    return f"{platform.machine()} {platform.processor()} {platform.node()}"
+            if work is not None:
+                shutil.rmtree(work, ignore_errors=True)
 
 
 def _trusted(folder: Path | None) -> Path | None:
-    """The folder, made if there is none; None if it is not the user's own."""
+    """Return the folder, created if necessary; None if it is not the user's own."""
     try:
         folder = cache_folder("flows") if folder is None else folder
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -87,41 +78,55 @@ def _trusted(folder: Path | None) -> Path | None:
         return None
 
 
-def _opened(desk: Path) -> int | None:
-    """Give heyoka its copy: the size of what is in it; None, and no database, if there is no room for one."""
-    state = hy.llvm_state
-    try:
-        state.set_diskcache_path(desk)
-        state.set_diskcache_enabled(True)
-        return state.get_diskcache_size()
-    except RuntimeError:
-        state.set_diskcache_enabled(False)
-        return None
+def cache_folder(name: str) -> Path:
+    """Return ``gapwalk/NAME`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; raise a RuntimeError if there is no home."""
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "gapwalk" / name
 
 
-def _desk() -> Path | None:
-    """A folder for heyoka's copy, in memory where that is to be had: its database waits for the disk at each change."""
+def is_private(folder: Path) -> bool:
+    """Return whether a folder is the user's own, and writable for nobody else."""
+    about = folder.stat()
+    is_mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
+    return is_mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _working_folder() -> Path | None:
+    """Make a folder for heyoka's copy, in memory if possible: its database waits for the disk at each change."""
     for place in ("/dev/shm", tempfile.gettempdir()):
         with suppress(OSError):
-            _clear_away(Path(place))
-            return Path(tempfile.mkdtemp(prefix=f"{_DESK}{os.getpid()}-", dir=place))
+            _remove_abandoned(Path(place))
+            return Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-", dir=place))
     return None
 
 
-def _clear_away(place: Path) -> None:
-    """Remove what processes that were killed while they compiled have left."""
-    for desk in place.glob(f"{_DESK}*"):
-        owner = desk.name.removeprefix(_DESK).partition("-")[0]
+def _remove_abandoned(place: Path) -> None:
+    """Remove the folders of processes that were killed while they compiled."""
+    for work in place.glob(f"{_PREFIX}*"):
+        owner = work.name.removeprefix(_PREFIX).partition("-")[0]
         try:
             os.kill(int(owner), 0)
         except ProcessLookupError:
-            shutil.rmtree(desk, ignore_errors=True)
-        except (OSError, OverflowError, ValueError):  # it lives, and is somebody else's; or the folder is none of ours
+            shutil.rmtree(work, ignore_errors=True)
+        except (
+            OSError,
+            OverflowError,
+            ValueError,
+        ):  # alive, but another user's; or not a folder of gapwalk
             pass
 
 
-def _lay_out(folder: Path, stem: str, copy: Path) -> None:
-    """Copy a database that is as it was written, if there is one; others of its name are removed."""
+@cache
+def processor() -> str:
+    """Describe the processor: machine code for one may not run on another."""
+    with suppress(OSError), open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+        first = file.read(20_000).partition("\n\n")[0].splitlines()
+        return "\n".join(line for line in first if line.startswith(("model name", "flags", "CPU", "Features", "isa")))
+    return f"{platform.machine()} {platform.processor()} {platform.node()}"
+
+
+def _copy_unchanged(folder: Path, stem: str, copy: Path) -> None:
+    """Copy the database whose content is unchanged, if there is one; remove others of its name."""
     try:
         for file in folder.glob(f"{stem}-*.db"):
             content = file.read_bytes()
@@ -130,12 +135,28 @@ def _lay_out(folder: Path, stem: str, copy: Path) -> None:
                 os.utime(file)  # it was used
                 return
             file.unlink(missing_ok=True)
-    except OSError:  # no room for the copy: half of one is worse than none
+    except OSError:  # no room for the copy: a partial one is worse than none
         copy.unlink(missing_ok=True)
 
 
+def _name(stem: str, content: bytes) -> str:
+    return f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.db"
+
+
+def _opened(work: Path) -> int | None:
+    """Open heyoka's copy, and return its size; return None, without a database, if there is no room for one."""
+    state = hy.llvm_state
+    try:
+        state.set_diskcache_path(work)
+        state.set_diskcache_enabled(True)
+        return state.get_diskcache_size()
+    except RuntimeError:
+        state.set_diskcache_enabled(False)
+        return None
+
+
 def _keep(folder: Path, stem: str, copy: Path) -> None:
-    """Keep a database in place of those of its name."""
+    """Store a database in place of those of its name."""
     with suppress(OSError):
         content = copy.read_bytes()
         name = _name(stem, content)
@@ -146,11 +167,20 @@ def _keep(folder: Path, stem: str, copy: Path) -> None:
         _forget_oldest(folder)
 
 
-def _name(stem: str, content: bytes) -> str:
-    return f"{stem}-{hashlib.sha256(content).hexdigest()[:32]}.db"
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file that another process sees whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=file.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        os.replace(name, file)
+    except BaseException:
+        os.unlink(name)
+        raise
 
 
 def _forget_oldest(folder: Path) -> None:
+    """Remove the databases that were used longest ago, beyond the size limit."""
     known = sorted(((file.stat().st_mtime, file) for file in folder.iterdir()), reverse=True)
     total = 0
     for _, file in known:

@@ -1,4 +1,4 @@
-"""Hysteresis: the loop of a contact's force under a prescribed harmonic deflection, and the energy that it costs."""
+"""Hysteresis: the loop of a contact's force under a harmonic deflection, and the energy that it dissipates."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.forces import contact_force
 from gapwalk.model.coefficients import ContactSlots, coefficients_of, layout_of
-from gapwalk.model.contact import Contact, DampingLaw
+from gapwalk.model.contact import Contact
+from gapwalk.model.laws import Law
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
 _NODES, _WIDEST = 20, PERIOD / 8  # of Gauss's rule: between breakpoints the force is a trigonometric polynomial
-_BESIDE = 1e-9  # rad: a force that jumps is drawn on both sides of its jump
+_JUMP = 1e-9  # rad: distance from a breakpoint of the samples on both sides, which show a jump of the force
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +32,19 @@ class Hysteresis:
     Attributes
     ----------
     contact, law
-        Name of the contact, and how it dissipates.
+        Name of the contact, and its force law.
     amplitude, mean, frequency
-        Of the deflection; the frequency is angular.
+        Amplitude, mean and angular frequency of the deflection.
     breakpoints
         Deflections at which a stage opens or closes, increasing.
     theta, deflection, rate, force : shape (samples,)
         Phase in radians, deflection, its rate, and the force.
     loss
-        Energy that a cycle costs, the area of the loop: ``integral of f dx``. Negative where the law feeds energy in.
+        Energy dissipated per cycle, the area of the loop: ``integral of f dx``. Negative if the law feeds energy in.
     """
 
     contact: str
-    law: DampingLaw
+    law: Law
     amplitude: float
     mean: float
     frequency: float
@@ -56,14 +57,14 @@ class Hysteresis:
 
     @property
     def equivalent_damping(self) -> float:
-        """The viscous damper beside the contact that costs the same: ``loss / (pi W amplitude^2)``.
+        """Viscous damping with the same loss: ``loss / (pi W amplitude^2)``.
 
         It is the damping of the describing function, so it does not depend on the frequency.
         """
         return self.loss / (math.pi * self.frequency * self.amplitude**2)
 
     def plot(self, **options: Any):
-        """Draw the loop; `gapwalk.plot.draw` draws a list of them over one another. Returns the axes."""
+        """Draw the loop, and return the axes; `gapwalk.plot.draw` draws several loops in one picture."""
         from gapwalk.plot import draw
 
         return draw(self, **options)
@@ -78,16 +79,16 @@ def hysteresis(
     frequency: float | None = None,
     samples: int = 720,
 ) -> Hysteresis:
-    """The loop of force over deflection of one contact under a prescribed harmonic deflection (paper, figure 1).
+    """Compute the loop of force over deflection of a contact under a harmonic deflection (paper, figure 1).
 
     Parameters
     ----------
     system
         A system, or a contact alone.
     amplitude, mean
-        Of the deflection, ``mean + amplitude * cos(theta)``.
+        Amplitude and mean of the deflection ``mean + amplitude * cos(theta)``.
     contact
-        Name of the contact; may be left out if there is one only.
+        Name of the contact; optional if there is only one.
     frequency
         Angular frequency; by default that of the system (1 for a contact alone).
     samples
@@ -96,7 +97,7 @@ def hysteresis(
     Raises
     ------
     ModelError
-        For a contact, an amplitude or a frequency that makes no sense.
+        If there is no such contact, or an amplitude or a frequency is not valid.
     """
     system = _alone(system) if isinstance(system, Contact) else system
     name, form, slots = pick_contact(system, contact)
@@ -112,19 +113,19 @@ def hysteresis(
 
     def cycle(theta: NDArray[np.float64]):
         x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
-        return x, rate, contact_force(slots, form, coefficients, x, rate)
+        return x, rate, contact_force(slots, coefficients, x, rate)
 
     nodes, weights = _nodes(edges)
     _, rate, force = cycle(nodes)
     loss = float(weights @ (force * rate)) / frequency
     inner = edges[1:-1]
-    theta = np.unique(np.concatenate((np.linspace(0.0, PERIOD, samples + 1), inner - _BESIDE, inner + _BESIDE)))
+    theta = np.unique(np.concatenate((np.linspace(0.0, PERIOD, samples + 1), inner - _JUMP, inner + _JUMP)))
     x, rate, force = cycle(theta)
-    return Hysteresis(name, form.damping, amplitude, mean, frequency, tuple(levels), theta, x, rate, force, loss)
+    return Hysteresis(name, form.law, amplitude, mean, frequency, tuple(levels), theta, x, rate, force, loss)
 
 
 def pick_contact(system: System, name: str | None) -> tuple[str, ContactForm, ContactSlots]:
-    """The contact of a name, or the only one, with its form and its coefficients' places; else a ModelError."""
+    """Return the contact of a name, or the only one: its name, form and coefficient slots; else a ModelError."""
     known = [form.name for form in system.structure.contacts]
     if name is None and len(known) == 1:
         name = known[0]
@@ -136,18 +137,18 @@ def pick_contact(system: System, name: str | None) -> tuple[str, ContactForm, Co
 
 
 def _alone(contact: Contact) -> System:
-    """A system of one coordinate, the deflection of a contact."""
+    """Return a system of one coordinate, the deflection of a contact."""
     return System(("x",), [[0.0]], contacts=[replace(contact, deflection={"x": 1.0}, force=None)])
 
 
 def _edges(levels: Sequence[float], amplitude: float, mean: float) -> NDArray[np.float64]:
-    """Phases at which a breakpoint is passed, between 0 and a whole turn."""
+    """Return 0, the phases at which a breakpoint is passed, and a whole turn."""
     met = [math.acos((level - mean) / amplitude) for level in levels if abs(level - mean) < amplitude]
     return np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met)}))
 
 
 def _nodes(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes and weights of Gauss's rule between the edges."""
+    """Return nodes and weights of Gauss's rule between the edges."""
     knots = [np.linspace(a, b, 2 + int((b - a) / _WIDEST))[:-1] for a, b in pairwise(edges)]
     starts = np.append(np.concatenate(knots), edges[-1])
     widths, (nodes, weights) = np.diff(starts), leggauss(_NODES)

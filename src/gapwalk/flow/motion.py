@@ -1,4 +1,11 @@
-"""A sampled motion: time histories of positions, velocities, accelerations and contact forces, and its contacts."""
+"""A sampled motion: positions, velocities, accelerations, contact forces and contact events over time.
+
+Motions of a drive train have further signals: accelerations of its inertias, torques in its shafts and gears. The
+coordinates of a train are deflections, and its rotation as a whole is left out of the equations of motion. Its
+acceleration is known nevertheless, since the torques determine it: the absolute acceleration of every inertia is that
+of ``T x + r psi`` with ``r^T J r psi'' = r^T (torques)`` (see `gapwalk.model.drivetrain.train_assembly`). Figure 8 of
+the paper shows u3'' of three inertias. Absolute angles and speeds depend on the history of the train and are unknown.
+"""
 
 from __future__ import annotations
 
@@ -12,36 +19,11 @@ from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations, contact_deflections, contact_forces
 from gapwalk.flow.switching import ContactEvent
-from gapwalk.flow.train_motion import train_histories, train_signals
 from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.problems import did_you_mean
-from gapwalk.model.structure import ContactForm
+from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
-
-
-@dataclass(frozen=True)
-class ContactRecord:
-    """One entry of the contact log, in the user's terms.
-
-    Attributes
-    ----------
-    theta, time
-        When: in radians of the fundamental excitation, and in units of time.
-    contact, stage, side
-        Which: name of the contact, name of the stage ("" if it has one only), +1 or -1.
-    closes
-        True where the stage closes, False where it opens.
-    velocity
-        Rate of the deflection over time; where the stage closes, its size is the approach velocity.
-    """
-
-    theta: float
-    time: float
-    contact: str
-    stage: str
-    side: int
-    closes: bool
-    velocity: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +80,14 @@ class Motion:
         )
 
     def signal(self, name: str) -> NDArray[np.float64]:
-        """One time history by name, shape (samples,).
+        """Return one time history by name, shape (samples,).
 
         Parameters
         ----------
         name
             A coordinate (``"q1"``), its velocity (``"q1'"``), its acceleration (``"q1''"``), or the force of a contact
             (``"stop.force"``, or ``"stop"`` for short, where that is not a coordinate, nor the system a drive train).
-            Of a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
+            For a drive train also the absolute acceleration of an inertia (``"box''"``), and the torque in a shaft or
             gear (``"clutch.torque"``). In a system with units, positions and velocities are as in states: in the unit
             of angles, and in that over s. Accelerations are in rad/s^2, torques in N m.
 
@@ -118,7 +100,7 @@ class Motion:
         return getattr(self, kind)[:, column] * signal_factor(self.system, name)
 
     def _column(self, place: int) -> tuple[str, int]:
-        """Where the signal of a place in `signal_names` stands: which histories, and which of them."""
+        """Return the attribute and the column that hold the signal of a place in `signal_names`."""
         size, contacts = self.system.size, len(self.system.structure.contacts)
         for kind, width in (("q", size), ("v", size), ("a", size), ("forces", contacts)):
             if place < width:
@@ -135,10 +117,35 @@ class Motion:
         return coefficients_of(self.system)
 
 
+@dataclass(frozen=True)
+class ContactRecord:
+    """One entry of the contact log, with the names of the model.
+
+    Attributes
+    ----------
+    theta, time
+        Instant of the event: in radians of the fundamental excitation, and in units of time.
+    contact, stage, side
+        Name of the contact, name of the stage ("" if there is only one), +1 or -1.
+    closes
+        True where the stage closes, False where it opens.
+    velocity
+        Rate of the deflection over time; where the stage closes, its size is the approach velocity.
+    """
+
+    theta: float
+    time: float
+    contact: str
+    stage: str
+    side: int
+    closes: bool
+    velocity: float
+
+
 def integrate(
     system: System, state: NDArray[np.float64], periods: float = 1.0, samples: int = 256, start: float = 0.0
 ) -> Motion:
-    """The motion of a system from a state, sampled.
+    """Integrate a system from a state, and sample the motion.
 
     Parameters
     ----------
@@ -149,14 +156,14 @@ def integrate(
     periods
         Length in forcing periods.
     samples
-        Samples a forcing period.
+        Samples per forcing period.
     start
         Angle of the fundamental excitation at the start, in radians.
 
     Raises
     ------
     FlowError
-        If the motion runs away or chatters without end.
+        If the motion diverges or chatters without end.
     ModelError
         If the state has the wrong length.
     """
@@ -165,14 +172,14 @@ def integrate(
 
 
 def sample(system: System, state: NDArray[np.float64], theta: NDArray[np.float64]) -> Motion:
-    """The motion from a state at ``theta[0]``, at each of the increasing angles `theta`. Errors as `integrate`."""
+    """Sample the motion from a state at ``theta[0]`` at the increasing angles `theta`. Errors as `integrate`."""
     initial = check_state(system, state)
     states, events = flow_of(system).sample(coefficients_of(system), initial, theta)
     return Motion(system, theta, states[:, : system.size], states[:, system.size :], tuple(events))
 
 
 def check_state(system: System, state) -> NDArray[np.float64]:
-    """The state as an array of 2n finite numbers, or a ModelError that says what it must be."""
+    """Return the state as an array of 2n finite numbers; raise a ModelError that says what it must be."""
     try:
         array = np.asarray(state, dtype=float)
     except (TypeError, ValueError):
@@ -183,22 +190,21 @@ def check_state(system: System, state) -> NDArray[np.float64]:
     return array
 
 
-def signal_names(system: System) -> list[str]:
-    """Names of all signals of a motion of `system`: each is that of one signal."""
-    derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
-    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
-
-
-def force_of(contact: ContactForm) -> str:
-    """The name of the signal that is the force of a contact."""
-    return f"{contact.name}.force"
+def switch_names(system: System) -> list[tuple[str, str, int]]:
+    """Return contact, stage and side of each switch of the system's flow, in their order."""
+    return [
+        (contact.name, stage.name, sign)
+        for contact in system.structure.contacts
+        for stage in contact.stages
+        for sign in stage.side.signs
+    ]
 
 
 def signal_place(system: System, name: str) -> int:
-    """The place of a signal in `signal_names`.
+    """Return the place of a signal in `signal_names`.
 
-    The name of a contact is short for its force, where no coordinate has that name. In a drive train it never is: there
-    a link's name is that of its deflection.
+    The name of a contact is short for its force, unless a coordinate has that name. In a drive train it is not short
+    for the force, because a link's name is that of its deflection.
 
     Raises
     ------
@@ -214,16 +220,75 @@ def signal_place(system: System, name: str) -> int:
     return known.index(force_of(forces[name]))
 
 
+def signal_names(system: System) -> list[str]:
+    """Return the names of all signals of a motion of `system`."""
+    derivatives = [name + dash for dash in ("", "'", "''") for name in system.coordinates]
+    return [*derivatives, *map(force_of, system.structure.contacts), *train_signals(system.structure)]
+
+
+def force_of(contact: ContactForm) -> str:
+    """Return the name of the signal that is the force of a contact."""
+    return f"{contact.name}.force"
+
+
+def train_signals(structure: Structure) -> list[str]:
+    """Return names such as ``box''`` of an inertia, ``clutch.torque`` of a link; none without a drive train."""
+    assembly = structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return []
+    form = assembly.form
+    links = [f"{link.name}.torque" for link in form.links if not link.rigid]
+    return [*(f"{name}''" for name in form.inertias), *links]
+
+
 def signal_factor(system: System, name: str) -> float:
-    """What a signal is multiplied by, from the consistent units of the equations of motion to its own."""
+    """Return the factor of a signal from the consistent units of the equations of motion to its own."""
     return 1.0 if system.units is None else system.units.signal(name)[0]
 
 
-def switch_names(system: System) -> list[tuple[str, str, int]]:
-    """Contact, stage and side of each switch of the system's flow, in their order."""
-    return [
-        (contact.name, stage.name, sign)
-        for contact in system.structure.contacts
-        for stage in contact.stages
-        for sign in stage.side.signs
-    ]
+def train_histories(
+    system: System,
+    theta: NDArray | float,
+    q: NDArray,
+    v: NDArray,
+    a: NDArray,
+    forces: NDArray,
+) -> NDArray:
+    """Compute all signals of a train, shape (samples, signals), real or complex.
+
+    Parameters
+    ----------
+    system
+        The system.
+    theta : shape (samples,)
+        Angles of the excitation.
+    q, v, a : shape (samples, n)
+        Deflections with their derivatives over time.
+    forces : shape (samples, contacts)
+        Contact forces.
+    """
+    assembly = system.structure.assembly
+    assert isinstance(assembly, TrainAssembly)
+    leaks = assembly.leaks(system.values)
+    rates, a = v + leaks * q, a + leaks * v  # of the angles, which include those of slipping links
+    return np.hstack((_accelerations(assembly, system, theta, a), _torques(assembly, system, q, rates, forces)))
+
+
+def _accelerations(assembly: TrainAssembly, system: System, theta: NDArray | float, a: NDArray) -> NDArray:
+    turning = assembly.turning(system.values)
+    whole = [np.ones(np.shape(theta))]
+    values, angle = assembly.consistent(system.values), np.asarray(theta)
+    for torque in assembly.form.torques:
+        lines = torque.harmonic.lines(values[0], assembly.form.parameters(values, torque))
+        waves = [cosine * np.cos(h * angle) + sine * np.sin(h * angle) for h, cosine, sine in lines]
+        whole.append(np.sum(waves, axis=0))
+    return a @ assembly.angles(system.values).T + np.stack(whole, axis=-1) @ turning.T
+
+
+def _torques(assembly: TrainAssembly, system: System, q: NDArray, v: NDArray, forces: NDArray) -> NDArray:
+    """Compute the torque in each link with springs: of its permanent spring and damper, and of its contact."""
+    stiffness, damping, deflections = assembly.links(system.values)
+    torques = stiffness * (q @ deflections.T) + damping * (v @ deflections.T)
+    for place, (number, _) in enumerate(assembly.form.contacts):
+        torques[..., number] += forces[..., place]
+    return torques[..., [number for number, link in enumerate(assembly.form.links) if not link.rigid]]

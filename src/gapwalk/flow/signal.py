@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.flow.forces import accelerations, contact_forces
-from gapwalk.flow.motion import Motion, signal_factor, signal_place
-from gapwalk.flow.train_motion import train_histories, train_signals
+from gapwalk.flow.motion import Motion, signal_factor, signal_place, train_histories, train_signals
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
@@ -21,14 +20,14 @@ _STEP = 1e-150  # of the complex step, as in `gapwalk.model.coefficients`
 
 @dataclass(frozen=True)
 class Signal:
-    """A sum of signals with factors: what a sensor sees.
+    """A sum of signals with factors, as a sensor measures it.
 
     Parameters
     ----------
     terms
         Names as in `Motion.signal`, each with its factor.
     label
-        What it is called; by default the sum as a text.
+        Label of the signal; by default the sum as a text.
     """
 
     terms: tuple[tuple[str, float], ...]
@@ -36,7 +35,7 @@ class Signal:
 
     @property
     def name(self) -> str:
-        """Its label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
+        """Label, or the sum as a text: ``q1''``, or ``0.5 q1'' - 2 q3``."""
         if self.label:
             return self.label
         if len(self.terms) == 1 and self.terms[0][1] == 1.0:
@@ -45,7 +44,7 @@ class Signal:
         return text.removeprefix("+ ").replace("- ", "-", 1) if text.startswith("- ") else text.removeprefix("+ ")
 
     def of(self, motion: Motion) -> NDArray[np.float64]:
-        """Its values along a motion, shape (samples,)."""
+        """Return its values along a motion, shape (samples,)."""
         return np.sum([factor * motion.signal(name) for name, factor in self.terms], axis=0)
 
     def slope(
@@ -55,23 +54,23 @@ class Signal:
         coefficients: NDArray[np.float64] | None = None,
         theta: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Its derivative along a direction, exact to rounding, shape (samples,).
+        """Return its derivative along a direction, exact to rounding, shape (samples,).
 
         Parameters
         ----------
         motion
             The motion.
         states : shape (samples, 2n)
-            How positions and velocities change in that direction.
+            Derivatives of positions and velocities along that direction.
         coefficients
-            How the coefficients of the flow change; None if they do not.
+            Derivatives of the coefficients of the flow; None if they are constant.
         theta
-            How the angle of the excitation changes.
+            Derivative of the angle of the excitation.
 
         Raises
         ------
         ModelError
-            If the signal is one of the parts of a drive train, and the coefficients change.
+            If the signal is that of a part of a drive train, and the coefficients change.
         """
         system, layout, step = motion.system, layout_of(motion.system.structure), 1j * _STEP
         n = system.size
@@ -94,12 +93,12 @@ class Signal:
 
 
 def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Signal:
-    """A signal of a system's motions from its name, or from names with factors.
+    """Return a signal of a system's motions from its name, or from names with factors.
 
     Raises
     ------
     ModelError
-        If the system has no such signal, or a factor is no number.
+        If the system has no such signal, or a factor is not a finite number.
     """
     if isinstance(given, str):
         terms = ((given, 1.0),)
@@ -115,9 +114,9 @@ def signal_of(system: System, given: str | Mapping[str, float] | Signal) -> Sign
 
 
 def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) -> int:
-    """The place of the contact whose force a picture shows, where none is asked for.
+    """Return the place of the contact whose force a picture shows by default.
 
-    It is the one that the signal names. If it names none, it is one that does touch: of these one that acts on the
+    It is the one that the signal names. Otherwise it is a contact that touches, if possible one that acts on the
     signal's coordinate, and of these the one with the largest force.
 
     Parameters
@@ -125,9 +124,9 @@ def contact_to_show(system: System, signal: str, forces: NDArray[np.float64]) ->
     system
         The system; it has contacts.
     signal
-        The signal that is shown with it, as in `Motion.signal`; empty for none.
+        The signal shown with it, as in `Motion.signal`; empty for none.
     forces : shape (contacts,)
-        The largest force of each, in size; 0 or NaN where it never touches.
+        Largest absolute force of each; 0 or NaN for a contact that never touches.
     """
     base, coordinates, sizes = signal.rstrip("'"), system.coordinates, np.nan_to_num(forces)
 

@@ -1,27 +1,33 @@
 """The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked.
 
+At an event the switch follows the side to which the motion crosses the breakpoint; where the force law resets the rate,
+the switch stays open. Derivatives of the motion pass it by `gapwalk.flow.contact_events`.
+
 Method: docs/numerics/flow.md
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.flow.contact_events import answer_events, pass_event
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.event_call import answer_events
-from gapwalk.flow.forces import accelerations
-from gapwalk.model.contact import DampingLaw
+from gapwalk.flow.forces import accelerations, contact_force
+from gapwalk.model.coefficients import ContactSlots
+from gapwalk.model.laws import closed_form_of
 
 COOLDOWN = 1e-9  # radians of theta; heyoka's automatic value is 0 for a start at rest on a breakpoint, and loops
 _SLOW = 1e-6  # relative approach velocity below which a crossing may be a touch that ends within the cooldown
 _ON = 1e-13  # relative distance within which a motion counts as being on a breakpoint
-_LATELY = 10 * COOLDOWN  # time within which a second event of a switch is an echo of the first
+_REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeats the first
+_AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
-_CLOSE = 1e-6  # relative distance of breakpoints of a contact within which rounding may make them one
+_CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
 
 
 class ContactEvent(NamedTuple):
@@ -30,13 +36,13 @@ class ContactEvent(NamedTuple):
     Attributes
     ----------
     theta
-        When, in radians of the fundamental excitation.
+        Angle of the event, in radians of the fundamental excitation.
     switch
-        Which stage on which side: index into `Equations.switches`.
+        The stage and its side: index into `Equations.switches`.
     enters
         True if the contact closes, False if it opens.
     velocity
-        Rate of the deflection over time; its size is the approach velocity.
+        Rate of the deflection over time; its absolute value is the approach velocity.
     """
 
     theta: float
@@ -45,8 +51,29 @@ class ContactEvent(NamedTuple):
     velocity: float
 
 
+class _Jump(NamedTuple):
+    """A jump of a contact force at a breakpoint, during one motion.
+
+    Attributes
+    ----------
+    push : shape (n,)
+        Deceleration of the coordinates by a unit of the force.
+    quotient
+        Function of the rate: the jump of the force where the stage closes, divided by the rate.
+    vectors : shape (directions, n)
+        Derivatives of the deflection vector along each direction of the coefficients.
+    places : shape (directions,)
+        Derivatives of the position of the breakpoint along each direction.
+    """
+
+    push: NDArray[np.float64]
+    quotient: Callable[[float], float]
+    vectors: NDArray[np.float64]
+    places: NDArray[np.float64]
+
+
 class Switchboard:
-    """Keeps the switches of one compiled integrator right; the integrator calls it back at every event."""
+    """Control of the switches of one compiled integrator, which calls it back at every event."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -62,21 +89,25 @@ class Switchboard:
         self._geometry = np.concatenate((self._deflections.ravel(), self._breaks))
         self._known = b""
         self._first, self._weights = equations.first_switch, equations.first_weight
-        self._viscous = [self._is_viscous_edge(k, j) for k, j in equations.switches]
+        self._jumps = [_jump_of(contacts[k], each) for k, (_, each) in enumerate(equations.switches)]
+        self._rebounds = [
+            stage.innermost and contact.form.law.rebounds for contact, stage in zip(contacts, stages, strict=True)
+        ]
         self.log: list[ContactEvent] = []
         self.missed = 0
         self.event_limit = 0
 
     def attach(self, integrator, columns: int) -> None:
-        """Take hold of the integrator's state and parameters (live views), with `columns` sensitivity columns."""
+        """Attach to the integrator's state and parameters (live views), with `columns` sensitivity columns."""
         self._integrator, self._state, self._parameters = integrator, integrator.state, integrator.pars
         self._columns = columns
         if self.count:
             answer_events(self, integrator.t_events)
 
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
-        """Set every switch for the state in the integrator, and begin a new log, whose lengths are told in `unit`s."""
+        """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
+        self._of_motion: dict[int, _Jump] = {}
         if not self.count:
             return
         self._coefficients, self._theta = coefficients, theta
@@ -93,7 +124,7 @@ class Switchboard:
             self._leave({switch: depths[switch] for switch in range(self.count) if near[switch]}, theta)
 
     def is_right(self) -> bool:
-        """Whether no crossing was missed: each event changed its switch, and all switches are right at the end."""
+        """Return whether no crossing was missed: each event changed its switch, and all are right at the end."""
         if self.missed:
             return False
         if not self.count:
@@ -108,7 +139,7 @@ class Switchboard:
         )
 
     def _read_geometry(self, coefficients: NDArray) -> None:
-        """Deflection vectors and breakpoints as plain numbers, read again only when they have changed."""
+        """Read deflection vectors and breakpoints as plain numbers, only when they have changed."""
         known = coefficients[self._geometry].tobytes()
         if known == self._known:
             return
@@ -119,11 +150,11 @@ class Switchboard:
         weights = [min(1.0, 1.0 / abs(offset)) if offset else 1.0 for offset in self._offsets]
         self._parameters[self._weights : self._weights + self.count] = weights
         self._rows = [tuple((int(i), float(vector[i])) for i in np.flatnonzero(vector)) for vector in self._vectors]
-        self._twins = [self._possible_twins(switch) for switch in range(self.count)]
+        self._simultaneous = [self._possibly_simultaneous(switch) for switch in range(self.count)]
         self._rate_rows = [tuple((self.n + i, factor) for i, factor in row) for row in self._rows]
 
-    def _possible_twins(self, switch: int) -> tuple[int, ...]:
-        """The switches that may change at the same time: those of other contacts, and of breakpoints close by."""
+    def _possibly_simultaneous(self, switch: int) -> tuple[int, ...]:
+        """Return the switches that may change simultaneously: of other contacts, and of breakpoints close by."""
         contact, offset = self.equations.switches[switch][0], self._offsets[switch]
         others = enumerate(zip(self.equations.switches, self._offsets, strict=True))
         return tuple(
@@ -133,32 +164,32 @@ class Switchboard:
         )
 
     def _depths(self, positions: list[float]) -> list[float]:
-        """How far the motion is inside each stage (> 0) or outside it (< 0)."""
+        """Return how far the motion is inside each stage (> 0) or outside it (< 0)."""
         return [
             sign * (sum([factor * positions[i] for i, factor in row]) - offset)
             for sign, row, offset in zip(self._signs, self._rows, self._offsets, strict=True)
         ]
 
     def _are_near(self, depths: list[float], state: list[float], share: float) -> list[bool]:
-        """Which breakpoints the motion is on, to a share of the size of the motion and of the breakpoint."""
+        """Return which breakpoints the motion is on, within a share of the size of the motion and the breakpoint."""
         size = self._size(state)
         return [abs(depth) <= share * (scale + size) for depth, scale in zip(depths, self._scales, strict=True)]
 
     def _size(self, state: list[float]) -> float:
-        """Size of the motion: of its deflections, now or a quarter of a period later."""
+        """Return the size of the motion: of its positions, now or a quarter of a period later."""
         return max(*map(abs, state[: self.n]), float(self._coefficients[0]) * max(map(abs, state[self.n :])))
 
     def at_event(self, switch: int, theta: float) -> bool:
-        """Flip a switch, at an event of its breakpoint; whether the integrator goes on."""
-        if self._settle(switch, theta) and self._twins[switch]:
-            self._settle_twins(switch, theta)
+        """Flip a switch at an event of its breakpoint; return whether the integrator continues."""
+        if self._settle(switch, theta) and self._simultaneous[switch]:
+            self._settle_simultaneous(switch, theta)
         self.event_limit -= 1
         return self.event_limit > 0
 
     def _settle(self, switch: int, theta: float, reported: bool = True) -> bool:
-        """Set one switch for a motion on its breakpoint; whether that changes it.
+        """Set one switch for a motion on its breakpoint; return whether that changes it.
 
-        An event that is reported and changes nothing tells that the one before it was missed.
+        A reported event that changes nothing shows that the one before it was missed.
         """
         if theta < self._left[switch]:
             return False
@@ -168,47 +199,42 @@ class Switchboard:
         before = self._inside[switch]
         if velocity > self._speed or velocity < -self._speed:
             inside = self._signs[switch] * velocity > 0.0
-            if reported and inside is before and theta - self._changed[switch] > _LATELY:
+            if reported and inside is before and theta - self._changed[switch] > _REPEATED:
                 self.missed += 1
         else:
             inside = self._after_touch(switch, velocity, theta)
         if inside is before:
             return False
-        self._parameters[self._first + switch] = inside
-        self._inside[switch], self._changed[switch] = inside, theta
+        self._changed[switch] = theta
         self.log.append(ContactEvent(theta, switch, inside, velocity * self._unit))
-        if self._viscous[switch]:
-            self._jump(switch, 1.0 if inside else -1.0)
+        if self._rebounds[switch]:
+            self._rebound(switch, theta)
+            return True
+        if self._columns and self._jumps[switch] is not None:
+            self._jump(switch, velocity, inside)
+        self._parameters[self._first + switch] = self._inside[switch] = inside
         return True
 
-    def _settle_twins(self, switch: int, theta: float) -> None:
+    def _settle_simultaneous(self, switch: int, theta: float) -> None:
         """Set the other switches whose breakpoints are crossed at the same time.
 
-        Of two events at one time the integrator reports one, and the other only if rounding leaves it a sign change:
-        the two sides of a gap of no width, two equal contacts, a symmetric system.
+        If two events coincide, the integrator reports one, and the other only if rounding leaves a sign change of it.
+        Examples are the two sides of a gap of no width, two equal contacts, and a symmetric system.
         """
         state = self._state[: 2 * self.n].tolist()
         near = self._are_near(self._depths(state), state, _ON)
-        for other in self._twins[switch]:
-            if near[other] and theta - self._changed[other] > _LATELY:
+        for other in self._simultaneous[switch]:
+            if near[other] and theta - self._changed[other] > _REPEATED:
                 self._settle(other, theta, reported=False)
-
-    def _is_viscous_edge(self, contact: int, stage: int) -> bool:
-        """Whether the force jumps at this breakpoint: the innermost stage of a viscously damped contact."""
-        layout = self.equations.layout
-        if layout.structure.contacts[contact].damping is not DampingLaw.VISCOUS:
-            return False
-        stages = layout.contacts[contact].stages
-        return [other.sign for other in stages].index(stages[stage].sign) == stage
 
     def _leave(self, starts: dict[int, float], theta: float) -> None:
         """Set the switches on whose breakpoints the motion starts, by the sides to which it leaves them.
 
-        Velocity and acceleration do not tell them all: a mass at rest leaves in the third order under a sine, and two
-        orders later each if it is pushed through other masses. So the Taylor series of the motion tells them: its first
-        term that is not zero does not depend on the switch itself. It may depend on another one, which then leaves
-        earlier, so the series is looked at again until nothing changes. What is crossed before the motion has left
-        its breakpoint by more than rounding is no event. `starts` are the depths of those switches.
+        Velocity and acceleration do not always decide: a mass at rest leaves in the third order under a sine, and two
+        orders later for each further mass through which it is pushed. Therefore the Taylor series of the motion
+        decides: its first non-zero term does not depend on the switch itself. It may depend on another one, which
+        then leaves earlier, so the series is evaluated again until nothing changes. A crossing before the motion has
+        left its breakpoint by more than rounding is not an event. `starts` are the depths of those switches.
         """
         distance = 2.0 * _ON * (max(self._scales) + self._size(self._state[: 2 * self.n].tolist()))
         for _ in range(self.count):
@@ -223,42 +249,133 @@ class Switchboard:
             self._parameters[self._first : self._first + self.count] = self._inside
 
     def _after_touch(self, switch: int, velocity: float, theta: float) -> bool:
-        """Where a slow crossing leads: the velocity decides, unless the motion turns back within the cooldown."""
-        turning = float(self._vectors[switch] @ self._acceleration(theta))
+        """Decide a slow crossing: the velocity decides, unless the motion turns back within the cooldown."""
+        q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
+        acceleration = accelerations(self.equations.layout, self._coefficients, theta, q, v)
+        turning = float(self._vectors[switch] @ acceleration)
         span = 4.0 * COOLDOWN * self._coefficients[0]
         turns_back = velocity * turning < 0 and 2.0 * abs(velocity) <= span * abs(turning)
         leading = turning if turns_back or velocity == 0.0 else velocity
         return bool(self.signs[switch] * leading > 0)
 
-    def _acceleration(self, theta: float) -> NDArray:
-        q, v = self._state[: self.n], self._state[self.n : 2 * self.n]
-        return accelerations(self.equations.layout, self._coefficients, theta, q, v)
+    def _jump(self, switch: int, rate: float, inside: bool) -> None:
+        """Transform the sensitivities at a jump of the force, without a reset of the state.
 
-    def _jump(self, switch: int, change: float) -> None:
-        """Carry the sensitivities over a jump of the force (the saltation matrix).
-
-        With the damper's force ``c v_n`` appearing or vanishing, ``S = I + (F+ - F-) grad h / (grad h . F-)`` has no
-        denominator left: each column changes by ``-D c`` times the column's own change of the gap.
+        Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
+        stays finite if the jump vanishes with the rate, as for a viscous damper.
         """
-        if not self._columns:
-            return
-        n, size = self.n, 2 * self.n
-        contact, stage = self.equations.switches[switch]
-        slots = self.equations.layout.contacts[contact]
-        columns = self._state[size:].reshape(self._columns, size)
-        shift = columns[:, :n] @ self._vectors[switch]
-        for index in range(self._columns - size):
-            direction = np.zeros_like(self._coefficients)
-            first, varying = self.equations.first_component(index), self.equations.varying[index]
-            direction[varying] = self._parameters[first : first + len(varying)]
-            shift[size + index] += direction[slots.deflection] @ self._state[:n]
-            shift[size + index] -= slots.stages[stage].sign * direction[slots.stages[stage].clearance]
-        push = self._coefficients[slots.force] * self._coefficients[slots.damping]
-        columns[:, n:] -= change * np.outer(shift, push)
+        n, (push, quotient, vectors, places) = self.n, self._known_jump(switch)
+        columns = self._state[2 * n :].reshape(self._columns, 2 * n)
+        shifts = columns[:, :n] @ self._vectors[switch]
+        if len(places):  # g_p, of each direction of the coefficients
+            shifts[self._columns - len(places) :] += vectors @ self._state[:n] - places
+        columns[:, n:] -= np.outer(shifts, (quotient(rate) if inside else -quotient(rate)) * push)
+
+    def _known_jump(self, switch: int) -> _Jump:
+        """Return the data of the jumps at a breakpoint, computed once per motion."""
+        known = self._of_motion.get(switch)
+        if known is None:
+            terms, coefficients, directions = self._jumps[switch], self._coefficients, self._directions()
+            assert terms is not None
+            contact = self.equations.layout.contacts[self.equations.switches[switch][0]]
+            places = self.signs[switch] * directions[:, self._breaks[switch]]
+            known = _Jump(
+                coefficients[contact.force], terms(coefficients), directions[:, self._deflections[switch]], places
+            )
+            self._of_motion[switch] = known
+        return known
+
+    def _rebound(self, switch: int, theta: float) -> None:
+        """Reset the rate of the deflection, and transform the sensitivities accordingly."""
+        n, layout = self.n, self.equations.layout
+        slots = layout.contacts[self.equations.switches[switch][0]]
+        closed = [
+            [
+                inside
+                for inside, (index, _) in zip(self._inside, self.equations.switches, strict=True)
+                if index == contact
+            ]
+            for contact in range(len(layout.contacts))
+        ]
+
+        def reset(state: NDArray, coefficients: NDArray) -> NDArray:
+            vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
+            rate = np.sum(vector * state[..., n:], axis=-1)
+            numbers = {name: coefficients[..., slot] for name, slot in slots.numbers.items()}
+            change = (slots.form.law.rebound(rate, numbers) - rate) / np.sum(vector * push, axis=-1)
+            return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
+
+        def flow(state: NDArray[np.float64], _: bool) -> NDArray[np.float64]:
+            q, v = state[:n], state[n:]
+            rates = np.concatenate((v, accelerations(layout, self._coefficients, theta, q, v, closed)))
+            return self._coefficients[0] * rates
+
+        state = self._state[: 2 * n].copy()
+        if self._columns:
+            changes = self._state[2 * n :].reshape(self._columns, 2 * n)
+            along, coefficients = np.zeros((self._columns, len(self._coefficients))), self._coefficients
+            directions = self._directions()
+            along[self._columns - len(directions) :] = directions
+            changes[:] = pass_event(
+                changes, along, state, coefficients, lambda y, c: self._guard(switch, y, c), reset, flow
+            )
+        self._state[: 2 * n] = reset(state, self._coefficients)
+
+    def _guard(self, switch: int, state: NDArray, coefficients: NDArray) -> NDArray:
+        """Compute the guard of a switch, linear in the coefficients; shape (...,) for shape (..., number)."""
+        vector = coefficients[..., self._deflections[switch]]
+        return (
+            np.sum(vector * state[..., : self.n], axis=-1)
+            - self.signs[switch] * coefficients[..., self._breaks[switch]]
+        )
+
+    def _directions(self) -> NDArray[np.float64]:
+        """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
+        directions = np.zeros((len(self.equations.varying), len(self._coefficients)))
+        for index, varying in enumerate(self.equations.varying):
+            first = self.equations.first_component(index)
+            directions[index, varying] = self._parameters[first : first + len(varying)]
+        return directions
+
+
+def _jump_of(slots: ContactSlots, stage: int) -> Callable[[NDArray[np.float64]], Callable[[float], float]] | None:
+    """Return the jump of a contact's force where a stage closes, divided by the rate; None if it never jumps.
+
+    The result is a function of the coefficients that returns a function of the rate.
+    """
+    products = closed_form_of(slots.form.law, slots.form.shapes)
+    if products is None:
+        return lambda coefficients: lambda rate: _difference(slots, stage, coefficients, rate) / (rate or _AT_REST)
+    numbers = slots.stages[stage].numbers
+    terms = [
+        (term.factor, [*(slots.numbers[e] for e in term.numbers), *(numbers[e] for e in term.stage_numbers)], term.rate)
+        for term in products
+        if term.stage == stage and term.power == 0
+    ]
+
+    def quotients(coefficients: NDArray[np.float64]) -> Callable[[float], float]:
+        known = [(factor * math.prod(coefficients[places].tolist()), rate - 1) for factor, places, rate in terms]
+        if all(power == 0 for _, power in known):
+            total = sum(factor for factor, _ in known)
+            return lambda rate: total
+        return lambda rate: sum(factor * (rate or _AT_REST) ** power for factor, power in known)
+
+    return quotients if terms else None
+
+
+def _difference(slots: ContactSlots, stage: int, coefficients: NDArray[np.float64], rate: float) -> float:
+    """Return the jump of a contact's force where a stage closes, with only the stages inside of it closed."""
+    here = slots.stages[stage]
+    clearance = coefficients[here.clearance]
+    inside = [each.sign == here.sign and coefficients[each.clearance] < clearance for each in slots.stages]
+    after = [closed or number == stage for number, closed in enumerate(inside)]
+    x, rates = np.asarray(here.sign * clearance), np.asarray(rate)
+    forces = [contact_force(slots, coefficients, x, rates, closed) for closed in (after, inside)]
+    return float(forces[0] - forces[1])
 
 
 def _reach(series: NDArray) -> float:
-    """How far Taylor series tell the motion: the step of Jorba and Zou (2005, Experimental Mathematics 14, 99-117)."""
+    """Return the time for which Taylor series hold: the step of Jorba and Zou (2005, Exp. Mathematics 14, 99-117)."""
     order = series.shape[1] - 1
     size, last = max(1.0, float(np.abs(series[:, 0]).max())), float(np.abs(series[:, -1]).max())
     before = float(np.abs(series[:, -2]).max())
@@ -267,9 +384,9 @@ def _reach(series: NDArray) -> float:
 
 
 def _beginning(series: NDArray, distance: float, longest: float) -> tuple[float, float]:
-    """When a motion has gone a distance by its Taylor series (without the constant), and where it is then.
+    """Return when a motion has covered a distance by its Taylor series (without the constant), and its position.
 
-    If it does not go as far as that: where it is when the series tells no more. Where it does not move at all: 0, 0.
+    If it does not cover the distance, they are those where the series ceases to hold; 0, 0 if it does not move.
     """
     powers, time, depth = np.arange(1.0, len(series) + 1.0), min(COOLDOWN, longest), 0.0
     if not series.any():

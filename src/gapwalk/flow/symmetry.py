@@ -1,4 +1,4 @@
-"""Symmetries of a system: changes of sign and exchanges of coordinates after which it moves as before.
+"""Symmetries of a system: changes of sign and exchanges of coordinates that map motions onto motions.
 
 A symmetric gap under a load of odd harmonics is the most frequent case: with every coordinate of the opposite sign,
 half a forcing period later, the equations are the same. Orbits that share such a symmetry keep it all along their
@@ -19,9 +19,9 @@ from gapwalk.flow.forces import accelerations
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
 
-_ALL = 4  # coordinates up to which all exchanges and signs are tried; beyond, only signs of all, and reversals
+_ALL = 4  # coordinates up to which all exchanges and signs are tried; beyond, only common signs and reversals
 _SAMPLES, _SEED = 12, 1995  # random states at which the equations are compared
-_EQUAL = 1e-9  # difference of accelerations, relative to the largest, that is rounding
+_EQUAL = 1e-9  # difference of accelerations, relative to the largest, that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Symmetry:
     shift: float
 
     def defect(self, extremes: NDArray[np.float64], floor: float = 0.0) -> float:
-        """How far an orbit is from having this symmetry, from its `Orbit.extremes`: a share of its largest amplitude.
+        """Return the asymmetry of an orbit by its `Orbit.extremes`, as a share of its largest amplitude.
 
         Extremes and means do not depend on where a motion begins, so the shift does not matter. An amplitude below
-        `floor` counts as that: what is much smaller is rounding.
+        `floor` counts as `floor`: anything much smaller is rounding.
         """
         largest, smallest, mean = (extremes[list(self.order), k] for k in range(3))
         flipped = np.array(self.signs) < 0
@@ -56,7 +56,7 @@ class Symmetry:
         return float(np.abs(here - extremes[:, :3]).max()) / size if size > 0.0 else 0.0
 
     def moves_switches(self, system: System) -> tuple[int, ...]:
-        """For each breakpoint of a system, the one that is passed in its place; itself where there is no such one."""
+        """Return for each breakpoint the one that it is mapped to; itself if there is none."""
         switches = []
         for contact, side, clearance in system.breakpoints:
             form = system.structure.contacts[contact]
@@ -71,10 +71,10 @@ class Symmetry:
 
 
 def symmetries_of(system: System) -> tuple[Symmetry, ...]:
-    """The symmetries of a system at its present values, other than that of doing nothing.
+    """Return the symmetries of a system at its present values, other than the identity.
 
-    Found by comparing accelerations at random states, so that every force law is served. Among more than four
-    coordinates, only changes of all signs, and the reversed order, are looked for.
+    They are found by comparing accelerations at random states, which works for every force law. With more than four
+    coordinates, only a change of all signs and the reversed order are examined.
 
     Examples
     --------
@@ -89,19 +89,19 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     theta = generator.uniform(0.0, math.tau, _SAMPLES)
     states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in _reaches(system)]
     found = [Symmetry(order, signs, shift) for order, signs in _candidates(n) for shift in (0.0, 0.5)]
-    nothing = Symmetry(tuple(range(n)), (1,) * n, 0.0)
-    return tuple(each for each in found if each != nothing and _holds(each, system, theta, states))
+    identity = Symmetry(tuple(range(n)), (1,) * n, 0.0)
+    return tuple(each for each in found if each != identity and _holds(each, system, theta, states))
 
 
 def finds_all(system: System) -> bool:
-    """Whether `symmetries_of` a system looks for all exchanges and changes of sign."""
+    """Return whether `symmetries_of` examines all exchanges and changes of sign for a system."""
     return system.size <= _ALL
 
 
 def _holds(
     symmetry: Symmetry, system: System, theta: NDArray[np.float64], states: Sequence[NDArray[np.float64]]
 ) -> bool:
-    """Whether accelerations at states that the symmetry carries into one another are carried so too."""
+    """Return whether the accelerations at states that the symmetry maps onto each other are mapped likewise."""
     layout, coefficients, order = layout_of(system.structure), coefficients_of(system), list(symmetry.order)
     for q, v in states:
         here = accelerations(layout, coefficients, theta, q, v)
@@ -120,9 +120,9 @@ def _candidates(n: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
 
 
 def _reaches(system: System) -> list[float]:
-    """Sizes of states at which the equations are compared.
+    """Return the sizes of states at which the equations are compared.
 
-    None, where loads alone act, which would drown in large forces; one; and beyond each of the clearances.
+    Size 0, where only the loads act, which large forces would hide; size 1; and beyond each of the clearances.
     """
     clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
     return sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each))})

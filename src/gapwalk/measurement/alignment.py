@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.agreement import Agreement, agreement
+from gapwalk.attractors.contrast import Agreement, agreement
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.measured_record import Record

@@ -20,7 +20,8 @@ from gapwalk.flow.signal import Signal
 from gapwalk.measurement.fit import fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.model.coefficients import coefficients_of, layout_of
-from gapwalk.model.contact import Contact, DampingLaw
+from gapwalk.model.contact import Contact
+from gapwalk.model.laws.hunt_crossley import HuntCrossley
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit
@@ -97,13 +98,13 @@ def impact_damping_of(
         If the contact does not close under this deflection, or has another damping law.
     """
     if isinstance(system, Contact):
-        unit = replace(system, damping=DampingLaw.HUNT_CROSSLEY, impact_damping=1.0, viscous_damping=0.0)
+        unit = replace(system, law=HuntCrossley(), numbers={"impact_damping": 1.0})
     else:
         contact, form, _ = pick_contact(system, contact)
-        if form.damping is not DampingLaw.HUNT_CROSSLEY:
+        if form.law != HuntCrossley():
             raise ModelError(
-                f"contact {contact!r} has the damping law {form.damping.value!r}; give it impact damping: damping = "
-                f'"{DampingLaw.HUNT_CROSSLEY.value}"'
+                f"contact {contact!r} has the force law {form.law.name!r}; give it impact damping: law = "
+                f'"{HuntCrossley.name}"'
             )
         unit = system.at({f"{contact}.impact_damping": 1.0})
     cost = hysteresis(unit, amplitude, contact, mean=mean).equivalent_damping
@@ -143,8 +144,7 @@ def match_impact_damping(viscous: Orbit, impact: System, contact: str | None = N
     x = motion.deflections[:-1, place]
     amplitude = 2.0 * abs(complex(np.mean(x * np.exp(-1j * theta[:-1]))))
     damper, astray = _damper(viscous.system, impact, place)
-    law = viscous.system.structure.contacts[place].damping
-    if law is not DampingLaw.NONE:
+    if viscous.system.structure.contacts[place].law.is_damped:
         damper += hysteresis(viscous.system, amplitude, contact, mean=float(x.mean())).equivalent_damping
     one = impact_damping_of(impact, damper, amplitude, contact, mean=float(x.mean()))
     name = f"{contact}.impact_damping"

@@ -1,5 +1,7 @@
 """Fit named parameters to a record by least squares, with the exact sensitivities of the orbit.
 
+The misfit between orbit and record is minimised along the branch of the first orbit.
+
 Method: docs/numerics/measurement.md
 """
 
@@ -8,21 +10,25 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.alignment import Alignment, aligned, found_phase
-from gapwalk.measurement.estimate import Estimate, Verdict, judge
-from gapwalk.measurement.fit_path import Descent, descend
 from gapwalk.measurement.measured_record import Record
-from gapwalk.measurement.misfit import Misfit
-from gapwalk.notebook.shown import Shown
+from gapwalk.measurement.misfit import Estimate, Misfit, Slopes, Verdict, judge
+from gapwalk.model.laws import never_negative
+from gapwalk.notebook import Shown
+from gapwalk.orbit.find import carry
 from gapwalk.orbit.orbit import Orbit
 
-_NEVER_NEGATIVE = ("clearance", "impact_damping", "viscous_damping")
+_SETTLED = 1e-4  # change of the sum of squares, in noise variances, that is small compared with any error bar
+_TOLERANCE = 1e-12  # relative tolerance of step and gradient
+_INDEPENDENT = 1e-7  # smallest independent part of a slope, relative to its size, for which a parameter is fitted
+_ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
 _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
 
 
@@ -98,6 +104,33 @@ class FitOptions:
             raise ModelError(f"max_evaluations is {self.max_evaluations}; it must be an integer >= 1")
 
 
+class Descent(NamedTuple):
+    """The end of a minimisation.
+
+    Attributes
+    ----------
+    values : shape (k,)
+        The parameters, and the phase if it is fitted too.
+    orbit
+        The orbit at these values.
+    slopes
+        Derivatives of the residual at these values.
+    free : shape (k,)
+        True for values that were changed; the others cannot be distinguished from them and have their first values.
+    evaluations
+        Number of orbits that were compared with the record.
+    lost
+        A sentence on the values that the branch does not reach; empty if it reached all of them.
+    """
+
+    values: NDArray[np.float64]
+    orbit: Orbit
+    slopes: Slopes
+    free: NDArray[np.bool_]
+    evaluations: int
+    lost: str
+
+
 def fit(
     orbit: Orbit,
     record: Record,
@@ -169,7 +202,7 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
         if name == orbit.system.structure.pace and record.speed is not None:
             raise ModelError("the frequency is known from the measured speed; do not fit it")
         low, high = bounds.get(name, (-math.inf, math.inf))
-        low = max(low, 0.0) if name.rpartition(".")[2] in _NEVER_NEGATIVE else low
+        low = max(low, 0.0) if name.rpartition(".")[2] in never_negative() else low
         if not low <= value <= high or not low < high:
             raise ModelError(f"{name} begins at {value:g}, which does not lie between its bounds {low:g} and {high:g}")
         limits.append((low, high))
@@ -177,6 +210,102 @@ def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple
         if name not in names:
             raise ModelError(f"there are bounds for {name}, which is not fitted")
     return names, np.array(limits, dtype=float).reshape(-1, 2).T
+
+
+def descend(
+    misfit: Misfit,
+    orbit: Orbit,
+    names: tuple[str, ...],
+    first: NDArray[np.float64],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    phase: float | None,
+    max_evaluations: int,
+) -> Descent:
+    """Minimise the sum of squares of a misfit; raise a ConvergenceError if that takes too many evaluations."""
+    trial = _Trial(misfit, orbit, names, phase)
+    values, slopes, evaluations = first, trial.slopes(first), 0
+    free = _independent(slopes)
+    for _ in range(_ROUNDS):
+        values, count = _minimise(trial, values, free, bounds, max_evaluations)
+        slopes, evaluations = trial.slopes(values), evaluations + count
+        now = _independent(slopes)
+        if np.count_nonzero(now) <= np.count_nonzero(free):
+            break
+        free = now  # a parameter without effect at the start may have one here, e.g. a gap
+    return Descent(values, trial.orbit_at(values), slopes, free, evaluations, trial.lost)
+
+
+class _Trial:
+    """Evaluates trial values; each orbit is continued from the best one so far."""
+
+    def __init__(self, misfit: Misfit, orbit: Orbit, names: tuple[str, ...], phase: float | None) -> None:
+        self.misfit, self._names, self._phase = misfit, names, phase
+        self._base, self._cost, self.lost = orbit, np.inf, ""
+
+    def residual(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the residual at trial values; infinite if the branch does not reach them, to shorten the step."""
+        try:
+            orbit = self.orbit_at(x)
+            values = self.misfit.residual(orbit, self._phase_at(x))
+        except (NumericalError, ModelError) as error:
+            self.lost = str(error)
+            return np.full(len(self.misfit.measured), np.inf)
+        cost = float(values @ values)
+        if cost < self._cost:
+            self._base, self._cost = orbit, cost
+        return values
+
+    def slopes(self, x: NDArray[np.float64]) -> Slopes:
+        """Return the derivatives of the residual at values that the branch reaches."""
+        return self.misfit.slopes(self.orbit_at(x), self._phase_at(x), self._names).first(len(x))
+
+    def orbit_at(self, x: NDArray[np.float64]) -> Orbit:
+        """Return the orbit at trial values."""
+        values = dict(zip(self._names, x.tolist(), strict=False))
+        return carry(self._base, self._base.system.at(values), self._names)
+
+    def _phase_at(self, x: NDArray[np.float64]) -> float:
+        return float(x[-1]) if self._phase is None else self._phase
+
+
+def _independent(slopes: Slopes) -> NDArray[np.bool_]:
+    """Mark the parameters whose effect is not a combination of the effects of others, shape (k,)."""
+    from scipy.linalg import qr  # imported late, as above
+
+    free, places = np.zeros(len(slopes.moving), dtype=bool), np.flatnonzero(slopes.moving)
+    if len(places):
+        columns = slopes.table[:, places]
+        table, order = qr(columns / np.linalg.norm(columns, axis=0), mode="r", pivoting=True)
+        own = np.abs(np.diag(table)) > _INDEPENDENT
+        free[places[order[: len(own)][own]]] = True
+    return free
+
+
+def _minimise(trial: _Trial, values, free, bounds, max_evaluations: int) -> tuple[NDArray[np.float64], int]:
+    """Return the values at the minimum over the free ones, and the number of evaluations."""
+    from scipy.optimize import least_squares  # imported late: it takes long
+
+    def whole(part: NDArray[np.float64]) -> NDArray[np.float64]:
+        merged = values.copy()
+        merged[free] = part
+        return merged
+
+    found = least_squares(
+        lambda part: trial.residual(whole(part)),
+        values[free],
+        lambda part: trial.slopes(whole(part)).table[:, free],
+        bounds=(bounds[0][free], bounds[1][free]),
+        x_scale="jac",
+        ftol=_SETTLED / len(trial.misfit.measured),
+        xtol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=max_evaluations,
+    )
+    if found.status == 0:
+        raise ConvergenceError(
+            f"no minimum was found with {found.nfev} orbits; start nearer to it, or allow more orbits (FitOptions)"
+        )
+    return whole(found.x), found.nfev
 
 
 def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]:

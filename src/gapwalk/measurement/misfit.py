@@ -1,18 +1,20 @@
 """Misfit between a record and an orbit at the instants of the record, with exact derivatives.
 
 Nothing is interpolated: the orbit is evaluated at every instant of the record, whose first sample lies at an unknown
-phase of the excitation. Means are removed, because an accelerometer does not measure them.
+phase of the excitation. Means are removed, because an accelerometer does not measure them. The derivatives also give
+the standard errors of fitted parameters, and show parameters that the record does not determine.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.attractors.agreement import lines_of, orders_of
+from gapwalk.attractors.contrast import lines_of, orders_of
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.signal import Signal
@@ -23,27 +25,14 @@ from gapwalk.orbit.sensitivity import sensitivity, signal_along
 
 _HIGHEST = 20.0  # highest order of the lines that are compared
 _FEWEST = 8  # fewest samples per forcing period
-_ROUNDING = 1e-9  # size of a derivative, relative to its terms, that is only rounding
+_CANCELLED = 1e-9  # size of a derivative, relative to its terms, that is only rounding
 _GRID = 1024  # phases per forcing period that are tried
-
-
-class Slopes(NamedTuple):
-    """Derivatives of the residual.
-
-    Attributes
-    ----------
-    table : shape (samples, k)
-        Derivatives by each parameter, and by the phase.
-    moving : shape (k,)
-        True for derivatives larger than rounding.
-    """
-
-    table: NDArray[np.float64]
-    moving: NDArray[np.bool_]
-
-    def first(self, count: int) -> Slopes:
-        """Return the derivatives by the first parameters."""
-        return Slopes(self.table[:, :count], self.moving[:count])
+_RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which a direction is undetermined
+_SHARE = 0.05  # component of an undetermined direction above which a parameter counts as undetermined
+_COLOURED = 0.2  # correlation of neighbouring residuals above which standard errors are too small
+_NOISE = 4.0  # that correlation must also exceed this many of its own standard errors
+_BOUND = 1e-4  # distance from a bound, relative to the parameter, below which it counts as at the bound
+_ROUNDING = 1e-6  # residual, relative to the record, below which its correlation has no meaning
 
 
 class Misfit:
@@ -116,7 +105,7 @@ class Misfit:
             table[:, names.index(structure.pace)] += structure.frequency * self.times * along.by_angle
         sizes = np.maximum(np.append(along.sizes, 0.0), np.sqrt(np.mean(table**2, axis=0)))
         table -= table.mean(axis=0)
-        return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _ROUNDING * sizes)
+        return Slopes(table, np.sqrt(np.mean(table**2, axis=0)) > _CANCELLED * sizes)
 
     def best_phase(self, orbit: Orbit) -> float:
         """Find the phase of the record's first sample at which record and orbit correlate best, on a fine grid."""
@@ -127,3 +116,166 @@ class Misfit:
         product = np.zeros(count // 2 + 1, dtype=complex)
         product[1 : len(ours) + 1] = ours.conj() * theirs[1 : len(ours) + 1]
         return float(theta[np.argmax(np.fft.irfft(product, count))])
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the residual.
+
+    Attributes
+    ----------
+    table : shape (samples, k)
+        Derivatives by each parameter, and by the phase.
+    moving : shape (k,)
+        True for derivatives larger than rounding.
+    """
+
+    table: NDArray[np.float64]
+    moving: NDArray[np.bool_]
+
+    def first(self, count: int) -> Slopes:
+        """Return the derivatives by the first parameters."""
+        return Slopes(self.table[:, :count], self.moving[:count])
+
+
+class Estimate(NamedTuple):
+    """One fitted parameter.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    start, value
+        The first guess, and the fitted value.
+    error
+        Standard error; infinite if the record does not determine the parameter, nan if it ended at a bound.
+    """
+
+    name: str
+    start: float
+    value: float
+    error: float
+
+    def __str__(self) -> str:
+        if np.isnan(self.error):
+            return f"{self.value:.6g} (at its bound)"
+        return f"{self.value:.6g} ± {self.error:.2g}" if np.isfinite(self.error) else f"{self.value:.6g} (undetermined)"
+
+
+class Verdict(NamedTuple):
+    """The information of a record about all parameters of a fit.
+
+    Attributes
+    ----------
+    estimates
+        The estimates of the parameters.
+    correlation : shape (k, k)
+        Correlations of the errors; nan where there are none.
+    held : shape (k,)
+        True for parameters that ended at a bound.
+    notes, failures
+        Notes and failures, in sentences.
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: NDArray[np.float64]
+    held: NDArray[np.bool_]
+    notes: tuple[str, ...]
+    failures: tuple[str, ...]
+
+
+def judge(
+    names: Sequence[str],
+    first: NDArray[np.float64],
+    values: NDArray[np.float64],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    residual: NDArray[np.float64],
+    slopes: Slopes,
+    size: float,
+) -> Verdict:
+    """Estimate errors of fitted parameters, and find those that the record does not determine.
+
+    Parameters
+    ----------
+    names
+        Names of the k parameters.
+    first, values : shape (k,)
+        The first guess, and the fitted values.
+    bounds
+        Lowest and highest values.
+    residual : shape (samples,)
+        Residual at the fitted values.
+    slopes
+        Derivatives of the residual by the parameters.
+    size
+        Norm of the record.
+    """
+    count, samples = len(names), len(residual)
+    scale = np.maximum(np.abs(values), np.abs(first))
+    held = (values - bounds[0] <= _BOUND * scale) | (bounds[1] - values <= _BOUND * scale)
+    sizes = np.linalg.norm(slopes.table, axis=0)
+    idle = ~held & ~slopes.moving
+    free = np.flatnonzero(~held & ~idle)
+    covariance = np.full((count, count), np.nan)
+    covariance[idle, idle] = np.inf
+    undetermined = [
+        f"the record does not determine {names[k]}: it changes nothing in this signal"
+        for k in np.flatnonzero(idle).tolist()
+    ]
+    if len(free):
+        within, directions = _covariance(slopes.table[:, free], residual, samples - count - 1)
+        covariance[np.ix_(free, free)] = within
+        undetermined += [
+            _sentence([names[k] for k in free.tolist()], direction / sizes[free]) for direction in directions
+        ]
+    variances = np.diag(covariance)
+    errors = np.sqrt(variances)
+    with np.errstate(invalid="ignore"):
+        correlation = covariance / np.outer(errors, errors)
+    estimates = tuple(
+        Estimate(*row) for row in zip(names, first.tolist(), values.tolist(), errors.tolist(), strict=True)
+    )
+    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual, size)), tuple(undetermined))
+
+
+def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):
+    """Compute the covariance of the errors, infinite for undetermined parameters, and the undetermined directions.
+
+    Directions are given in units of the parameters in which all slopes have equal size.
+    """
+    sizes = np.linalg.norm(slopes, axis=0)
+    _, singular, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
+    seen = singular > _RANK * singular[0]
+    variance = float(residual @ residual) / max(1, freedom)
+    inverse = (rows[seen].T / singular[seen] ** 2) @ rows[seen]
+    covariance = variance * inverse / np.outer(sizes, sizes)
+    blurred = np.any(np.abs(rows[~seen]) > _SHARE, axis=0)
+    covariance[blurred, :] = covariance[:, blurred] = np.nan
+    covariance[blurred, blurred] = np.inf
+    return covariance, rows[~seen]
+
+
+def _sentence(names: Sequence[str], direction: NDArray[np.float64]) -> str:
+    """Describe parameters that can be changed together without changing the signal."""
+    weights = np.abs(direction) / np.abs(direction).max()
+    parts = [(name, value) for name, value, weight in zip(names, direction, weights, strict=True) if weight > 1e-4]
+    ratio = " : ".join(f"{value / parts[0][1]:.3g}" for _, value in parts)
+    together = " and ".join(name for name, _ in parts)
+    return (
+        f"the record does not determine {together}: changing them as {ratio} leaves the signal unchanged; "
+        "fit one fewer of them"
+    )
+
+
+def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64], size: float) -> Iterator[str]:
+    for each in estimates:
+        if np.isnan(each.error):
+            yield f"{each.name} ended at its bound {each.value:.6g}; the errors of the others hold for this value"
+        elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
+            yield f"{each.name} is poorly determined: its standard error is larger than its value"
+    squares = float(residual @ residual)
+    near = float(residual[1:] @ residual[:-1]) / squares if squares > (_ROUNDING * size) ** 2 else 0.0
+    if near > max(_COLOURED, _NOISE / np.sqrt(len(residual))):
+        yield (
+            f"neighbouring residuals correlate ({near:.2f}): they are not only noise, so standard errors are too "
+            "small; perhaps the model lacks something, or the record was filtered"
+        )

@@ -1,16 +1,15 @@
-"""What vibrates: contacts, excitation, and the system that they make up."""
+"""The model: contacts, excitation, and the system that they form."""
 
-from gapwalk.model.contact import Contact, DampingLaw, Side, Stage, backlash, stop
+from gapwalk.model.contact import Contact, Side, Stage, backlash, stop
 from gapwalk.model.damping import ModalDamping, ProportionalDamping
-from gapwalk.model.excitation import Harmonic
+from gapwalk.model.loads import Harmonic
 from gapwalk.model.problems import ModelFileError, Problem
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 
-# `gapwalk.model.model_file` is not imported here: it needs pydantic, which takes longer to load than all the rest.
+# `gapwalk.model.model_file` is not imported here: it needs pydantic, which loads more slowly than all other modules.
 __all__ = [
     "Contact",
-    "DampingLaw",
     "Harmonic",
     "ModalDamping",
     "ModelFileError",

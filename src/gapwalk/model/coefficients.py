@@ -1,19 +1,19 @@
-"""From named parameters to the coefficients of the equations of motion, with exact derivatives.
+"""Coefficients of the equations of motion from named parameters, with exact derivatives.
 
-The compiled flow knows nothing of names. It integrates, over ``theta = W t``,
+The compiled flow has no names. It integrates, over ``theta = W t``,
 
     q' = r v
     v' = r [ -A q - B v - sum_k D_k f_k(e_k . q, e_k . v) + m + sum_h (a_h cos h theta + b_h sin h theta) ]
 
 with ``r = 1/W``, ``A = M^-1 K``, ``B = M^-1 C``, ``D_k = M^-1 d_k``, and so on. Those numbers, and the
 breakpoints and springs of the contacts, are its coefficients. Their derivative by any named parameter comes
-from one evaluation with a complex step (Squire and Trapp 1998, SIAM Review 40, 110-112), exact to rounding:
-no hand-written derivative to get wrong, whatever the map.
+from one evaluation with a complex step (Squire and Trapp 1998, SIAM Review 40, 110-112), exact to rounding,
+without derivatives written by hand.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -21,36 +21,49 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.structure import Structure
+from gapwalk.model.loads import LoadForm
+from gapwalk.model.parameter import Parameter
+from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
 
-_ASIDE = 0.0123  # relative shift of parameters at which no slope vanishes by chance
-_STEP = 1e-150  # of the complex step: its square must underflow against every coefficient, itself not
+_ASIDE = 0.0123  # relative shift of parameters, at which no slope is zero by coincidence
+_STEP = 1e-150  # complex step: its square must underflow relative to every coefficient, the step must not
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class StageSlots:
-    """Where the coefficients of one stage on one side stand."""
+    """Slots of the coefficients of one stage on one side, by the names of its parameters."""
 
     sign: int
-    clearance: int
-    stiffness: int
-    cubic: int
+    innermost: bool
+    numbers: Mapping[str, int]
+
+    @property
+    def clearance(self) -> int:
+        """Slot of its clearance."""
+        return self.numbers["clearance"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ContactSlots:
-    """Where the coefficients of one contact stand: arrays of shape (n,), its stages, its damping."""
+    """Slots of the coefficients of one contact: arrays of shape (n,), its stages, its own parameters by name."""
 
+    form: ContactForm
     deflection: NDArray[np.intp]
     force: NDArray[np.intp]
     stages: tuple[StageSlots, ...]
-    damping: int | None
+    numbers: Mapping[str, int]
+
+    def parameters(self) -> Iterator[tuple[Parameter, int]]:
+        """Iterate over the parameters of its stages on each side, and its own, with their slots."""
+        for stage in self.stages:
+            yield from zip(self.form.law.stage_parameters, stage.numbers.values(), strict=True)
+        yield from zip(self.form.law.parameters, self.numbers.values(), strict=True)
 
 
 @dataclass(frozen=True)
 class CoefficientLayout:
-    """Where each coefficient of the flow stands in its flat vector, and how the vector is made."""
+    """The slot of each coefficient in the flat vector of a flow, and the computation of the vector."""
 
     assembled: Structure
 
@@ -62,7 +75,7 @@ class CoefficientLayout:
     @cached_property
     def orders(self) -> tuple[int, ...]:
         """The different orders of the excitation."""
-        return tuple(sorted({harmonic.order for harmonic in self.structure.harmonics}))
+        return tuple(sorted({order for load in self.structure.harmonics for order in load.orders if order}))
 
     @cached_property
     def _columns(self) -> int:
@@ -83,16 +96,19 @@ class CoefficientLayout:
         for index, form in enumerate(self.structure.contacts):
             deflection = free + np.arange(n)
             free += n
-            stages = []
-            for stage in form.stages:
-                for sign in stage.side.signs:
-                    stages.append(StageSlots(sign, free, free + 1, free + 2))
-                    free += 3
-            damping = free if form.damping_name else None
-            free += damping is not None
+            count, stages = len(form.law.stage_parameters), []
+            for sign, innermost in form.shapes:
+                stages.append(StageSlots(sign, innermost, _slots(form.law.stage_parameters, free)))
+                free += count
+            numbers = _slots(form.law.parameters, free)
+            free += len(numbers)
             force = self.accelerations[:, 2 * n + index]
-            slots.append(ContactSlots(deflection, force, tuple(stages), damping))
+            slots.append(ContactSlots(form, deflection, force, tuple(stages), numbers))
         return tuple(slots)
+
+    def __len__(self) -> int:
+        """Number of coefficients."""
+        return 1 + self.structure.size * self._columns + self._contact_places.size
 
     @cached_property
     def _linear_places(self) -> NDArray[np.intp]:
@@ -111,49 +127,84 @@ class CoefficientLayout:
         places: list[int] = []
         for form in s.contacts:
             places.extend(s.block(f"{form.name}.deflection", n))
+            count = len(form.law.stage_parameters)
             for stage in form.stages:
-                first = s.place(f"{form.stage_prefix(stage)}.clearance")
-                places.extend([first, first + 1, first + 2] * len(stage.side.signs))
-            if form.damping_name:
-                places.append(s.place(f"{form.name}.{form.damping_name}"))
+                first = s.place(f"{form.stage_prefix(stage)}.{form.law.stage_parameters[0].name}")
+                places.extend([*range(first, first + count)] * len(stage.side.signs))
+            places.extend(s.place(f"{form.name}.{each.name}") for each in form.law.parameters)
         return np.array(places, dtype=np.intp)
 
     @cached_property
-    def _harmonic_places(self):
+    def _shape_places(self) -> NDArray[np.intp]:
+        """Places of the vectors of the loads that repeat with the excitation, shape (loads, n)."""
         s, n = self.structure, self.structure.size
-        first = np.array([s.place(f"{harmonic.name}.amplitude") for harmonic in s.harmonics], dtype=np.intp)
-        shapes = (first[:, None] + 2 + np.arange(n)).astype(np.intp)
-        select = np.array([[h.order == order for h in s.harmonics] for order in self.orders], dtype=float)
-        return first, first + 1, shapes, select.reshape(len(self.orders), len(s.harmonics))
+        return np.array([s.block(load.shape, n) for load in s.harmonics], dtype=np.intp).reshape(-1, n)
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The coefficients of the flow from the (real or complex) vector of parameter values."""
+        """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
         table, values = self.table(values), self.assembled.expand(values)
-        amplitude, phase, _, select = self._harmonic_places
-        linear, shape = np.split(table, [table.shape[1] - len(self.structure.harmonics)], axis=1)
-        size, angle = values[amplitude], values[phase]
-        cosines = shape @ (select * (size * np.cos(angle))).T
-        sines = shape @ (select * (size * -np.sin(angle))).T
-        accelerations = np.concatenate((linear, cosines, sines), axis=1)
-        return np.concatenate(([1.0 / values[0]], accelerations.ravel(), values[self._contact_places]))
+        first = table.shape[1] - len(self.structure.loads)
+        found = np.empty(len(self), values.dtype)
+        found[0] = 1.0 / values.item(0)
+        accelerations = found[1 : -self._contact_places.size or None].reshape(-1, self._columns)
+        accelerations[:, :first] = table[:, :first]
+        accelerations[:, first:] = table[:, first:] @ self._load_lines(values)
+        found[1 + accelerations.size :] = values[self._contact_places]
+        return found
+
+    @cached_property
+    def frequency_in_loads(self) -> bool:
+        """True if the frequency enters the loads, and not through 1/W alone."""
+        return any(load.depends_on_frequency for load in self.structure.harmonics)
+
+    def _load_lines(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders)."""
+        lines, frequency = np.zeros((len(self.structure.loads), 1 + 2 * len(self.orders)), values.dtype), values.item(0)
+        lines[0, 0] = 1.0  # the constant load
+        for row, (load, names, places) in enumerate(self._varying_loads, start=1):
+            numbers = dict(zip(names, map(values.item, places), strict=True))
+            for order, cosine, sine in load.kind.lines(load.order, frequency, numbers):
+                column = self._columns_of[order]
+                lines[row, column] += cosine
+                if order:
+                    lines[row, column + len(self.orders)] += sine
+        return lines
+
+    @cached_property
+    def _varying_loads(self) -> list[tuple[LoadForm, list[str], list[int]]]:
+        """Each load that repeats with the excitation, with the names of its parameters and their places."""
+        return [
+            (load, [each.name for each in load.kind.parameters], [*map(self.structure.place, load.parameters)])
+            for load in self.structure.harmonics
+        ]
+
+    @cached_property
+    def _columns_of(self) -> dict[int, int]:
+        """Column of each order, among the constant part and the cosines."""
+        return {order: column for column, order in enumerate((0, *self.orders))}
 
     def table(self, values: NDArray[Any]) -> NDArray[Any]:
-        """``M^-1 [K | C | d_1 ... | m | s_1 ...]`` with the shapes s of the harmonics, from the same vector."""
+        """Compute ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads, from the same vector."""
         if self.assembled.assembly:
             return self.assembled.assembly.accelerations(values)
-        n, shapes = self.structure.size, self._harmonic_places[2]
+        n, shapes = self.structure.size, self._shape_places
         mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
         return np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
 
 
+def _slots(parameters: Sequence[Parameter], first: int) -> dict[str, int]:
+    """Assign consecutive slots to parameters by name."""
+    return {each.name: first + offset for offset, each in enumerate(parameters)}
+
+
 @lru_cache(maxsize=256)
 def layout_of(structure: Structure) -> CoefficientLayout:
-    """The coefficient layout of a structure."""
+    """Return the coefficient layout of a structure."""
     return CoefficientLayout(structure)
 
 
 def coefficients_of(system: System) -> NDArray[np.float64]:
-    """The coefficients of the flow for the values of `system`."""
+    """Return the coefficients of the flow for the values of `system`."""
     known = getattr(system, "_coefficients", None)
     if known is None:
         known = layout_of(system.structure).compute(system.values)
@@ -162,7 +213,7 @@ def coefficients_of(system: System) -> NDArray[np.float64]:
 
 
 def period_of(system: System, value: float) -> tuple[float, float]:
-    """The first coefficient, 1/W, at a value of the first parameter, and its derivative by that."""
+    """Return the first coefficient, 1/W, at a value of the first parameter, and its derivative by it."""
     unit = system.structure.frequency
     return 1.0 / (unit * value), -1.0 / (unit * value**2)
 
@@ -179,19 +230,24 @@ class ParameterLine:
         return self.system.structure.place(self.name)
 
     @cached_property
+    def _only_period(self) -> bool:
+        """True if the parameter is the frequency, and enters through 1/W alone."""
+        return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
+
+    @cached_property
     def _base(self) -> NDArray[np.float64]:
         return coefficients_of(self.system)
 
     def system_at(self, value: float) -> System:
-        """The system of the line at one value of the parameter; unlike `System.at`, it trusts the value."""
+        """Return the system at one value of the parameter; unlike `System.at`, without checks."""
         system = System.beside(self.system, self._place, value)
-        if self._place == 0:  # cheap here, costly to compute later
+        if self._only_period:  # cheap here, costly to compute later
             object.__setattr__(system, "_coefficients", self.coefficients(value)[0])
         return system
 
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The coefficients at one value of the parameter, and their derivative by it."""
-        if self._place == 0:  # the frequency enters through 1/W alone: by far the most frequent line to walk
+        """Compute the coefficients at one value of the parameter, and their derivative by it."""
+        if self._only_period:  # by far the most frequent parameter of continuation
             coefficients, slope = self._base.copy(), np.zeros_like(self._base)
             coefficients[0], slope[0] = period_of(self.system, value)
             return coefficients, slope
@@ -202,9 +258,9 @@ class ParameterLine:
 
 
 def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
-    """For each named parameter the coefficients that it can change, wherever it and the others go.
+    """Return masks of the coefficients that each named parameter can change, at any values.
 
-    A slope may be zero at one place by chance, as that of a cosine at 0 or of a product whose other factor is 0.
+    A slope may be zero at one point by coincidence, as that of a cosine at 0 or of a product whose other factor is 0.
     """
     if not names:
         return []
@@ -231,13 +287,13 @@ class ParameterPlane:
         return self.system.structure.place(first), self.system.structure.place(second)
 
     def system_at(self, first: float, second: float) -> System:
-        """The system of the plane at one value of each parameter; unlike `System.at`, it trusts the values."""
+        """Return the system at one value of each parameter; unlike `System.at`, without checks."""
         values = self.system.values.copy()
         values[list(self._places)] = first, second
         return System.from_values(self.system.structure, values)
 
     def coefficients(self, first: float, second: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The coefficients at one value of each parameter, and their derivatives by the two, one in each row."""
+        """Compute the coefficients at one value of each parameter, and their derivatives by the two, in rows."""
         values = self.system.values.astype(complex)
         values[list(self._places)] = first, second
         layout, first_place, second_place = layout_of(self.system.structure), *self._places

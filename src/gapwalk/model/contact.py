@@ -1,26 +1,15 @@
-"""Contacts: piecewise springs with clearances, and the damping that acts while they touch."""
+"""Contacts: forces between bodies beyond clearances, by a force law."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gapwalk.errors import ModelError
-
-
-class DampingLaw(StrEnum):
-    """How a contact dissipates: its force ``f`` from its spring's ``g`` and the rate ``v`` of its deflection."""
-
-    NONE = "none"
-    """``f = g``."""
-    VISCOUS = "viscous"
-    """``f = g + c v`` while any stage touches (Dubowsky and Freudenstein 1971); it jumps at contact."""
-    HUNT_CROSSLEY = "hunt-crossley"
-    """``f = g + beta |g| v`` (Hunt and Crossley 1975): dissipates on both sides."""
-    HUNT_CROSSLEY_AS_PRINTED = "hunt-crossley-as-printed"
-    """``f = g (1 + beta v)`` (paper, equation 15): feeds energy in on the negative side."""
+from gapwalk.model.laws import Law, law_of, law_with
+from gapwalk.model.parameter import Parameter
 
 
 class Side(StrEnum):
@@ -48,14 +37,16 @@ class Stage:
     clearance
         Half-width of the gap, >= 0, in units of the deflection.
     stiffness
-        What this spring adds to the slope of the force.
+        Slope that this spring adds to the force.
     cubic
         Coefficient of its cubic term.
     side
         The side on which it acts.
     name
         The parameters of a stage with a name are called ``contact.name.clearance`` instead of
-        ``contact.clearance``. Only one that is alone may have none.
+        ``contact.clearance``. Only a single stage may be without a name.
+    numbers
+        Further parameters of the stage by name, if the force law of the contact has any.
     """
 
     clearance: float
@@ -63,9 +54,16 @@ class Stage:
     cubic: float = 0.0
     side: Side = Side.BOTH
     name: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+    def number(self, parameter: Parameter) -> float | None:
+        """Return the value of one of its parameters; None if it has none."""
+        if parameter.name in ("clearance", "stiffness", "cubic"):
+            return getattr(self, parameter.name)
+        return self.numbers.get(parameter.name, parameter.default)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Contact:
     """A force ``f(x, x')`` that depends on one deflection ``x = e @ q`` and acts along one direction ``d``.
 
@@ -80,23 +78,64 @@ class Contact:
     force
         The vector ``d`` by coordinate name, on the left-hand side of the equations of motion. By default it
         equals ``deflection``, as for any contact that obeys action and reaction.
-    damping, impact_damping, viscous_damping
-        The damping law, and the coefficient of that law.
+    law
+        The force law, or its name: ``"elastic"``, ``"viscous"``, ``"hunt-crossley"``, ``"hunt-crossley-as-printed"``,
+        or that of one that was registered.
+    numbers
+        Parameters of the law by name; they may also be given as arguments.
+
+    Raises
+    ------
+    ModelError
+        If its numbers are not allowed.
+
+    Examples
+    --------
+    >>> Contact("stop", {"x": 1.0}, [Stage(1.0, 20.0)], law="hunt-crossley", impact_damping=0.1).numbers
+    {'impact_damping': 0.1}
     """
 
     name: str
     deflection: Mapping[str, float] = field(hash=False)
     stages: tuple[Stage, ...]
     force: Mapping[str, float] | None = field(default=None, hash=False)
-    damping: DampingLaw = DampingLaw.NONE
-    impact_damping: float = 0.0
-    viscous_damping: float = 0.0
+    law: Law = field(default_factory=lambda: law_of("elastic"))
+    numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", tuple(self.stages))
-        problems = list(_stage_problems(self)) + list(_damping_problems(self))
+    def __init__(
+        self,
+        name: str,
+        deflection: Mapping[str, float],
+        stages: Sequence[Stage],
+        force: Mapping[str, float] | None = None,
+        law: Law | str = "elastic",
+        numbers: Mapping[str, float] | None = None,
+        **more: float,
+    ) -> None:
+        if numbers is not None and not isinstance(numbers, Mapping):
+            raise ModelError(
+                f"contact {name!r}: numbers is {numbers!r}; write the parameters of its law by name, as in "
+                '{"impact_damping": 0.1}'
+            )
+        known, given = law_of(law), {**(numbers or {}), **more}
+        for field_name, value in (("name", name), ("deflection", deflection), ("force", force), ("law", known)):
+            object.__setattr__(self, field_name, value)
+        object.__setattr__(self, "stages", tuple(stages))
+        object.__setattr__(
+            self, "numbers", {each.name: given.get(each.name, each.default) for each in known.parameters}
+        )
+        problems = [*_stage_problems(self), *_number_problems(self, given)]
         if problems:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))
+
+    def values(self) -> Iterator[float]:
+        """The values of its parameters: of its stages, then of the contact as a whole."""
+        for stage in self.stages:
+            for parameter in self.law.stage_parameters:
+                value = stage.number(parameter)
+                assert value is not None  # checked on construction
+                yield value
+        yield from self.numbers.values()
 
 
 def backlash(
@@ -108,7 +147,7 @@ def backlash(
     force: Mapping[str, float] | None = None,
     impact_damping: float = 0.0,
 ) -> Contact:
-    """A symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
+    """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
     return _hunt_crossley(name, deflection, Stage(clearance, stiffness), force, impact_damping)
 
 
@@ -122,13 +161,14 @@ def stop(
     force: Mapping[str, float] | None = None,
     impact_damping: float = 0.0,
 ) -> Contact:
-    """A stop on one side, with one spring: it is touched beyond `clearance`, by the sign of the deflection."""
+    """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
     return _hunt_crossley(name, deflection, Stage(clearance, stiffness, side=Side(side)), force, impact_damping)
 
 
 def _hunt_crossley(name, deflection, stage: Stage, force, impact_damping: float) -> Contact:
-    damping = DampingLaw.HUNT_CROSSLEY if impact_damping else DampingLaw.NONE
-    return Contact(name, deflection, (stage,), force, damping, impact_damping)
+    if not impact_damping:
+        return Contact(name, deflection, (stage,), force)
+    return Contact(name, deflection, (stage,), force, "hunt-crossley", impact_damping=impact_damping)
 
 
 def _stage_problems(contact: Contact):
@@ -154,20 +194,26 @@ def _stage_problems(contact: Contact):
                     f"{stage.clearance} follows {inner}; list them from the inside out"
                 )
             inner, slope = stage.clearance, slope + stage.stiffness
-            if slope < 0 and contact.damping is not DampingLaw.NONE:
+            if slope < 0 and contact.law.is_damped:
                 yield f"the slope of the force falls to {slope}; a damped contact needs slopes >= 0"
 
 
-def _damping_problems(contact: Contact):
-    viscous = contact.damping is DampingLaw.VISCOUS
-    hunt = contact.damping in (DampingLaw.HUNT_CROSSLEY, DampingLaw.HUNT_CROSSLEY_AS_PRINTED)
-    if contact.impact_damping and not hunt:
-        yield (
-            f"impact_damping is {contact.impact_damping}, but the damping law is {contact.damping.value!r}; "
-            'write damping = "hunt-crossley"'
-        )
-    if contact.viscous_damping and not viscous:
-        yield (
-            f"viscous_damping is {contact.viscous_damping}, but the damping law is "
-            f'{contact.damping.value!r}; write damping = "viscous"'
-        )
+def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[str]:
+    law, own = contact.law, {each.name for each in contact.law.parameters}
+    for name, value in given.items():
+        if name not in own and value:
+            try:
+                hint = f'write law = "{law_with([name]).name}"'
+            except ModelError:
+                hint = f"its parameters are {', '.join(sorted(own)) or 'those of its stages'}"
+            yield f"{name} is {value}, but the law is {law.name!r}; {hint}"
+    for name, value in contact.numbers.items():
+        if value is None:
+            yield f"{name} is missing; the law {law.name!r} needs it"
+    for stage in contact.stages:
+        known = {each.name for each in law.stage_parameters}
+        for name in set(stage.numbers) - known:
+            yield f"a stage has {name}, which the law {law.name!r} has not; its stages have {', '.join(sorted(known))}"
+        for parameter in law.stage_parameters:
+            if stage.number(parameter) is None:
+                yield f"{parameter.name} of a stage is missing; {parameter.words}"

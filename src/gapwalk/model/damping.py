@@ -1,4 +1,4 @@
-"""Damping that is given otherwise than by its matrix: in proportion to mass and stiffness, or by modal ratios."""
+"""Damping without its matrix: in proportion to mass and stiffness, or by modal ratios."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class ProportionalDamping:
     Parameters
     ----------
     mass
-        What is multiplied by the mass matrix, in 1/time.
+        Factor of the mass matrix, in 1/time.
     stiffness
-        What is multiplied by the stiffness matrix, in units of time.
+        Factor of the stiffness matrix, in units of time.
 
     Raises
     ------
     ModelError
-        If one of them is no finite number.
+        If one of them is not a finite number.
     """
 
     mass: float = 0.0
@@ -43,7 +43,7 @@ class ProportionalDamping:
                 )
 
     def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The damping matrix, shape (n, n)."""
+        """Compute the damping matrix, shape (n, n)."""
         return self.mass * mass + self.stiffness * stiffness
 
 
@@ -54,13 +54,13 @@ class ModalDamping:
     Parameters
     ----------
     ratios
-        Of each mode, from the lowest frequency on, as shares of the critical damping; the last ratio serves all higher
-        modes, too, so one number is that of all modes. A motion without stiffness stays undamped.
+        Shares of the critical damping, from the mode of the lowest frequency on. The last ratio is used for all higher
+        modes, so that one number suffices for all modes. A motion without stiffness remains undamped.
 
     Raises
     ------
     ModelError
-        If there is no ratio, or one is negative or no number.
+        If there is no ratio, or one is negative or not a number.
     """
 
     ratios: float | Sequence[float]
@@ -77,7 +77,7 @@ class ModalDamping:
         object.__setattr__(self, "ratios", tuple(float(ratio) for ratio in given))
 
     def matrix(self, mass: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The damping matrix ``sum of 2 zeta_k w_k (M phi_k) (M phi_k)^T``, with ``phi_k^T M phi_k = 1``.
+        """Compute the damping matrix ``sum of 2 zeta_k w_k (M phi_k) (M phi_k)^T``, with ``phi_k^T M phi_k = 1``.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class ModalDamping:
                 raise ModelError(
                     f"the {name} matrix is not symmetric, so there are no modes to damp; write the damping matrix"
                 )
-        from scipy.linalg import eigh  # only now: a check of a file need not wait for it
+        from scipy.linalg import eigh  # slow to import, and not needed to check a file
 
         try:
             squares, modes = eigh(stiffness, mass)
@@ -108,7 +108,7 @@ class ModalDamping:
 
 
 Damping = ProportionalDamping | ModalDamping
-"""The ways to give a damping without its matrix."""
+"""Damping without its matrix."""
 
 
 def _is_number(value: object) -> bool:

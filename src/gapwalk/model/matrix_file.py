@@ -11,23 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.files import array_header, check_npz, open_file
-from gapwalk.model.model_fields import MAX_COORDINATES
 from gapwalk.model.problems import given
+from gapwalk.model.schema import MAX_COORDINATES
 
-_MAX_BYTES = 200_000_000  # of a file, and of what is packed in one
+_MAX_BYTES = 200_000_000  # of a file, and of its unpacked content
 _MAX_LINE = 100 * MAX_COORDINATES  # characters in a line of CSV: a number takes some 25
 _REAL = "fiu"  # kinds of NumPy's numbers that are real
 
 
 def read_matrix(path: str) -> NDArray[np.float64]:
-    """The matrix of a file, shape (n, n); an array of NumPy may also be its diagonal, shape (n,).
+    """Read the matrix of a file, shape (n, n); an array of NumPy may also be its diagonal, shape (n,).
 
-    Nothing in the file is executed, and nothing is made that is larger than a system can be.
+    Nothing in the file is executed, and no memory is allocated for more than the largest system.
 
     Raises
     ------
     ValueError
-        If there is none that can be used; the message follows on the name of the file.
+        If the file has no usable matrix; the message continues the name of the file.
     """
     read = _READERS.get(os.path.splitext(path)[1].lower())
     if read is None:
@@ -52,15 +52,15 @@ def _market(path: str, size: int) -> NDArray[np.float64]:
         rows, columns, entries, _, field, _ = mminfo(path)
         _check_shape((rows, columns))
         if 2 * entries > size:  # a digit and a space each, at least
-            raise ValueError(f"which is said to have {entries:,} entries, but they are not there")
+            raise ValueError(f"which declares {entries:,} entries, but is too short for them")
         if field not in ("real", "integer", "double", "unsigned-integer"):
             raise ValueError(f"which holds entries that are {field}; they must be real numbers")
         matrix: Any = mmread(path)
     except (TypeError, OverflowError, UnicodeDecodeError) as error:
-        raise ValueError(f"which is no Matrix Market file: {error}") from None
+        raise ValueError(f"which is not a Matrix Market file: {error}") from None
     except ValueError as error:
         text = str(error)
-        raise ValueError(text if text.startswith("which ") else f"which is no Matrix Market file: {text}") from None
+        raise ValueError(text if text.startswith("which ") else f"which is not a Matrix Market file: {text}") from None
     return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=float)
 
 
@@ -72,16 +72,17 @@ def _packed(path: str, _: int) -> NDArray[np.float64]:
         matrix: Any = load_npz(path)  # refuses pickled objects
         _check_shape(matrix.shape)
         if matrix.format in ("csr", "csc", "bsr"):
-            matrix.check_format(full_check=True)  # an index beyond the matrix would be written to without a look
-        elif matrix.format != "coo":  # which looks at its indices when it is made
+            matrix.check_format(full_check=True)  # SciPy does not check indices before it writes
+        elif matrix.format != "coo":  # whose indices are checked on construction
             raise ValueError(f"which is stored as {matrix.format}; store it as csr, csc, coo or bsr")
         _check_real(matrix.dtype)
         return np.asarray(matrix.toarray(), dtype=float)
     except (zipfile.BadZipFile, LookupError, TypeError, AttributeError, NotImplementedError, EOFError) as error:
-        raise ValueError(f"which is no sparse matrix of SciPy: {error}") from None
+        raise ValueError(f"which is not a sparse matrix of SciPy: {error}") from None
     except ValueError as error:
         text = str(error)
-        raise ValueError(text if text.startswith("which ") else f"which is no sparse matrix of SciPy: {text}") from None
+        reason = text if text.startswith("which ") else f"which is not a sparse matrix of SciPy: {text}"
+        raise ValueError(reason) from None
 
 
 def _array(path: str, size: int) -> NDArray[np.float64]:
@@ -95,10 +96,10 @@ def _array(path: str, size: int) -> NDArray[np.float64]:
         with np.errstate(over="ignore"):  # a longer number than a float holds is not finite
             return matrix.astype(float)
     except (EOFError, TypeError) as error:
-        raise ValueError(f"which is no array of NumPy: {error}") from None
+        raise ValueError(f"which is not an array of NumPy: {error}") from None
     except ValueError as error:
         text = str(error)
-        raise ValueError(text if text.startswith("which ") else f"which is no array of NumPy: {text}") from None
+        raise ValueError(text if text.startswith("which ") else f"which is not an array of NumPy: {text}") from None
 
 
 def _table(path: str, _: int) -> NDArray[np.float64]:
@@ -110,7 +111,7 @@ def _table(path: str, _: int) -> NDArray[np.float64]:
             try:
                 row = _row(line.decode("utf-8-sig" if number == 1 else "utf-8"))
             except UnicodeDecodeError:
-                raise ValueError("which is no text in UTF-8; save it as CSV in UTF-8") from None
+                raise ValueError("which is not UTF-8 text; save it as CSV in UTF-8") from None
             except ValueError as error:
                 raise ValueError(f"which has {error} in line {number}") from None
             if row and rows and len(row) != len(rows[0]):
@@ -128,7 +129,7 @@ def _table(path: str, _: int) -> NDArray[np.float64]:
 
 
 def _row(line: str) -> list[float]:
-    """The numbers of a line, parted by semicolons, tabs, commas or blanks; none in a comment."""
+    """Read the numbers of a line, separated by semicolons, tabs, commas or blanks; none in a comment."""
     text = line.partition("#")[0].strip()
     mark = next((mark for mark in ";\t," if mark in text), None)
     cells = text.split(mark)
@@ -144,7 +145,7 @@ def _number(cell: str, *, decimal_comma: bool) -> float:
         return float(cell)
     except ValueError:
         hint = "; write decimal points, not commas," if decimal_comma and "," in cell else ""
-        raise ValueError(f"{given(cell)}, where only real numbers may stand{hint}") from None
+        raise ValueError(f"{given(cell)}, where only real numbers are allowed{hint}") from None
 
 
 _READERS: Mapping[str, Callable[[str, int], NDArray[np.float64]]] = {

@@ -1,4 +1,4 @@
-"""The source of a model: the text of its TOML file, what stands in it, and on which line."""
+"""The source of a model: the text of a TOML file, its content, its lines, and limits of its size."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import io
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -15,23 +17,49 @@ from typing import Any
 
 from gapwalk.files import open_file
 from gapwalk.model.problems import ModelFileError, Path, Problem, dotted, named
-from gapwalk.model.toml_lines import key_lines
-from gapwalk.model.toml_size import crowded, too_much_to_parse
 
 MAX_BYTES = 10_000_000
-"""A longer file is refused: it is hardly a model."""
+"""Largest size of a file; a longer one is hardly a model."""
+
+MAX_PARTS = 20
+"""Largest number of parts of a dotted key; model files use five.
+
+A key of n parts costs tomllib n^2 / 2 references: one of 50,000 parts, 100 kB of text, takes 8 GB.
+"""
+
+MAX_NESTS = 100_000
+"""Largest number of tables and lists in a file, each of which costs tomllib about a kilobyte beyond its content.
+
+A system of 1,000 coordinates with as many contacts has some 10,000.
+"""
+
+MAX_ENTRIES = 20_000
+"""Largest number of entries of one table or list; the longest useful ones are states, of 2,000 numbers."""
 
 _BEGIN = "`gapwalk new FILE` writes a model to begin with"
+_RESULT = b"SQLite format 3\0"  # how a result file begins
 
 # Slips that TOML's own messages do not explain.
-_RESULT = b"SQLite format 3\0"  # how a result file begins
 _SLIPS = (
     (r"[=\[,\s][-+]?(\.\d|\d+\.(?!\d))", "a number needs a digit on both sides of its point, as in 0.5"),
     (r"\b(True|TRUE|False|FALSE)\b", "write true or false in small letters"),
     (r"[=\[]\s*[-+]?\d+,\d", "a number has a point, not a comma, as in 0.5"),
-    (r"=\s*[A-Za-z]", "a text stands in quotes"),
+    (r"=\s*[A-Za-z]", "write a text in quotes"),
     (r"=\s*$", "a value must follow on the same line"),
     (r"^\s*[\w.-]+\s*:", "write key = value"),
+)
+
+_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_SPACE = re.compile(r"[ \t]*")
+_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""")
+_STRING = re.compile(
+    r'''"""(?:\\.|[^\\])*?"""(?:"{0,2})|\'\'\'.*?\'\'\'(?:'{0,2})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*\'''', re.DOTALL
+)
+_PLAIN = re.compile(r"[^,\]}\n#]*")  # numbers, booleans, dates
+_PART = r"""(?:"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|[A-Za-z0-9_-]++)"""
+# Skips texts and comments; matches a dotted key from its first point on.
+_TOKEN = re.compile(
+    rf"""(?:{_STRING.pattern})|\#[^\n]*+|(?P<key>(?:\.[ \t]*+{_PART}[ \t]*+)++)(?=[=\]])|(?P<nest>[\[{{])""", re.DOTALL
 )
 
 
@@ -46,11 +74,11 @@ class Source:
     text
         The text as it was read.
     data
-        What tomllib makes of it, with the changes of `with_value` in place.
+        Content of the text as parsed by tomllib, with the changes of `with_value`.
     changed
-        Paths whose values no longer come from the text, so have no line.
+        Paths whose values do not come from the text, so that they have no line.
     within
-        The folder outside of which no matrix is read for it; empty if any may be.
+        Folder to which the files of matrices are confined; empty if they may be anywhere.
     """
 
     name: str
@@ -64,7 +92,7 @@ class Source:
         return key_lines(self.text)
 
     def line(self, path: Path) -> int | None:
-        """The line of a key, or of the nearest table around it that has one."""
+        """Return the line of a key, or of the nearest table around it that has one."""
         for end in range(len(path), 0, -1):
             if path[:end] in self.changed:
                 return None
@@ -73,11 +101,11 @@ class Source:
         return None
 
     def problem(self, message: str, path: Path = ()) -> Problem:
-        """A problem of this file, with its line."""
+        """Make a problem of this file, with its line."""
         return Problem(message, dotted(path), self.line(path), self.name, named(path, self.data))
 
     def with_value(self, path: Path, value: object) -> Source:
-        """The same source with another value at one path of tables, and of places in lists of tables."""
+        """Return a source with another value at one path of tables, and of places in lists of tables."""
         data: Any = dict(self.data)
         table: Any = data
         for depth, key in enumerate(path[:-1], start=1):
@@ -91,12 +119,12 @@ class Source:
 
 
 def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") -> Source:
-    """Read a TOML file, or a text that is given as one; `within` as of `Source`.
+    """Read a TOML file, or its text as ``io.StringIO``; for `within`, see `Source`.
 
     Raises
     ------
     ModelFileError
-        If there is no such file, or it is no TOML text of at most 10 MB in UTF-8.
+        If there is no such file, or it is not a TOML text of at most 10 MB in UTF-8.
     """
     if isinstance(path, io.StringIO):
         return parse_source(path.getvalue(), "", within)
@@ -110,7 +138,7 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
         size = f"is larger than {MAX_BYTES // 1_000_000} MB"
         raise ModelFileError([Problem(f"the file {size}; a model file is a short text", file=name)])
     if content.startswith(_RESULT):
-        message = "this is a result, not a model file; `gapwalk show` tells what it holds, and gw.load reads it"
+        message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.load reads it"
         raise ModelFileError([Problem(message, file=name)])
     try:
         text = content.decode("utf-8-sig")
@@ -122,15 +150,14 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
 
 
 def parse_source(text: str, name: str = "", within: str = "") -> Source:
-    """Parse a TOML text; `name` begins every message about it, `within` is as of `Source`.
+    """Parse a TOML text; for `name` and `within`, see `Source`.
 
     Raises
     ------
     ModelFileError
-        If it is empty, not TOML, or has more in it than a model can have.
+        If it is empty, not TOML, or larger than any model.
     """
-    if too_much := too_much_to_parse(text):
-        raise ModelFileError([Problem(too_much[0], line=too_much[1], file=name)])
+    _check_size(text, name)
     try:
         data = tomllib.loads(text)
     except RecursionError:
@@ -140,7 +167,7 @@ def parse_source(text: str, name: str = "", within: str = "") -> Source:
     if not data:
         raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
     source = Source(name, text, data, within=within)
-    if problems := [source.problem(message, path) for path, message in crowded(data)]:
+    if problems := list(_long_tables(source)):
         raise ModelFileError(problems)
     return source
 
@@ -174,7 +201,7 @@ def _syntax_problem(message: str, text: str, name: str) -> Problem:
     if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
         key = twice[1]
         own = ", and give each a name" if key == "study" else ""
-        message = f"not TOML: [{key}] stands here a second time; where there are several, write [[{key}]] for each{own}"
+        message = f"not TOML: [{key}] is here a second time; if there are several, write [[{key}]] for each{own}"
         return Problem(message, line=number, file=name)
     hint = next((hint for slip, hint in _SLIPS if re.search(slip, shown)), "")
     return Problem(
@@ -182,3 +209,162 @@ def _syntax_problem(message: str, text: str, name: str) -> Problem:
         line=number,
         file=name,
     )
+
+
+def _check_size(text: str, name: str) -> None:
+    """Refuse a text that would need too much memory; before parsing, as tomllib has no limit."""
+    nests, message = 0, ""
+    for token in _TOKEN.finditer(text):
+        if token["key"]:
+            parts = 1 + token["key"].count(".")
+            if parts > MAX_PARTS:
+                message = f"a key has {parts:,} parts; it may have {MAX_PARTS}"
+            nests += parts - 1
+        elif token["nest"]:
+            nests += 1
+        if nests > MAX_NESTS:
+            message = message or f"there are more than {MAX_NESTS:,} tables and lists; a model has fewer"
+        if message:
+            line = text.count("\n", 0, token.start()) + 1
+            raise ModelFileError([Problem(message, line=line, file=name)])
+
+
+def _long_tables(source: Source) -> Iterator[Problem]:
+    """Find tables and lists with more entries than any model has."""
+    waiting: list[tuple[Path, Any]] = [((), source.data)]
+    while waiting:
+        path, value = waiting.pop()
+        if len(value) > MAX_ENTRIES:
+            what = "" if path else "the file "
+            message = f"{what}has {len(value):,} entries; a table or a list may have {MAX_ENTRIES:,}"
+            yield source.problem(message, path)
+            continue
+        items = value.items() if isinstance(value, Mapping) else enumerate(value)
+        waiting += [((*path, key), each) for key, each in items if isinstance(each, list | Mapping)]
+
+
+def key_lines(text: str) -> dict[Path, int]:
+    """Find the line of every key, table and list item of a TOML text; tomllib keeps no lines.
+
+    Parameters
+    ----------
+    text
+        A text that tomllib accepts. For any other, the lines before its first error are returned.
+
+    Returns
+    -------
+    dict
+        Line, from 1, by path, for example ``{("contact", 0, "clearance"): 12}``.
+    """
+    scan = _Scan(text)
+    with suppress(ValueError, RecursionError):  # a line is a help, never a reason to fail
+        scan.document()
+    return scan.lines
+
+
+class _Scan:
+    """One pass over a text, which has reached the character `at`."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.lines: dict[Path, int] = {}
+        self._breaks = [match.start() for match in re.finditer("\n", text)]
+        self._items: dict[Path, int] = {}  # last index of each [[array of tables]]
+
+    def document(self) -> None:
+        """Read the entire text."""
+        table: Path = ()
+        self._skip(_BLANK)
+        while self.at < len(self.text):
+            table = self._header() if self._peek() == "[" else self._pair(table)
+            self._skip(_BLANK)
+
+    def _header(self) -> Path:
+        line = self._line()
+        array = self.text.startswith("[[", self.at)
+        self.at += 2 if array else 1
+        path: Path = ()
+        keys = self._keys()
+        for depth, key in enumerate(keys, start=1):
+            path = (*path, key)
+            self.lines.setdefault(path, line)
+            if array and depth == len(keys):
+                self._items[path] = self._items.get(path, -1) + 1
+            if path in self._items:
+                path = (*path, self._items[path])
+                self.lines.setdefault(path, line)
+        self.at += 2 if array else 1
+        return path
+
+    def _pair(self, table: Path) -> Path:
+        line, path = self._line(), table
+        for key in self._keys():
+            path = (*path, key)
+            self.lines.setdefault(path, line)
+        self._expect("=")
+        self._value(path)
+        return table
+
+    def _keys(self) -> list[str]:
+        keys = []
+        while True:
+            self._skip(_SPACE)
+            match = _KEY.match(self.text, self.at)
+            if not match:
+                raise ValueError("a key was expected")
+            self.at = match.end()
+            raw = match.group()
+            keys.append(tomllib.loads(f"x = {raw}")["x"] if raw[0] in "\"'" else raw)
+            self._skip(_SPACE)
+            if self._peek() != ".":
+                return keys
+            self.at += 1
+
+    def _value(self, path: Path) -> None:
+        self._skip(_BLANK)
+        first = self._peek()
+        if first in "\"'":
+            self._skip(_STRING)
+        elif first == "[":
+            self._sequence("]", path)
+        elif first == "{":
+            self._sequence("}", path)
+        else:
+            self._skip(_PLAIN)
+
+    def _sequence(self, end: str, path: Path) -> None:
+        """Read a list, or an inline table."""
+        self.at += 1
+        self._skip(_BLANK)
+        index = 0
+        while self._peek() != end:
+            if end == "]":
+                self.lines[*path, index] = self._line()
+                self._value((*path, index))
+            else:
+                self._pair(path)
+            index += 1
+            self._skip(_BLANK)
+            if self._peek() != end:
+                self._expect(",")
+                self._skip(_BLANK)
+        self.at += 1
+
+    def _line(self) -> int:
+        return bisect_left(self._breaks, self.at) + 1
+
+    def _peek(self) -> str:
+        if self.at >= len(self.text):
+            raise ValueError("the text ends too early")
+        return self.text[self.at]
+
+    def _expect(self, char: str) -> None:
+        if self._peek() != char:
+            raise ValueError(f"{char} was expected")
+        self.at += 1
+
+    def _skip(self, pattern: re.Pattern[str]) -> None:
+        match = pattern.match(self.text, self.at)
+        if match:
+            self.at = match.end()

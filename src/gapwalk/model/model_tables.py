@@ -1,50 +1,122 @@
-"""Tables that stand in model files of every form: stages of springs, and terms of the excitation."""
+"""The tables of model files: contacts with their stages and laws, loads, damping, and the system as a whole."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, WrapValidator, field_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    ValidationInfo,
+    WrapValidator,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
-from gapwalk.model.contact import Side
-from gapwalk.model.excitation import Harmonic
-from gapwalk.model.model_fields import (
+from gapwalk.errors import ModelError
+from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
+from gapwalk.model.laws import LAWS, Law, law_of, law_with
+from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.parameter import Parameter
+from gapwalk.model.problems import given
+from gapwalk.model.schema import (
     MAX_COORDINATES,
-    Clearance,
-    CubicStiffness,
+    Angle,
     Direction,
+    Matrix,
     Name,
     Names,
+    NonNegative,
+    Number,
     Order,
-    Phase,
-    Stiffness,
-    Torque,
+    Part,
+    Positive,
+    RegularMatrix,
+    Text,
+    Vector,
+    by_shape,
     claim,
+    measured,
     one_of,
+    tagged,
+    without_repeats,
 )
-from gapwalk.model.problems import given
-from gapwalk.model.schema import Part
+from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind
 
 MAX_STUDIES = 200
-"""In one file: all of them are checked whenever one is asked for."""
+"""Largest number of studies in one file: all of them are checked to read one."""
 
 SideName = Annotated[Side, BeforeValidator(one_of(Side))]
 
 
-class StagePart(Part):
-    """One spring of a contact: ``[[contact.stage]]``."""
+class StageBase(Part):
+    """One spring of a contact: ``[[contact.stage]]``, with the parameters of its force law; see `stages_field`."""
 
     name: Name | None = None
-    clearance: Clearance = Field(description="it is half the width of the gap")
-    stiffness: Stiffness = Field(description="it is what this spring adds to the slope of the force")
-    cubic: CubicStiffness = 0.0
-    side: SideName = Side.BOTH
+
+
+def stage_of(part: Part, name: str) -> Stage:
+    """Make a stage from its own table, or from the table of its contact."""
+    found = given_of(part, "stage_parameters")
+    plain = {key: found.pop(key) for key in ("clearance", "stiffness", "cubic") if key in found}
+    side = getattr(part, "side", None) or Side.BOTH
+    return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found)
+
+
+def law_parameters(which: str) -> dict[str, Parameter]:
+    """Return the parameters of all laws by name: ``"stage_parameters"``, or ``"parameters"`` of whole contacts."""
+    return {each.name: each for law in LAWS.values() for each in getattr(law, which)}
+
+
+def given_of(part: Part, which: str) -> dict[str, Any]:
+    """Return the values of those parameters that a table gives."""
+    values = {name: getattr(part, name, None) for name in law_parameters(which)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def law_fields(which: str) -> dict[str, Any]:
+    """Make the fields of the parameters in a table, all of them optional."""
+    found: dict[str, Any] = {}
+    for name, each in law_parameters(which).items():
+        found[name] = (Annotated[number_of(each) | None, Field(validate_default=True, description=each.words)], None)
+    return found
+
+
+def number_of(parameter: Parameter) -> Any:
+    """Make the type of a parameter's value in a table."""
+    number = Angle if parameter.kind is QuantityKind.PHASE else Number
+    if parameter.least is not None:
+        number = Annotated[number, Field(ge=parameter.least)]
+    return number if parameter.kind is None else Annotated[number, measured(parameter.kind)]
+
+
+def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
+    """Refuse a parameter of a stage that the force law of the contact lacks, and ask for one that it needs."""
+    law, name = info.context.law, info.field_name
+    parameter = next((each for each in law.stage_parameters if each.name == name), None)
+    if parameter is None and value is not None:
+        raise ValueError(f"is {given(value)}, but the law {given(law.name)} has no such parameter")
+    if parameter is not None and value is None and parameter.default is None:
+        raise ValueError(f"is missing; {parameter.words}")
+    return value
+
+
+def kinds_known() -> tuple[Any, ...]:
+    """Return the force laws and loads on which the schemas of tables depend."""
+    return (*LAWS.values(), *LOADS.values())
 
 
 def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
-    """Look at the order of the stages too where some of them are wrong, so that all is told at once."""
+    """Check the order of the stages even if some of them have problems, so that all problems are reported at once."""
     problem = _order_problem(tables)
     if problem is None:
         return handler(tables)
@@ -60,7 +132,7 @@ def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
 
 
 def _order_problem(tables: object) -> str | None:
-    """What is wrong with the order of those stages whose clearance is a plain number."""
+    """Describe the first error in the order of those stages whose clearance is a plain number."""
     stages = [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
     for side in (Side.POSITIVE, Side.NEGATIVE):
         met = [table.get("clearance") for table in stages if table.get("side", Side.BOTH) in (Side.BOTH, side)]
@@ -74,17 +146,129 @@ def _order_problem(tables: object) -> str | None:
     return None
 
 
-Stages = Annotated[list[StagePart], Field(max_length=MAX_COORDINATES), WrapValidator(_in_order)]
-"""The stages of a contact, from the inside out."""
+def stages_field(least: int) -> Any:
+    """Make the field of a contact's stages, from the inside out, with the parameters of all registered force laws."""
+    size: Any = Field(min_length=least, max_length=MAX_COORDINATES)
+    return Annotated[list[_stage_part(kinds_known())], size, WrapValidator(_in_order)]  # pyright: ignore
 
 
-class HarmonicPart(Part):
-    """A term of the excitation: ``[[harmonic]]``."""
+@lru_cache
+def _stage_part(_: tuple[Any, ...]) -> type[StageBase]:
+    fields = law_fields("stage_parameters")
+    check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
+    fields["side"] = (SideName, Side.BOTH)
+    return create_model("StagePart", __base__=StageBase, __validators__=check, **fields)
+
+
+LawName = Annotated[Any, BeforeValidator(lambda name: LAWS[one_of(LAWS)(name)])]
+
+
+class LawTable(Part):
+    """A table with a force law: ``[[contact]]``, ``[[shaft]]`` and ``[[gear]]``."""
+
+    law: LawName | None = None
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _knows_its_law(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo[Any]) -> Self:
+        """Give the tables of the stages their law."""
+        info.context.law = law_of_table(table)
+        return handler(table)
+
+
+def law_of_table(table: Any) -> Law:
+    """Return the law that a table names, or the first law with its parameters; the table may have any problems."""
+    table = table if isinstance(table, Mapping) else {}
+    named = table.get("law")
+    if isinstance(named, str) and named in LAWS:
+        return LAWS[named]
+    try:
+        return law_with([name for name in law_parameters("parameters") if name in table])
+    except ModelError:
+        return law_of("elastic")
+
+
+class ContactBase(LawTable):
+    """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
+
+    name: Name = Field(description="its parameters begin with it, as in stage2.clearance")
+    deflection: Direction = Field(description="write by which coordinates it deflects, as in { q1 = 1.0 }")
+    force: Vector | None = None
+
+    @classmethod
+    def hint_for(cls, key: str, value: object) -> str:
+        """Return the line to write in place of ``damping``, which is a key of the system as a whole."""
+        if key != "damping":
+            return ""
+        if isinstance(value, str) and value in LAWS:
+            return f"write law = {given(value)}"
+        if isinstance(value, str):
+            return f"write law, which must be one of {', '.join(map(given, LAWS))}"
+        names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
+        return f"a contact has the damping of its force law; write {' or '.join(names)}"
+
+    @field_validator("name")
+    @classmethod
+    def _is_free(cls, name: str, info: ValidationInfo[Names]) -> str:
+        claim(name, info)
+        return name
+
+    @model_validator(mode="after")
+    def _makes_a_contact(self) -> ContactBase:
+        try:
+            self.contact()
+        except ModelError as error:
+            reason = str(error).removeprefix(f"contact {self.name!r}: ")
+            raise ValueError(f"is refused: {reason}") from None
+        return self
+
+    def contact(self) -> Contact:
+        """Make the contact."""
+        own = given_of(self, "parameters")
+        tables: list[StageBase] = getattr(self, "stage", None) or []
+        if tables:
+            names = [table.name or f"stage{place}" for place, table in enumerate(tables, start=1)]
+            # a single stage needs no name: its parameters have that of the contact
+            stages = [stage_of(part, name if len(tables) > 1 else "") for part, name in zip(tables, names, strict=True)]
+        else:
+            stages = [stage_of(self, "")]
+        return Contact(self.name, self.deflection, stages, self.force, self.law or law_with(own), own)
+
+
+def _is_in_one_place(cls: type[Part], value: object, info: ValidationInfo[Names]) -> object:
+    """Refuse a parameter of a stage that belongs in a table of its own, and ask for one that is needed."""
+    if "stage" not in info.data:
+        return value
+    if info.data["stage"] is None:
+        return value if info.field_name == "side" else belongs_to_the_law(cls, value, info)
+    if value is not None:
+        raise ValueError("is given together with tables [[contact.stage]]; move it into one of them")
+    return value
+
+
+def _suits_the_law(cls: type[Part], value: float | None, info: ValidationInfo[Names]) -> float | None:
+    """Refuse a parameter that the force law lacks, and ask for one that it needs."""
+    name = str(info.field_name)
+    others = [each for each in law_parameters("parameters") if each != name and info.data.get(each) is not None]
+    own = {each.name for each in info.context.law.parameters}
+    if value is not None and others and not {name, *others} <= own:
+        raise ValueError(f"is given together with {others[0]}; a contact has one of the two")
+    law = info.data.get("law")
+    if law is None:
+        return value
+    if name in own and value is None:
+        raise ValueError(f"is missing; the law {given(law.name)} needs it")
+    if name not in own and value is not None:
+        raise ValueError(f"is {value}, but law is {given(law.name)}; leave one of the two out")
+    return value
+
+
+class LoadBase(Part):
+    """A load that repeats with the excitation, as ``[[harmonic]]``; see `load_fields`."""
+
+    kind: ClassVar[type[Load]]
 
     order: Order = 1
-    amplitude: Torque = Field(description="it is the size of the load")
-    phase: Phase = 0.0
-    acts_on: Direction = Field(description="write on which coordinates it acts, as in { q1 = 1.0 }")
     name: Name | None = Field(default=None, validate_default=True)
 
     @field_validator("name")
@@ -93,15 +277,39 @@ class HarmonicPart(Part):
         if name is not None:
             claim(name, info)
         elif "order" in info.data:
-            name = f"harmonic{info.data['order']}"
+            name = f"{cls.kind.key}{info.data['order']}"
             if name in info.context.taken:
                 raise ValueError(f"is missing, and the default {given(name)} is taken already; write another")
             info.context.taken.add(name)
         return name
 
-    def harmonic(self) -> Harmonic:
-        """The harmonic that the table describes."""
-        return Harmonic(self.amplitude, self.acts_on, self.order, self.phase, self.name or "")
+    def load(self) -> Load:
+        """Make the load."""
+        numbers = dict(self)
+        return self.kind(**{**numbers, "name": numbers["name"] or ""})
+
+
+@lru_cache
+def _load_part(kind: type[Load]) -> type[LoadBase]:
+    fields: dict[str, Any] = {
+        each.name: (number_of(each), Field(description=each.words) if each.default is None else each.default)
+        for each in kind.parameters
+    }
+    fields["acts_on"] = (Direction, Field(description="write on which coordinates it acts, as in { q1 = 1.0 }"))
+    part = create_model(f"{kind.__name__}Part", __base__=LoadBase, **fields)
+    part.kind = kind
+    return part
+
+
+def load_fields() -> dict[str, Any]:
+    """Make the fields of the tables of all registered loads, one list for each kind."""
+    lists: dict[str, Any] = {key: list[_load_part(kind)] for key, kind in LOADS.items()}  # pyright: ignore
+    return {key: (each, Field(default=[], max_length=MAX_COORDINATES)) for key, each in lists.items()}
+
+
+def loads_of(part: Part) -> list[Load]:
+    """Make the loads of a model file."""
+    return [each.load() for key in LOADS for each in getattr(part, key, ())]
 
 
 def study_tables(study: object) -> object:
@@ -112,3 +320,90 @@ def study_tables(study: object) -> object:
     if len(tables) > MAX_STUDIES:
         raise ValueError(f"is a list of {len(tables):,} tables; a file may have {MAX_STUDIES} studies")
     return study
+
+
+class DampingPart(Part):
+    """The table of a damping: in proportion to mass and stiffness, or by the ratios of the modes."""
+
+    mass: Number | None = None
+    stiffness: Number | None = None
+    ratios: (
+        Annotated[
+            Annotated[NonNegative, tagged("one")] | Annotated[list[NonNegative], Field(min_length=1), tagged("many")],
+            by_shape(lambda value: "many" if isinstance(value, list) else "one"),
+        ]
+        | None
+    ) = None
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> DampingPart:
+        if self.ratios is not None and (self.mass is not None or self.stiffness is not None):
+            raise ValueError("has ratios together with mass or stiffness; leave one of the two out")
+        return self
+
+    def damping(self) -> Damping:
+        """Make the damping."""
+        if self.ratios is not None:
+            return ModalDamping(self.ratios)
+        return ProportionalDamping(self.mass or 0.0, self.stiffness or 0.0)
+
+
+DampingField = Annotated[
+    Annotated[DampingPart, tagged("table")] | Annotated[Matrix, tagged("numbers")],
+    by_shape(lambda value: "table" if isinstance(value, Mapping) else "numbers"),
+]
+"""A damping in a model file: its matrix, the diagonal of it, or a table."""
+
+
+class SystemBase(Part):
+    """A model file; see `system_part`.
+
+    Its tables ``[study]``, ``[measurement]`` and ``[reduction]`` are read by `gapwalk.studies`.
+    """
+
+    title: Text = ""
+    coordinates: Annotated[list[Name], AfterValidator(without_repeats)] = Field(
+        min_length=1,
+        max_length=MAX_COORDINATES,
+        description='list the names of the degrees of freedom, as in ["q1", "q3"]',
+    )
+    mass: RegularMatrix | None = None
+    stiffness: Matrix = Field(description="write the matrix K, a list of rows")
+    damping: DampingField | None = None
+    mean: Vector = Field(default={})
+    frequency: Positive | None = None
+    study: Annotated[Any, AfterValidator(study_tables)] = None
+    measurement: Any = None
+    reduction: Any = None  # read by `gapwalk.studies.reduced`
+
+    def system(self) -> System:
+        """Make the system, at the frequency 1 if the file gives none."""
+        return System(
+            coordinates=self.coordinates,
+            stiffness=self.stiffness,
+            damping=self.damping.damping() if isinstance(self.damping, DampingPart) else self.damping,
+            mass=self.mass,
+            contacts=[part.contact() for part in getattr(self, "contact", ())],
+            mean=self.mean,
+            harmonics=loads_of(self),
+            frequency=self.frequency or 1.0,
+        )
+
+
+def system_part() -> type[SystemBase]:
+    """Return the schema of a model file, with all registered force laws and loads."""
+    return _system_part(kinds_known())
+
+
+@lru_cache
+def _system_part(_: tuple[Any, ...]) -> type[SystemBase]:
+    of_stages, own = law_fields("stage_parameters"), dict(sorted(law_fields("parameters").items()))
+    side: Any = Annotated[SideName | None, Field(validate_default=True)]
+    checks: Any = {
+        "is_in_one_place": field_validator(*of_stages, "side")(classmethod(_is_in_one_place)),
+        "suits_the_law": field_validator(*own)(classmethod(_suits_the_law)),
+    }
+    fields: dict[str, Any] = {"stage": (stages_field(1) | None, None), **of_stages, "side": (side, None), **own}
+    contact: Any = create_model("ContactPart", __base__=ContactBase, __validators__=checks, **fields)
+    contacts: Any = (list[contact], Field(default=[], max_length=MAX_COORDINATES))
+    return create_model("SystemPart", __base__=SystemBase, contact=contacts, **load_fields())

@@ -1,4 +1,4 @@
-"""Natural frequencies and mode shapes of a system, linearised with certain clearances closed."""
+"""Natural frequencies, mode shapes and dissipation of a system, linearised with certain clearances closed."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, of_angles
-from gapwalk.model.equilibria import Equilibrium
+from gapwalk.model.equilibria import Equilibrium, tangent
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.spring import springs_of
-from gapwalk.model.statics import tangent
 from gapwalk.model.system import System
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 
+_ZERO_RATE = 1e-12  # share of the largest rate of dissipation below which a negative one is rounding
 _Vibrations = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]
 
 
 class Clearances(StrEnum):
-    """Which stages are closed where a system is linearised, whatever its mean load."""
+    """The stages that are closed in a linearisation, irrespective of the mean load."""
 
     OPEN = "open"
     """None."""
@@ -36,7 +36,7 @@ class Modes(Shown):
     Parameters
     ----------
     frequencies : shape (n,)
-        Angular natural frequencies; 0 for a motion that nothing drives back, NaN for one that grows or is no vibration.
+        Angular natural frequencies; 0 for a motion without stiffness, NaN for one that grows or is not a vibration.
     shapes : shape (n, n)
         A mode in each column, by the coordinates.
     damping_ratios : shape (n,)
@@ -46,7 +46,7 @@ class Modes(Shown):
     inertias
         Names of the inertias of a drive train; otherwise empty.
     angles : shape (inertias, n)
-        A mode in each column, by the inertias of a drive train; otherwise empty. That of a free train has no momentum.
+        A mode in each column, by the inertias of a drive train; otherwise empty. A free train's have no momentum.
 
     Notes
     -----
@@ -69,15 +69,15 @@ class Modes(Shown):
 
 
 def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes:
-    """Natural frequencies and modes of a system.
+    """Compute natural frequencies and modes of a system.
 
     Parameters
     ----------
     system
-        Any system; that of a `Train` has modes by its inertias too.
+        Any system; the modes of a `Train` are also given by its inertias.
     at
         ``"closed"``: with the first stage of every contact closed; ``"open"``: with none; or an equilibrium from
-        `rest_of`, with what is closed there.
+        `rest_of`, with the stages that are closed there.
 
     Raises
     ------
@@ -93,26 +93,22 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
         raise ModelError(f"at is {at!r}; it must be an equilibrium, or {did_you_mean(str(at), [*Clearances])}")
     stiffness, damping = of_angles(system, stiffness, damping)
     squares, left, right = _vibrations(stiffness, system.matrix("mass"))
-    angles = _angles(system)
-    sizes = (angles @ right) if angles.size else right
-    right = right / sizes[np.abs(sizes).argmax(axis=0), range(len(squares))]
+    assembly, inertias, angles = system.structure.assembly, (), np.zeros((0, len(squares)))
+    if isinstance(assembly, TrainAssembly):
+        inertias, angles = assembly.form.inertias, assembly.angles(system.values) @ right
+    sizes = angles if angles.size else right
+    largest = sizes[np.abs(sizes).argmax(axis=0), range(len(squares))]
     floor = 1e-12 * len(squares) * np.abs(squares).max(initial=0.0)  # rounding of the largest
     real = np.abs(squares.imag) <= 1e-9 * np.abs(squares)
     frequencies = np.where(real & (squares.real > -floor), np.sqrt(np.maximum(squares.real, 0.0)), np.nan)
     frequencies[np.abs(squares) <= floor] = 0.0
-    inertias = system.structure.assembly.form.inertias if isinstance(system.structure.assembly, TrainAssembly) else ()
-    return Modes(
-        frequencies,
-        right,
-        _damping_ratios(system, damping, frequencies, left, right),
-        system.coordinates,
-        inertias,
-        angles @ right if angles.size else np.zeros((0, len(squares))),
-    )
+    shapes, angles = right / largest, angles / largest
+    ratios = _damping_ratios(system, damping, frequencies, left, shapes)
+    return Modes(frequencies, shapes, ratios, system.coordinates, inertias, angles)
 
 
 def _vibrations(stiffness: NDArray[np.float64], mass: NDArray[np.float64]) -> _Vibrations:
-    """Squares of the natural frequencies with left and right vectors, slowest first."""
+    """Compute squares of the natural frequencies with left and right vectors, slowest first."""
     from scipy.linalg import eig, eigh  # slow to import
 
     if np.allclose(mass, mass.T, rtol=1e-12, atol=0.0) and np.allclose(
@@ -127,11 +123,6 @@ def _vibrations(stiffness: NDArray[np.float64], mass: NDArray[np.float64]) -> _V
     return squares[order], left.conj(), (right / turn).real
 
 
-def _angles(system: System) -> NDArray[np.float64]:
-    assembly = system.structure.assembly
-    return assembly.angles(system.values) if isinstance(assembly, TrainAssembly) else np.zeros((0, system.size))
-
-
 def _damping_ratios(
     system: System,
     damping: NDArray[np.float64],
@@ -139,8 +130,41 @@ def _damping_ratios(
     left: NDArray[np.complex128],
     right: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Shares of critical damping to first order: the modes are those of the undamped system."""
+    """Compute shares of critical damping to first order, with the modes of the undamped system."""
     damped = np.sum(left * (damping @ right), axis=0)
     moved = np.sum(left * (system.matrix("mass") @ right), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(frequencies > 0, np.real(damped / moved) / (2.0 * frequencies), np.nan)
+
+
+def dissipation_doubts(system: System) -> list[str]:
+    """Describe damping that feeds energy in, or is zero, a sentence each.
+
+    The rates at which the damping takes energy out of free motions are the eigenvalues of ``M^-1 C``. If one is
+    negative, motions grow until a contact limits them, or without limit; if all are zero, resonances have no limit.
+
+    Examples
+    --------
+    >>> import gapwalk as gw
+    >>> dissipation_doubts(gw.System(["x"], [[1.0]], [[0.1]]))
+    []
+    """
+    doubts = []
+    damping = of_angles(system, system.matrix("stiffness"), system.matrix("damping"))[1]
+    rates = np.linalg.eigvals(np.linalg.solve(system.matrix("mass"), damping)).real
+    if not damping.any():
+        doubts.append(
+            "damping is zero: no motion settles, and at a resonance nothing limits it while the gaps are open; give "
+            "the system a damping, however small"
+        )
+    elif rates.min() < -_ZERO_RATE * np.abs(rates).max():
+        doubts.append(
+            f"damping is negative: it feeds energy in, at the rate {rates.min():.4g} (the lowest eigenvalue of M^-1 C, "
+            "per unit of time), so that motions may grow without end; look at the signs of the damping"
+        )
+    for contact in system.structure.contacts:
+        for parameter in contact.law.parameters:
+            name = f"{contact.name}.{parameter.name}"
+            if parameter.least is not None and system[name] < parameter.least:
+                doubts.append(f"{name} is {system[name]:g}: negative, so that the contact feeds energy in")
+    return doubts

@@ -1,4 +1,4 @@
-"""The names of the parameters of a system: computed where they are very many, as those of large matrices."""
+"""The names of the parameters of a system; those of large matrices are computed on request."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import overload
 
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import near_names
-from gapwalk.model.units.kind import PACES
+from gapwalk.model.units import PACES
 
-_SHOWN = 5  # names that are told where none is like the one that was asked for
+_SHOWN = 5  # names that are listed if none is similar to the unknown one
 _FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
 
 
@@ -25,12 +25,12 @@ class NameBlock:
 
 @dataclass(frozen=True)
 class ParameterNames(Sequence[str]):
-    """All names in the order of the value vector; a matrix of 1,000 coordinates has a million, so then none is kept.
+    """All names in the order of the value vector; they are not stored if there are very many.
 
     Parameters
     ----------
     blocks
-        What there is, in its order.
+        The blocks of names, in their order.
     coordinates
         The names by which vectors and matrices are indexed: ``stiffness.q1.q3``.
     """
@@ -67,11 +67,11 @@ class ParameterNames(Sequence[str]):
         return isinstance(name, str) and self._find(name) is not None
 
     def start(self, prefix: str) -> int:
-        """The place of the first parameter of a block; a KeyError if there is none of that prefix."""
+        """Return the place of the first parameter of a block; raise a KeyError for an unknown prefix."""
         return self._starts[self._blocks[prefix]]
 
     def place(self, name: str) -> int:
-        """The place of one parameter.
+        """Return the place of one parameter.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class ParameterNames(Sequence[str]):
 
     @property
     def single(self) -> list[int]:
-        """The places of those that are no entries of a vector or a matrix."""
+        """The places of the parameters that are not entries of a vector or a matrix."""
         return [start for block, start in zip(self.blocks, self._starts, strict=False) if block.rank == 0]
 
     @cached_property

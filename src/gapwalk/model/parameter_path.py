@@ -1,4 +1,4 @@
-"""The way from some values of parameters to others as one more parameter, so that it can be followed like any."""
+"""A path from some values of parameters to others as one more parameter, which can be continued like any other."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.checks import value_problems
 from gapwalk.model.coefficients import layout_of
 from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import Structure
+from gapwalk.model.structure import Structure, value_problems
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
@@ -24,17 +23,17 @@ WAY = "way"
 
 @dataclass(frozen=True)
 class PathAssembly:
-    """Parameters that move together, evenly, while the way goes from 0 to 1.
+    """Parameters that move together, linearly, while the path parameter goes from 0 to 1.
 
-    Its own numbers are those of the system, then the way, then where each parameter goes: as they are numbers, all
-    ways of the same parameters share one compiled flow.
+    Its own numbers are those of the system, then the path parameter, then the final value of each parameter. As they
+    are numbers, all paths of the same parameters share one compiled flow.
 
     Parameters
     ----------
     structure
         The structure of the system.
     moved
-        The names of the parameters; the frequency, by which everything is scaled, is none of them.
+        The names of the parameters without the frequency, by which everything is scaled.
     """
 
     structure: Structure
@@ -45,7 +44,7 @@ class PathAssembly:
 
     @property
     def names(self) -> ParameterNames:
-        """The names of the system's parameters, the way, and ``way.`` with the name of each parameter that moves."""
+        """Names of the system's parameters, of the path parameter, and ``way.`` with each moved parameter."""
         inner = self.structure.names
         blocks = (NameBlock(WAY), *(NameBlock(f"{WAY}.{name}") for name in self.moved))
         return replace(inner, blocks=(*inner.blocks, *blocks))
@@ -56,19 +55,19 @@ class PathAssembly:
         return self.structure.units
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The values of the equations of motion."""
+        """Return the values of the equations of motion."""
         return self.structure.expand(self.inner(values))
 
     def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The accelerations of the system; see `Assembly.accelerations`."""
+        """Return the accelerations of the system; see `Assembly.accelerations`."""
         return layout_of(self.structure).table(self.inner(values))
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
-        """What is wrong with the values of the system at this place of the way."""
+        """List the errors of the values of the system at this point of the path."""
         yield from value_problems(self.structure, self.inner(values))
 
     def inner(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The values of the system at this place of the way."""
+        """Return the values of the system at this point of the path."""
         size, count = len(self.structure.names), len(self.moved)
         found, share, ends = values[:size].copy(), values[size], values[size + 1 : size + 1 + count]
         found[self._places] += share * (ends - found[self._places])
@@ -80,19 +79,19 @@ class PathAssembly:
 
 
 def on_the_way(system: System, to: Mapping[str, float]) -> System:
-    """The same system with one more parameter, ``way``: at 0 it is as it was, at 1 some parameters have other values.
+    """Add a parameter ``way`` to a system: at 0 the system is as given, at 1 some parameters have other values.
 
     Parameters
     ----------
     system
         The system.
     to
-        Those parameters with their values at the other end; in between they move evenly.
+        Values of those parameters at 1; in between they move linearly.
 
     Raises
     ------
     ModelError
-        For an unknown parameter, a value that is not allowed, the frequency, or a system that is on a way already.
+        For an unknown parameter, a value that is not allowed, the frequency, or a system that is on a path already.
     """
     system.at(to)
     structure = system.structure

@@ -1,4 +1,4 @@
-"""What is wrong with a model file: one problem a line, each with the place where it can be mended."""
+"""Problems of a model file: one per line, each with the place to correct, and with suggestions of names."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from typing import Any
 from gapwalk.errors import ModelError
 
 Path = tuple[str | int, ...]
-"""The way to a value of a TOML document: its keys, and places in lists from 0."""
+"""The path to a value of a TOML document: keys, and places in lists from 0."""
 
-_LISTED = 200  # problems in the text of an error; a matrix of strings would fill many screens
-_SHOWN = 60  # characters of a value that is given back
-_TOLD = 40  # names that are told where none is like the one that was asked for
-_BEGINNING = 3  # letters with which a name may begin another that was meant
+_LISTED = 200  # problems in the text of an error; a matrix of strings has very many
+_SHOWN = 60  # characters of a value that is quoted
+_NAMED = 40  # names that are listed if none is similar to the unknown one
+_BEGINNING = 3  # letters that suffice as the beginning of a name
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong with a model file.
+    """One problem of a model file.
 
     Parameters
     ----------
     message
-        What was given and what is allowed. After a path it reads on: ``contact[0].clearance is -1; it must ...``.
+        The given value and the allowed ones. It continues the path in one sentence:
+        ``contact[0].clearance is -1; it must ...``.
     path
         Dotted path of the key, for example ``contact[0].clearance``; empty if it concerns the file as a whole.
     line
@@ -36,7 +37,7 @@ class Problem:
     file
         Name of the file as the user gave it.
     place
-        The path as a person reads it, with the names of tables: ``contact "stop".clearance``; by default the path.
+        The path in readable form, with the names of tables: ``contact "stop".clearance``; by default the path.
     """
 
     message: str
@@ -51,16 +52,18 @@ class Problem:
             place = f"{self.file}:{self.line}" if self.file else f"line {self.line}"
         path = self.place or self.path
         text = f"{path} {self.message}" if path else self.message
-        return _printable(f"{place}: {text}" if place else text)
+        line = f"{place}: {text}" if place else text
+        # one line, without characters of a file that would control the terminal
+        return "".join(char if char.isprintable() else repr(char)[1:-1] for char in line)
 
 
 class ModelFileError(ModelError):
-    """A model file that cannot be used; it lists everything that is wrong with it.
+    """A model file that cannot be used; it lists all problems of the file.
 
     Parameters
     ----------
     problems
-        All that was found, one problem for each thing to correct.
+        All problems, one for each thing to correct.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -68,7 +71,7 @@ class ModelFileError(ModelError):
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Everything that is wrong, in the order of the file."""
+        """All problems, in the order of the file."""
         return self.args[0]
 
     def __str__(self) -> str:
@@ -79,7 +82,7 @@ class ModelFileError(ModelError):
 
 
 def dotted(path: Path) -> str:
-    """Write a path as people do: ``contact[0].stage[1].clearance``."""
+    """Write a path in dotted form: ``contact[0].stage[1].clearance``."""
     text = ""
     for key in path:
         if isinstance(key, int):
@@ -90,7 +93,7 @@ def dotted(path: Path) -> str:
 
 
 def named(path: Path, data: object) -> str:
-    """The same with the names of tables in lists, where they have one of their own: ``contact "stop".clearance``."""
+    """Write a path with the names of those tables in lists that have one: ``contact "stop".clearance``."""
     text = ""
     for place, key in enumerate(path):
         around, data = data, _inside(data, key)
@@ -104,7 +107,7 @@ def named(path: Path, data: object) -> str:
 
 
 def _inside(data: Any, key: str | int) -> Any:
-    """What a key leads to; None if it leads nowhere."""
+    """Return the value of a key or of a place in a list; None if there is none."""
     if isinstance(data, Mapping):
         return data.get(key)
     if isinstance(data, list) and isinstance(key, int):
@@ -113,24 +116,24 @@ def _inside(data: Any, key: str | int) -> Any:
 
 
 def given(value: object) -> str:
-    """Write a value as it may stand in a TOML file, in at most about 60 characters."""
+    """Write a value as in a TOML file, in at most about 60 characters."""
     text = _toml(value)
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
 def did_you_mean(word: str, known: Sequence[str], what: str = "they are") -> str:
-    """Offer the names that are spelled nearly as `word`, or tell what there is if none is."""
+    """Suggest the names that are spelled nearly as `word`, or list all names if none is."""
     near = near_names(word, known)
     if near:
         return f"did you mean {' or '.join(near)}?"
-    more = f", ... ({len(known)} in all)" if len(known) > _TOLD else ""
-    return f"{what} {', '.join(known[:_TOLD])}{more}"
+    more = f", ... ({len(known)} in all)" if len(known) > _NAMED else ""
+    return f"{what} {', '.join(known[:_NAMED])}{more}"
 
 
 def near_names(word: str, known: Sequence[str]) -> list[str]:
-    """At most three names that may have been meant: slips of the pen, beginnings, and names of which it is a part.
+    """Find at most three names that may be meant: misspelt ones, beginnings, and names of which the word is a part.
 
-    What only looks alike is another idea: who writes friction does not mean deflection.
+    Similar words with another meaning are not suggested: friction is not deflection.
     """
     plain = word.casefold()
     found = [(slips, name) for name in known if (slips := _distance(plain, name.casefold())) is not None]
@@ -138,7 +141,7 @@ def near_names(word: str, known: Sequence[str]) -> list[str]:
 
 
 def _distance(word: str, name: str) -> int | None:
-    """How many slips lead from a word to a name, or to the parts of it that stand first; None if it is another word."""
+    """Count the slips from a word to a name, or to its first parts; None if it is another word."""
     short, long = sorted((word, name), key=len)
     if word in re.split("[.-]", name) or (len(short) >= _BEGINNING and long.startswith(short)):
         return 0
@@ -154,10 +157,10 @@ def _distance(word: str, name: str) -> int | None:
 
 
 def _slips(first: str, second: str) -> int | None:
-    """Letters to change, leave out, put in or swap with their neighbour, until two words are the same.
+    """Count the letters to change, leave out, insert or swap with their neighbour to make two words equal.
 
-    None where there are more slips than leave a word what it is: none in one or two letters, three in a long word. One
-    figure of a number may always be another: q3 for q2.
+    None if there are more slips than allowed: none in one or two letters, three in a long word. Numbers at the end may
+    always differ by one slip: q3 for q2.
     """
     family = first.rstrip(digits)
     allowed = sum(max(len(first), len(second)) > length for length in (2, 4, 9))
@@ -191,10 +194,5 @@ def _toml(value: object) -> str:
         return f"the date or time {value.isoformat()}"
     try:
         return str(value)
-    except ValueError:  # an integer of more digits than Python is willing to write
+    except ValueError:  # an integer of more digits than Python writes
         return "an enormous number"
-
-
-def _printable(text: str) -> str:
-    """Keep one problem on one line, and a terminal safe from what stands in a file."""
-    return "".join(char if char.isprintable() else repr(char)[1:-1] for char in text)

@@ -1,36 +1,178 @@
-"""The static spring of a contact: its force and its slope by the deflection, with the numbers of one system."""
+"""The static spring of a contact: its force and its slope by the deflection, with the numbers of one system.
+
+The forces of contacts as polynomials of the penetration and the rate, for values of the coefficients.
+
+Equilibria, the search for orbits, harmonic balance and the batch integrator need the forces in this form.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, reduce
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.contact import DampingLaw
+from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.model.laws import Stages, StageTerms, closed_form_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
 
 
+@dataclass(frozen=True, eq=False)
+class ForcePolynomials:
+    """Sources of the polynomials of a layout: each term of a law adds to one switch, rate and power.
+
+    A switch is a stage on one side; its penetration is ``xi = sign * x - clearance``.
+
+    Attributes
+    ----------
+    contacts, signs, clearances : shape (switches,)
+        Contact, side, and slot of the clearance of each switch.
+    shape
+        Number of switches, of powers of the rate (2 at least), and of powers of the penetration (2 at least).
+    """
+
+    contacts: NDArray[np.intp]
+    signs: NDArray[np.float64]
+    clearances: NDArray[np.intp]
+    shape: tuple[int, int, int]
+    _factors: NDArray[np.float64]  # shape (terms,), the terms in the order of their places
+    _slots: NDArray[np.intp]  # shape (most factors of a term, terms): the slot after the last one has the value 1
+    _places: NDArray[np.intp]  # in the table, as one index
+
+    def table(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """Return the force of each switch by powers of the rate and of the penetration.
+
+        Parameters
+        ----------
+        coefficients : shape (number of coefficients, ...)
+            Real or complex.
+
+        Returns
+        -------
+        table : shape (switches, powers of the rate, powers of the penetration, ...)
+        """
+        rest = coefficients.shape[1:]
+        known = np.concatenate((coefficients, np.ones((1, *rest))))
+        values = reduce(np.multiply, known[self._slots], self._factors.reshape(-1, *(1 for _ in rest)))
+        table = np.zeros((math.prod(self.shape), *rest), known.dtype)
+        table[self._different] = np.add.reduceat(values, self._first)
+        return table.reshape(*self.shape, *rest)
+
+    @cached_property
+    def _first(self) -> NDArray[np.intp]:
+        """The first term of each place."""
+        return np.flatnonzero(np.diff(self._places, prepend=-1))
+
+    @cached_property
+    def _different(self) -> NDArray[np.intp]:
+        """The places, each once."""
+        return self._places[self._first]
+
+    def integrated(self) -> ForcePolynomials:
+        """Integrate the factor of the rate over the deflection, and drop the terms of other rates.
+
+        Its table has one power of the penetration more.
+        """
+        switch, rate, power = np.unravel_index(self._places, self.shape)
+        shape = (self.shape[0], 2, self.shape[2] + 1)
+        factors = np.where(rate == 1, self._factors * self.signs[switch] / (power + 1), self._factors)
+        places = np.ravel_multi_index((switch, rate, power + rate), shape)
+        return replace(self, shape=shape, _factors=factors, _places=places)
+
+
+@lru_cache(maxsize=256)
+def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
+    """Read the polynomials of all contacts from the terms of their force laws.
+
+    Raises
+    ------
+    ModelError
+        If the force of a contact is no polynomial of the penetration; the message names the backend that needs it.
+    """
+    terms: list[tuple[tuple[int, int, int], float, list[int]]] = []
+    switches = [(index, stage) for index, slots in enumerate(layout.contacts) for stage in slots.stages]
+    for index, slots in enumerate(layout.contacts):
+        first = [contact for contact, _ in switches].index(index)
+        for factor, own, of_stage, number, power, rate in slots.form.closed_form(backend):
+            stage = slots.stages[number]
+            found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
+            terms.append(((first + number, rate, power), factor * stage.sign**power, found))
+    terms.sort(key=itemgetter(0))
+    rates, powers = (1 + max([1, *(place[axis] for place, _, _ in terms)]) for axis in (1, 2))
+    shape = (len(switches), rates, powers)
+    most = max((len(found) for _, _, found in terms), default=0)
+    padded = [[*found, *[len(layout)] * (most - len(found))] for _, _, found in terms]
+    places = np.array([place for place, _, _ in terms], dtype=np.intp).reshape(-1, 3)
+    return ForcePolynomials(
+        np.array([index for index, _ in switches], dtype=np.intp),
+        np.array([float(stage.sign) for _, stage in switches]),
+        np.array([stage.clearance for _, stage in switches], dtype=np.intp),
+        shape,
+        np.array([factor for _, factor, _ in terms]),
+        np.array(padded, dtype=np.intp).reshape(len(terms), most).T.copy(),
+        np.ravel_multi_index(tuple(places.T), shape),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """A stage on one side of its contact: ``stiffness * xi + cubic * xi**3`` beyond ``sign * clearance``."""
+    """A stage on one side of its contact, beyond ``sign * clearance``.
+
+    Attributes
+    ----------
+    stage
+        Its name.
+    sign, clearance
+        Its side, and its clearance there.
+    pull, drag
+        Coefficients of the powers of its penetration: of its static force, and of what the force grows by with the rate
+        of the deflection.
+    curved
+        Whether they are no more than tangents at the breakpoint.
+    """
 
     stage: str
     sign: int
     clearance: float
-    stiffness: float
-    cubic: float
+    pull: tuple[float, ...]
+    drag: tuple[float, ...]
+    curved: bool
+
+    @property
+    def stiffness(self) -> float:
+        """Slope that the stage adds to the force at its clearance."""
+        return self.sign * self.pull[1]
+
+    @property
+    def bends(self) -> bool:
+        """Return whether the force is not a linear function of the penetration."""
+        return self.curved or any(self.pull[2:])
+
+    @property
+    def softens(self) -> bool:
+        """Return whether the slope may decrease with the penetration, or the force begins with a pull inwards."""
+        return self.curved or any(self.sign * each < 0.0 for each in (self.pull[0], *self.pull[2:]))
 
     def depth(self, x: float) -> float:
-        """How far a deflection is past the clearance; below zero if it is not."""
+        """Return the penetration at a deflection; it is negative while the stage is open."""
         return self.sign * x - self.clearance
 
+    def largest_slope(self, force: float) -> float:
+        """Estimate the largest slope up to a static force of some size."""
+        powers = enumerate(self.pull[1:], start=1)
+        return sum(abs(each) ** (1.0 / power) * force ** (1.0 - 1.0 / power) for power, each in powers if each)
+
+
+_STEP = 1e-150  # of the complex step
 
 Range = tuple[tuple[Slope, ...], float, float]
-"""A stretch of a deflection: the stages that are closed on it, from where, to where."""
+"""A range of a deflection: the stages that are closed in it, its lower and its upper end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,51 +187,43 @@ class Spring:
         The vectors e and d.
     slopes
         Its stages on each side, from the inside out.
-    coefficient
-        Of its damping law.
     """
 
     form: ContactForm
     deflection: NDArray[np.float64]
     force: NDArray[np.float64]
     slopes: tuple[Slope, ...]
-    coefficient: float
-
-    def drag(self, force: float, closed: tuple[Slope, ...]) -> float:
-        """What the damping force grows by with the rate of the deflection, at a force of the spring."""
-        factors = {
-            DampingLaw.NONE: 0.0,
-            DampingLaw.VISCOUS: 1.0 if closed else 0.0,
-            DampingLaw.HUNT_CROSSLEY: abs(force),
-            DampingLaw.HUNT_CROSSLEY_AS_PRINTED: force,
-        }
-        return factors[self.form.damping] * self.coefficient
 
     def pull(self, x: float, closed: tuple[Slope, ...]) -> tuple[float, float]:
-        """Force and slope at a deflection while these stages are closed."""
+        """Return force and slope at a deflection while these stages are closed."""
         force = slope = 0.0
         for each in closed:
             depth = each.depth(x)
-            force += each.sign * (each.stiffness * depth + each.cubic * depth**3)
-            slope += each.stiffness + 3.0 * each.cubic * depth**2
+            force += _value(each.pull, depth)
+            slope += each.sign * _value([power * part for power, part in enumerate(each.pull)][1:], depth)
         return force, slope
 
+    def drag(self, x: float | None, closed: tuple[Slope, ...]) -> float:
+        """Return the derivative of the force by the rate of the deflection; by default, just past the clearances."""
+        return sum(_value(each.drag, 0.0 if x is None else each.depth(x)) for each in closed)
+
     def energy(self, x: float) -> float:
-        """The energy stored at a deflection."""
+        """Return the energy stored at a deflection."""
         depths = [(each, max(each.depth(x), 0.0)) for each in self.slopes]
-        return sum(0.5 * each.stiffness * depth**2 + 0.25 * each.cubic * depth**4 for each, depth in depths)
+        parts = ([0.0, *(part / (power + 1) for power, part in enumerate(each.pull))] for each, _ in depths)
+        return sum(each.sign * _value(part, depth) for part, (each, depth) in zip(parts, depths, strict=True))
 
     def closed(self, x: float, margin: float = 0.0) -> tuple[Slope, ...]:
-        """The stages that are closed at a deflection, beyond a margin."""
+        """Return the stages that are closed at a deflection, beyond a margin."""
         return tuple(each for each in self.slopes if each.depth(x) > margin)
 
     def innermost(self) -> tuple[Slope, ...]:
-        """The stage that closes first, on the positive side if there is one."""
+        """Return the stage that closes first, on the positive side if there is one."""
         sides = [[each for each in self.slopes if each.sign == sign] for sign in (1, -1)]
         return tuple(next(side for side in sides if side)[:1])
 
     def ranges(self) -> Iterator[Range]:
-        """The stretches of the deflection on which nothing closes or opens: what is closed, from where, to where."""
+        """Return the ranges of the deflection in which no stage closes or opens, with the closed stages."""
         up, down = ([each for each in self.slopes if each.sign == sign] for sign in (1, -1))
         for sign, side in ((1, up), (-1, down)):
             ends = [each.clearance for each in side] + [math.inf]
@@ -99,18 +233,52 @@ class Spring:
         yield (), -down[0].clearance if down else -math.inf, up[0].clearance if up else math.inf
 
 
-def springs_of(system: System) -> tuple[Spring, ...]:
-    """The springs of all contacts of a system."""
-    return tuple(_spring(system, form) for form in system.structure.contacts)
+def springs_of(system: System, *, exact: bool = False) -> tuple[Spring, ...]:
+    """Return the springs of all contacts of a system.
+
+    Where a force law is no polynomial of the penetration, they are its tangents at the breakpoints.
+
+    Raises
+    ------
+    ModelError
+        If there is such a law, and `exact` is asked for.
+    """
+    layout, coefficients = layout_of(system.structure), coefficients_of(system)
+    curved = not exact and not all(closed_form_of(form.law, form.shapes) for form in layout.structure.contacts)
+    table = _tangents(layout, coefficients) if curved else polynomials_of(layout, "an equilibrium").table(coefficients)
+    lines, springs = iter(table.tolist()), []
+    for slots in layout.contacts:
+        names = [stage.name for stage in slots.form.stages for _ in stage.side.signs]
+        slopes = tuple(
+            Slope(name, stage.sign, float(coefficients[stage.clearance]), tuple(pull), tuple(drag), curved)
+            for name, stage, (pull, drag, *_) in zip(names, slots.stages, lines, strict=False)
+        )
+        vector = system.vector(f"{slots.form.name}.{'deflection' if slots.form.reciprocal else 'force'}")
+        springs.append(Spring(slots.form, coefficients[slots.deflection], vector, slopes))
+    return tuple(springs)
 
 
-def _spring(system: System, form: ContactForm) -> Spring:
-    slopes = []
-    for stage in form.stages:
-        prefix = form.stage_prefix(stage)
-        numbers = [system.equations[f"{prefix}.{what}"] for what in ("clearance", "stiffness", "cubic")]
-        slopes += [Slope(stage.name, sign, *numbers) for sign in stage.side.signs]
-    deflection = system.vector(f"{form.name}.deflection")
-    force = deflection if form.reciprocal else system.vector(f"{form.name}.force")
-    coefficient = system.equations[f"{form.name}.{form.damping_name}"] if form.damping_name else 0.0
-    return Spring(form, deflection, force, tuple(slopes), coefficient)
+def _tangents(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the force of each stage on each side at its breakpoint, with its derivatives, as polynomials."""
+    found = []
+    for slots in layout.contacts:
+        own = {name: coefficients[slot] for name, slot in slots.numbers.items()}
+        for stage in slots.stages:
+            numbers = {name: coefficients[slot] for name, slot in stage.numbers.items()}
+            by_depth, by_rate = (
+                complex(slots.form.law.force(rate, Stages([terms]), own))
+                for terms, rate in (
+                    (StageTerms(stage.sign, 1j * _STEP, 1.0, stage.innermost, numbers), 0.0),
+                    (StageTerms(stage.sign, 0.0, 1.0, stage.innermost, numbers), 1j * _STEP),
+                )
+            )
+            found.append([[by_depth.real, stage.sign * by_depth.imag / _STEP], [by_rate.imag / _STEP, 0.0]])
+    return np.array(found)
+
+
+def _value(polynomial: Sequence[float], x: float) -> float:
+    """Evaluate a polynomial by Horner's rule."""
+    value = 0.0
+    for part in reversed(polynomial):
+        value = value * x + part
+    return value

@@ -1,8 +1,9 @@
-"""The structure of a system: what there is, without numbers, and the name and place of every parameter."""
+"""The structure of a system: its parts without numbers, the names of its parameters, and which values they may have."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -10,9 +11,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.contact import DampingLaw, Side
+from gapwalk.errors import ModelError
+from gapwalk.model.contact import Contact, Side
+from gapwalk.model.laws import Law, StageShape, Term, closed_form_of
+from gapwalk.model.loads import MEAN, LoadForm
 from gapwalk.model.names import NameBlock, ParameterNames
 from gapwalk.model.units import Units
+
+_LARGEST = 1e150  # its square is finite, too
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,46 +35,65 @@ class ContactForm:
 
     name: str
     stages: tuple[StageForm, ...]
-    damping: DampingLaw
+    law: Law
     reciprocal: bool
 
+    @classmethod
+    def of(cls, contact: Contact, *, reciprocal: bool | None = None) -> ContactForm:
+        """Make the form of a contact; a link of a drive train is always reciprocal."""
+        stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
+        return cls(contact.name, stages, contact.law, contact.force is None if reciprocal is None else reciprocal)
+
     @property
-    def damping_name(self) -> str | None:
-        """The last part of the name of the damping coefficient, if the law has one."""
-        if self.damping is DampingLaw.NONE:
-            return None
-        return "viscous_damping" if self.damping is DampingLaw.VISCOUS else "impact_damping"
+    def parameters(self) -> tuple[str, ...]:
+        """The names of the parameters of its law: of its stages, then of the contact as a whole."""
+        of_stages = [
+            f"{self.stage_prefix(stage)}.{each.name}" for stage in self.stages for each in self.law.stage_parameters
+        ]
+        return (*of_stages, *(f"{self.name}.{each.name}" for each in self.law.parameters))
+
+    @property
+    def shapes(self) -> tuple[StageShape, ...]:
+        """Each stage on each side on which it acts, in the order of the switches."""
+        signs = [sign for stage in self.stages for sign in stage.side.signs]
+        return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
+
+    def closed_form(self, backend: str) -> tuple[Term, ...]:
+        """Return the force as a sum of products.
+
+        Raises
+        ------
+        ModelError
+            If it is not a sum of products; the message names the backend that needs one.
+        """
+        terms = closed_form_of(self.law, self.shapes)
+        if terms is None or self.law.rebounds:
+            reason = "reverses the rate at an impact" if self.law.rebounds else "is not a polynomial of the penetration"
+            raise ModelError(f"{backend} cannot include {self.name!r}: its force law {self.law.name!r} {reason}")
+        return terms
 
     def stage_prefix(self, stage: StageForm) -> str:
-        """What the names of the stage's parameters begin with."""
+        """Return the prefix of the names of a stage's parameters."""
         return f"{self.name}.{stage.name}" if stage.name else self.name
 
 
 class Breakpoint(NamedTuple):
-    """Where a stage begins on one side: number of its contact, side (1 or -1), place of its clearance."""
+    """The beginning of a stage on one side: number of its contact, side (1 or -1), place of its clearance."""
 
     contact: int
     side: int
     place: int
 
 
-@dataclass(frozen=True, slots=True)
-class HarmonicForm:
-    """A harmonic without its numbers: its name and its order."""
-
-    name: str
-    order: int
-
-
 class Assembly(Protocol):
-    """How the equations of motion come from numbers of another kind, such as those of the parts of a drive train.
+    """Computes the equations of motion from other numbers, such as those of the parts of a drive train.
 
-    An assembly is a value: hashable, and equal to one of the same parts.
+    An assembly is hashable, and equal to one of the same parts.
     """
 
     @property
     def names(self) -> ParameterNames:
-        """The names of its own numbers; the first is the frequency, or what it is proportional to."""
+        """The names of its own numbers; the first is the frequency, or a speed proportional to it."""
         ...
 
     @property
@@ -77,33 +102,38 @@ class Assembly(Protocol):
         ...
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The values of the equations of motion, real or complex as its own values are, in their order."""
+        """Return the values of the equations of motion in their order, real or complex as its own values."""
         ...
 
     def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
-        """``M^-1 [K | C | d_1 ... | m | s_1 ...]``, the columns of all contacts and harmonics, shape (n, columns).
+        """Return ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with columns of all contacts and loads, shape (n, columns).
 
-        Made directly, zeros stay zeros; a flow is compiled for the others only.
+        Computed directly, zeros remain exact; a flow is compiled for the other entries only.
         """
         ...
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
-        """What is wrong with its own numbers, one sentence each."""
+        """List the errors of its own numbers, one sentence each."""
         ...
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Everything about a system but its numbers. Systems of equal structure share one compiled flow.
+    """A system without its numbers. Systems of equal structure share one compiled flow.
 
-    The numbers live in one flat vector; `names` gives the parameter at each place of it. Where an assembly stands
-    between them and the equations of motion, the numbers are those of the assembly.
+    The numbers are in one flat vector; `names` has the parameter at each place of it. With an assembly, they are the
+    numbers of the assembly, which computes the equations of motion from them.
     """
 
     coordinates: tuple[str, ...]
     contacts: tuple[ContactForm, ...]
-    harmonics: tuple[HarmonicForm, ...]
+    harmonics: tuple[LoadForm, ...]
     assembly: Assembly | None = None
+
+    @property
+    def loads(self) -> tuple[LoadForm, ...]:
+        """The constant load, and those that repeat with the excitation."""
+        return (MEAN, *self.harmonics)
 
     @property
     def size(self) -> int:
@@ -114,7 +144,7 @@ class Structure:
         return self._hash
 
     @cached_property
-    def _hash(self) -> int:  # kept, because every look-up of a compiled flow asks for it
+    def _hash(self) -> int:  # stored, because every look-up of a compiled flow needs it
         return hash((self.coordinates, self.contacts, self.harmonics, self.assembly))
 
     @cached_property
@@ -153,11 +183,11 @@ class Structure:
         return Structure(self.coordinates, self.contacts, self.harmonics) if self.assembly else self
 
     def expand(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The values of `equations` that belong to values of this structure."""
+        """Compute the values of `equations` from values of this structure."""
         return self.assembly.expand(values) if self.assembly else values
 
     def place(self, name: str) -> int:
-        """The place of one parameter.
+        """Return the place of one parameter.
 
         Raises
         ------
@@ -167,22 +197,106 @@ class Structure:
         return self.names.place(name)
 
     def block(self, prefix: str, *shape: int) -> NDArray[np.intp]:
-        """Places of the consecutive parameters that begin with `prefix`, as an index array of `shape`."""
+        """Return the places of the consecutive parameters that begin with `prefix`, as an index array of `shape`."""
         return self.names.start(prefix) + np.arange(int(np.prod(shape))).reshape(shape)
 
     def _blocks(self) -> Iterator[NameBlock]:
         yield NameBlock("frequency")
         yield from (NameBlock(matrix, 2) for matrix in ("mass", "damping", "stiffness"))
         yield NameBlock("mean", 1)
-        for harmonic in self.harmonics:
-            yield from (NameBlock(f"{harmonic.name}.{what}") for what in ("amplitude", "phase"))
-            yield NameBlock(f"{harmonic.name}.acts_on", 1)
+        for load in self.harmonics:
+            yield from map(NameBlock, load.parameters)
+            yield NameBlock(load.shape, 1)
         for contact in self.contacts:
             yield NameBlock(f"{contact.name}.deflection", 1)
             if not contact.reciprocal:
                 yield NameBlock(f"{contact.name}.force", 1)
+            yield from map(NameBlock, contact.parameters)
+
+
+def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values that a system may have; raise a ModelError with all reasons for others."""
+    problems = [
+        f"{structure.names[int(place)]} is {values[place]}; it must be a finite number"
+        for place in np.flatnonzero(~np.isfinite(values))
+    ]
+    problems += [
+        f"{structure.names[int(place)]} is {values[place]:g}; it must be at most {_LARGEST:g} in size, for its square "
+        "must be a number too: choose other units"
+        for place in np.flatnonzero(np.isfinite(values) & (np.abs(values) > _LARGEST))
+    ]
+    if not problems:
+        problems = list(value_problems(structure, values))
+    if problems:
+        raise ModelError("\n".join(problems))
+    return values
+
+
+def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
+    """List the errors of finite values, one sentence each."""
+    if not values[0] > 0:
+        yield f"{structure.pace} is {values[0]}; it must be > 0"
+    elif values[0] < 1.0 / _LARGEST:
+        yield f"{structure.pace} is {values[0]:g}; it must be at least {1.0 / _LARGEST:g}: choose other units"
+    if structure.assembly:
+        yield from structure.assembly.problems(values)
+        yield from _clearance_problems(structure, values)
+        return
+    n = structure.size
+    yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
+    for contact in structure.contacts:
+        if not values[structure.block(f"{contact.name}.deflection", n)].any():
+            yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
+    yield from _clearance_problems(structure, values)
+
+
+def _clearance_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
+    for contact in structure.contacts:
+        for sign in (1, -1):
+            inner = -math.inf
             for stage in contact.stages:
-                prefix = contact.stage_prefix(stage)
-                yield from (NameBlock(f"{prefix}.{what}") for what in ("clearance", "stiffness", "cubic"))
-            if contact.damping_name:
-                yield NameBlock(f"{contact.name}.{contact.damping_name}")
+                if sign not in stage.side.signs:
+                    continue
+                name = f"{contact.stage_prefix(stage)}.clearance"
+                clearance = float(values[structure.place(name)])
+                if clearance < 0:
+                    yield f"{name} is {clearance}; it must be >= 0"
+                elif clearance <= inner:
+                    yield f"{name} is {clearance}; it must exceed that of the stage inside it, {inner}"
+                inner = clearance
+
+
+def mass_problems(coordinates: Sequence[str], mass: NDArray[np.float64]) -> Iterator[str]:
+    """List the errors of a finite mass matrix.
+
+    A symmetric one is that of the kinetic energy, so it must be positive definite. Where equations were combined with
+    each other, the matrix is not symmetric, and must only be regular.
+    """
+    rows = f" (its rows are {mass.tolist()})" if len(mass) < 4 else ""
+    inertia = np.diagonal(mass)
+    sizes = np.abs(mass).max(axis=1)
+    symmetric = np.allclose(mass, mass.T, rtol=1e-9, atol=1e-12 * sizes.min())
+    if symmetric and inertia.min() < 0:
+        lowest = int(inertia.argmin())
+        yield (
+            f"mass gives {coordinates[lowest]} the inertia {inertia[lowest]:g}; it must be > 0. Write equations in "
+            "which M q'' has the sign of K q"
+        )
+        return
+    # scaled first, so that a small inertia is not taken for zero next to a large one
+    unit = np.sqrt(np.where(sizes > 0, sizes, 1.0))
+    scaled = mass / np.outer(unit, unit)
+    if np.count_nonzero(mass) == np.count_nonzero(inertia):
+        values = np.diagonal(scaled)
+    else:
+        values = np.linalg.eigvalsh(scaled) if symmetric else np.linalg.svd(scaled, compute_uv=False)
+    if np.abs(values).min() <= 1e-13 * np.abs(values).max():
+        yield (
+            f"mass is singular{rows}; every coordinate needs an inertia. A system that can turn as a whole is written "
+            "in relative coordinates"
+        )
+    elif symmetric and values.min() < 0:
+        yield (
+            f"mass is not positive definite{rows}, so that some motions have a negative kinetic energy; check the "
+            "signs and sizes of the entries off its diagonal"
+        )

@@ -1,4 +1,4 @@
-"""The system: what vibrates, as a frozen value of a structure and named numbers."""
+"""The system: a frozen value of a structure and named numbers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import issparse
 
 from gapwalk.errors import ModelError
-from gapwalk.model.checks import checked
 from gapwalk.model.contact import Contact
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.excitation import Harmonic
-from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm, Structure
+from gapwalk.model.loads import Load, LoadForm
+from gapwalk.model.structure import ContactForm, Structure, checked
 from gapwalk.model.units import Units
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 
 
 class _Parameters(Mapping[str, float]):
@@ -62,7 +61,7 @@ class System(Shown):
     mean
         The constant load by coordinate name.
     harmonics
-        The terms of the periodic excitation.
+        The terms of the periodic excitation, or loads of other kinds that repeat with it.
     frequency
         The fundamental frequency W (angular), > 0.
 
@@ -84,7 +83,7 @@ class System(Shown):
         mass: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
         mean: Mapping[str, float] | None = None,
-        harmonics: Sequence[Harmonic] = (),
+        harmonics: Sequence[Load] = (),
         frequency: float = 1.0,
     ) -> None:
         names = tuple(coordinates)
@@ -107,28 +106,25 @@ class System(Shown):
         parts: list[ArrayLike] = [[frequency], *(matrix.ravel() for matrix in matrices)]
         parts.append(_vector("mean", mean or {}, names, problems))
         for harmonic in harmonics:
-            parts.append([harmonic.amplitude, harmonic.phase])
+            parts.append([*harmonic.values()])
             parts.append(_vector(f"{harmonic.name}.acts_on", harmonic.acts_on, names, problems))
         for contact in contacts:
             parts.append(_vector(f"{contact.name}.deflection", contact.deflection, names, problems))
             if contact.force is not None:
                 parts.append(_vector(f"{contact.name}.force", contact.force, names, problems))
-            parts.extend([stage.clearance, stage.stiffness, stage.cubic] for stage in contact.stages)
-            form = _contact_form(contact)
-            if form.damping_name:
-                parts.append([getattr(contact, form.damping_name)])
+            parts.append([*contact.values()])
         if problems:
             raise ModelError("\n".join(problems))
         structure = Structure(
             names,
-            tuple(_contact_form(contact) for contact in contacts),
-            tuple(HarmonicForm(harmonic.name, harmonic.order) for harmonic in harmonics),
+            tuple(ContactForm.of(contact) for contact in contacts),
+            tuple(map(LoadForm.of, harmonics)),
         )
         values = np.concatenate([np.asarray(part, dtype=float) for part in parts])
         self._set(structure, checked(structure, values))
 
     def at(self, changes: Mapping[str, float | str] | None = None, **more: float | str) -> System:
-        """The same system with other parameter values.
+        """Return the system with other parameter values.
 
         Parameters
         ----------
@@ -161,7 +157,7 @@ class System(Shown):
 
     @classmethod
     def from_values(cls, structure: Structure, values: ArrayLike) -> System:
-        """A system from its structure and its flat vector of values, in the order of `structure.names`.
+        """Make a system from its structure and its flat vector of values, in the order of `structure.names`.
 
         It takes the vector as it is, makes it read-only, and checks nothing: for values that are known to be right.
         """
@@ -171,7 +167,7 @@ class System(Shown):
 
     @classmethod
     def beside(cls, other: System, place: int, value: float) -> System:
-        """A system that differs from another one by the value at one place; it trusts the value.
+        """Make a system that differs from another one by the value at one place, which is not checked.
 
         The two share their numbers until somebody asks for all of them: a thousand degrees of freedom have millions.
         """
@@ -191,7 +187,7 @@ class System(Shown):
 
     @property
     def shared(self) -> tuple[NDArray[np.float64], dict[int, float]]:
-        """Values that it may share with other systems, and its own values by place, which replace them (`beside`)."""
+        """Values that other systems may share, and its own values by place, which replace them (`beside`)."""
         try:
             shared, place, value = self._beside
         except AttributeError:
@@ -199,7 +195,7 @@ class System(Shown):
         return shared, {place: value}
 
     def _at(self, place: int) -> float:
-        """The value at one place."""
+        """Return the value at one place."""
         try:
             shared, other, value = self._beside
         except AttributeError:
@@ -218,7 +214,7 @@ class System(Shown):
 
     @property
     def frequency(self) -> float:
-        """The fundamental (angular) frequency W of the excitation, whatever the unit of the first parameter."""
+        """The fundamental angular frequency W of the excitation, irrespective of the unit of the first parameter."""
         return self._at(0) * self.structure.frequency
 
     @property
@@ -245,7 +241,7 @@ class System(Shown):
 
     @property
     def equations(self) -> System:
-        """The equations of motion as a system of their own; itself, unless an assembly makes them (a drive train)."""
+        """The equations of motion as a system; the system itself, unless an assembly makes them (a drive train)."""
         if self.structure.assembly is None:
             return self
         try:
@@ -256,27 +252,27 @@ class System(Shown):
             return self._equations
 
     def __getitem__(self, name: str) -> float:
-        """The value of one parameter."""
+        """Return the value of one parameter."""
         return self._at(self.structure.place(name))
 
     @property
     def breakpoints(self) -> list[tuple[int, int, float]]:
-        """For each switch of the flow the number of its contact, its side (1 or -1), and the clearance there."""
+        """Number of the contact, side (1 or -1) and clearance of each switch of the flow."""
         return [(contact, side, self._at(place)) for contact, side, place in self.structure.breakpoints]
 
     @property
     def gapless(self) -> tuple[bool, ...]:
-        """For each switch of the flow whether its stage acts on both sides without a gap: such a stage never opens."""
+        """True for each switch of the flow whose stage acts on both sides without a gap: such a stage never opens."""
         places = [place for _, _, place in self.structure.breakpoints]
         return tuple(places.count(place) == 2 and self._at(place) == 0.0 for place in places)
 
     def matrix(self, which: str) -> NDArray[np.float64]:
-        """The ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
+        """Return the ``"mass"``, ``"damping"`` or ``"stiffness"`` matrix, shape (n, n)."""
         system = self.equations
         return system.values[system.structure.block(which, self.size, self.size)]
 
     def vector(self, which: str) -> NDArray[np.float64]:
-        """The vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,)."""
+        """Return the vector ``"mean"``, ``"stage2.deflection"``, ``"harmonic1.acts_on"`` and so on, shape (n,)."""
         system = self.equations
         return system.values[system.structure.block(which, self.size)]
 
@@ -306,19 +302,19 @@ class System(Shown):
 
 
 def pace_number(system: System, digits: int = 8) -> str:
-    """The first parameter of a system with its unit, as it was given: ``0.5``, or ``902 rpm``."""
+    """Write the first parameter of a system with its unit, as it was given: ``0.5``, or ``902 rpm``."""
     structure = system.structure
     unit = "" if structure.units is None else structure.units.parameter(structure.pace)
     return f"{system[structure.pace]:.{digits}g} {unit}".rstrip()
 
 
 def pace_text(system: System, digits: int = 8) -> str:
-    """The same with its name: ``frequency 0.5``, or ``speed 902 rpm``."""
+    """Write the first parameter with its name and unit: ``frequency 0.5``, or ``speed 902 rpm``."""
     return f"{system.structure.pace} {pace_number(system, digits)}"
 
 
 def check_system(value: object, call: str) -> None:
-    """Refuse what is no system where one is asked for, and say how to come to one."""
+    """Refuse an argument that is not a system, and explain how to make one."""
     if isinstance(value, System):
         return
     if isinstance(value, str | os.PathLike):
@@ -330,11 +326,6 @@ def check_system(value: object, call: str) -> None:
     else:
         hint = 'make one with gw.System(...), or read one: gw.read_study("model.toml").system'
     raise ModelError(f"{call} takes a System, not {reprlib.repr(value)}; {hint}")
-
-
-def _contact_form(contact: Contact) -> ContactForm:
-    stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
-    return ContactForm(contact.name, stages, contact.damping, contact.force is None)
 
 
 def _matrix(what: str, given, n: int, default, problems: list[str]) -> NDArray[np.float64]:

@@ -4,9 +4,8 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.floquet import Instability, classify, multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.method import Method, register
-from gapwalk.orbit.newton import Newton
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Equation, Evaluation
+from gapwalk.orbit.orbit_equation import Equation, Evaluation, Newton
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 for _method in (Shooting, Balance):  # the default comes first

@@ -1,26 +1,38 @@
-"""Search for one orbit from a start: from rest, from a given state, or from a settled transient."""
+"""Search for one orbit, from static equilibrium, from a given state, or from the end of a transient.
+
+If the end of a transient leads to no orbit (it may be unstable and attract nothing), further starts are tried.
+`carry` continues an orbit to other parameter values on its branch, by small steps along the exact tangent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ConvergenceError, ModelError, NumericalError
+from gapwalk.errors import ConvergenceError, FlowError, ModelError, NumericalError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import check_state
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.model.dissipation import dissipation_doubts
+from gapwalk.model.modes import dissipation_doubts
 from gapwalk.model.system import System, check_system
 from gapwalk.orbit.method import Method, chosen
-from gapwalk.orbit.newton import Newton, solve
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import OrbitEquation
-from gapwalk.orbit.other_starts import other_starts
-from gapwalk.orbit.shooting import ShootingEquation
+from gapwalk.orbit.orbit_equation import Newton, OrbitEquation, solve
+from gapwalk.orbit.sensitivity import sensitivity
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
+_NEWTON = Newton(iterations=6, halvings=0)  # from a good guess two or three iterations suffice
+_ASTRAY = 0.35  # distance of the orbit from the guess, relative to the step, beyond which it may be on another branch
+_CLOSE = 1e-7  # distance, relative to the state, below which the guess is the orbit
+_SHORTEST = 1.0 / 16384  # smallest step, as a share of the whole change
+_STROBES = 64  # number of orbit periods of the settled motion that are sampled
+_NEAREST = 4  # number of its states that are tried
+_RATIOS = (1.25, 0.8, 1.6, 0.625, 2.5, 0.4)  # of the frequency at which an orbit is sought and followed from there
+
+Starts = Iterator[tuple[str, Callable[[], NDArray[np.float64]]]]
 _TRANSIENT = 400  # largest number of forcing periods before Newton's method starts
 _SETTLED = 1e-4  # relative change over one orbit below which Newton's method starts
 
@@ -70,52 +82,16 @@ def find_orbit(
     return _found(equation, newton)
 
 
-def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
-    """Return the orbit found from a transient, or else the first found from another start."""
-    system, period, settled = equation.system, equation.period, None
-    doubts = dissipation_doubts(system)
-    try:
-        settled = settle(system, np.zeros(2 * system.size), period)
-        return _solved(equation, equation.start(settled), newton)
-    except NumericalError as error:
-        if settled is None and not doubts:  # if the transient diverges, other starts do not help
-            raise
-        first = error
-
-    def settled_at(other: System) -> Orbit:
-        return _solved(ShootingEquation(other, None, period), settle(other, np.zeros(2 * other.size), period), newton)
-
-    tried = ["a transient from rest"]
-    for words, state in other_starts(system, period, settled, settled_at):
-        try:
-            return _solved(equation, equation.start(state()), newton)
-        except NumericalError:
-            if words not in tried:
-                tried.append(words)
-    why = ". ".join(f"{doubt[0].upper()}{doubt[1:]}" for doubt in doubts)
-    raise ConvergenceError(
-        f"no period-{period} orbit found. Tried as starts: {', '.join(tried)} (the first: {first}). "
-        f"{why or _advice(system.structure.names[0], period)}"
-    ) from first
-
-
-def _advice(name: str, period: int) -> str:
-    return (
-        f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
-        f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
-    )
-
-
 def _solved(equation: OrbitEquation, guess: NDArray[np.float64], newton: Newton | None) -> Orbit:
     """Return the orbit nearest to a guess, refining the equation as necessary."""
     unknowns, evaluation = solve(equation, guess, 0.0, newton)
     orbit = equation.orbit(unknowns, 0.0, evaluation)
-    doubt = equation.doubt(orbit)
-    if not doubt:
+    inaccuracy = equation.inaccuracy(orbit)
+    if not inaccuracy:
         return orbit
     finer = equation.finer()
     if finer is None:
-        raise ConvergenceError(doubt)
+        raise ConvergenceError(inaccuracy)
     return _solved(finer, finer.unknowns(orbit), newton)
 
 
@@ -139,3 +115,159 @@ def settle(system: System, state: NDArray[np.float64], period: int = 1) -> NDArr
             return following
         state = following
     return state
+
+
+def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
+    """Return the orbit found from a transient, or else the first found from another start."""
+    system, period, settled = equation.system, equation.period, None
+    doubts = dissipation_doubts(system)
+    try:
+        settled = settle(system, np.zeros(2 * system.size), period)
+        return _solved(equation, equation.start(settled), newton)
+    except NumericalError as error:
+        if settled is None and not doubts:  # if the transient diverges, other starts do not help
+            raise
+        first = error
+
+    def settled_at(other: System) -> Orbit:
+        return _solved(ShootingEquation(other, None, period), settle(other, np.zeros(2 * other.size), period), newton)
+
+    tried = ["a transient from rest"]
+    for words, state in other_starts(system, period, settled, settled_at):
+        try:
+            return _solved(equation, equation.start(state()), newton)
+        except NumericalError:
+            if words not in tried:
+                tried.append(words)
+    why = ". ".join(f"{text[0].upper()}{text[1:]}" for text in doubts)
+    raise ConvergenceError(
+        f"no period-{period} orbit found. Tried as starts: {', '.join(tried)} (the first: {first}). "
+        f"{why or _advice(system.structure.names[0], period)}"
+    ) from first
+
+
+def other_starts(
+    system: System, period: int, settled: NDArray[np.float64] | None, find: Callable[[System], Orbit]
+) -> Starts:
+    """Yield states near which an orbit may be, the cheapest first: a description of each, and a function for it.
+
+    If the orbit is unstable, the motion settles on another one around it, or on chaos. Such motions come near the orbit
+    now and then, and it lies near their mean. Otherwise it is found at a frequency at which it is stable, and followed
+    to this one.
+
+    Parameters
+    ----------
+    system
+        The system.
+    period
+        m: forcing periods after which the orbit repeats.
+    settled
+        End of the transient from rest; None if it diverges.
+    find
+        Function that finds an orbit of another system by a transient, or raises a `NumericalError`.
+    """
+    if settled is not None:
+        states = _strobes(system, period, settled)
+        if states is not None:
+            nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
+            yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
+            yield "their mean", lambda: states.mean(axis=0)
+    yield "rest", lambda: np.zeros(2 * system.size)
+    name = system.structure.names[0]
+    for ratio in _RATIOS:
+        other = system.at({name: ratio * system[name]})
+        yield f"{name} {other[name]:.4g}", lambda other=other: carry(find(other), system, [name]).state
+    if system.structure.contacts:
+        yield "harmonic balance", lambda: _balanced(system, period)
+
+
+def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return states of a motion at intervals of an orbit's period, shape (_STROBES, 2n); None if it diverges."""
+    flow, coefficients, states = flow_of(system), coefficients_of(system), [state]
+    try:
+        for _ in range(_STROBES - 1):
+            states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD * period).state)
+    except NumericalError:
+        return None
+    return np.array(states)
+
+
+def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
+    """Follow an orbit along a straight line in parameter space, and return the orbit of its branch at the other end.
+
+    Parameters
+    ----------
+    orbit
+        The orbit.
+    system
+        A system of the same structure, with the values at which the orbit is required.
+    names
+        Parameters that may differ; by default those that do. Many calls with the same names share one compiled flow.
+
+    Raises
+    ------
+    ModelError
+        If the two systems differ in structure, or in other parameters than those named.
+    ConvergenceError
+        If the branch does not extend that far, because it turns back at a fold or crosses another one; the message says
+        how far it could be followed.
+    """
+    origin = orbit.system
+    if system.structure != origin.structure:
+        raise ModelError("an orbit can be followed only to other parameter values of its own system")
+    known = origin.structure.names
+    differing = [known[place] for place in np.flatnonzero(origin.values != system.values).tolist()]
+    names = list(names) or differing
+    if not set(differing) <= set(names):
+        raise ModelError(f"the systems differ by {', '.join(differing)}, but only {', '.join(names)} may change")
+    change = np.array([system[name] - origin[name] for name in names])
+    share, step = 0.0, 1.0
+    while share < 1.0:
+        step = min(step, 1.0 - share)
+        reached = share + step
+        values = (1.0 - reached) * origin.values + reached * system.values
+        target = system if reached == 1.0 else System.from_values(origin.structure, values)
+        try:
+            orbit, share, step = _step(orbit, target, names, change * step), reached, 1.5 * step
+        except NumericalError:
+            step *= 0.5
+        if step < _SHORTEST and share < 1.0:
+            where = ", ".join(f"{name} = {orbit.system[name]:.6g}" for name in names)
+            raise ConvergenceError(
+                f"the orbit was lost on the way: its branch could be followed only up to {where}. Call `follow` along "
+                "one of the parameters to see why: there may be a fold, at which it turns back"
+            )
+    return orbit
+
+
+def _step(orbit: Orbit, target: System, names: list[str], change) -> Orbit:
+    """Take one step along the tangent and correct its end; refuse it if the correction leads elsewhere."""
+    moved = sensitivity(orbit, names).state @ change
+    equation = Shooting().pose(target, None, orbit.period)
+    try:
+        state, evaluation = solve(equation, orbit.state + moved, 0.0, _NEWTON)
+    except FlowError as error:
+        raise ConvergenceError(str(error)) from error
+    # positions and velocities have equal weight when measured over theta
+    unit = np.repeat([1.0, 1.0 / target.frequency], target.size)
+    missed = np.linalg.norm(unit * (state - orbit.state - moved))
+    if missed > _ASTRAY * np.linalg.norm(unit * moved) + _CLOSE * np.linalg.norm(unit * state):
+        raise ConvergenceError("the next orbit lies far from the tangent; the branch bends sharply here, or has a fold")
+    return equation.orbit(state, 0.0, evaluation)
+
+
+def _balanced(system: System, period: int) -> NDArray[np.float64]:
+    """Return the state of an orbit by harmonic balance, with rest as the start."""
+    from gapwalk.orbit.harmonic_balance import Balance  # imported late: slow to import, and rarely needed
+    from gapwalk.orbit.orbit_equation import solve
+
+    equation = Balance(harmonics=10).pose(system, None, period)
+    unknowns, evaluation = solve(equation, equation.start(np.zeros(2 * system.size)), 0.0)
+    return equation.orbit(unknowns, 0.0, evaluation).state
+
+
+def _advice(name: str, period: int) -> str:
+    return (
+        f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
+        f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
+    )

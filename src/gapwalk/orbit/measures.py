@@ -1,14 +1,22 @@
-"""Measures of one orbit: extrema, mean, rms and harmonics of any of its signals."""
+"""Measures of one orbit: extrema, mean, rms and harmonics of any of its signals.
+
+`survey` finds the extrema and means of each coordinate, and the turning points of the deflections, in one pass.
+"""
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD, Turn, flow_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 
 if TYPE_CHECKING:
@@ -17,13 +25,55 @@ if TYPE_CHECKING:
 MEASURES = ("max", "min", "half", "mean", "rms")
 
 
+class Turns(NamedTuple):
+    """Turning points of a quantity along an orbit: their angles, increasing, and its values there.
+
+    Plain lists are used, because there are few turning points and they are needed at every step of a walk.
+    """
+
+    thetas: list[float]
+    values: list[float]
+
+    def nearest(self, theta: float, full: float) -> int:
+        """Return the index of the turning point nearest to an angle, on a circle of circumference `full`."""
+        after = bisect_left(self.thetas, theta)
+        before, after = after - 1, after % len(self.thetas)
+        nearer = apart(self.thetas[before], theta, full) <= apart(self.thetas[after], theta, full)
+        return before if nearer else after
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Results of one pass over an orbit, accurate to rounding.
+
+    Attributes
+    ----------
+    turns
+        Angles at which the deflection of each contact turns, and its values there.
+    visited
+        Positions at the start, and at the turning points of coordinates and deflections.
+    means : shape (2, n)
+        Mean of each coordinate, and of its square.
+    """
+
+    turns: tuple[Turns, ...]
+    visited: list[list[float]]
+    means: NDArray[np.float64]
+
+    @cached_property
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        visited = np.array(self.visited)
+        return np.column_stack((visited.max(axis=0), visited.min(axis=0), self.means[0], np.sqrt(self.means[1])))
+
+
 def measure(orbit: Orbit, name: str) -> float:
     """See `Orbit.measure`."""
     kind, _, signal = name.partition(".")
     if signal in orbit.system.coordinates and kind in MEASURES:
         return pick(orbit.extremes[orbit.system.coordinates.index(signal)], kind)
     if kind in MEASURES:
-        values = _fine_signal(orbit, signal)
+        values = orbit.motion(8 * orbit.samples).signal(signal)  # its largest sample is its maximum to about 1e-5
         mean, rms = float(values[:-1].mean()), float(np.sqrt(np.mean(values[:-1] ** 2)))
         return pick(np.array([values.max(), values.min(), mean, rms]), kind)
     if kind.startswith("h") and signal and not near_names(kind, MEASURES):
@@ -64,6 +114,29 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     return complex(lines[int(line)]) * (1 if line == 0 else 2)
 
 
-def _fine_signal(orbit: Orbit, signal: str) -> NDArray[np.float64]:
-    """Return a signal sampled so finely that its largest sample is its maximum to about 1e-5."""
-    return orbit.motion(8 * orbit.samples).signal(signal)
+def survey(orbit: Orbit) -> Survey:
+    """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
+    flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
+    length, n = PERIOD * orbit.period, orbit.system.size
+    integrals, turns = flow.survey(coefficients, orbit.state, length)
+    rows = flow.equations.turning
+    contacts = []
+    for contact in flow.equations.layout.contacts:
+        factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
+        event = factors[0][0]
+        if len(factors) > 1:
+            event = next(k for k, (slots, _) in enumerate(rows) if slots is contact.deflection)
+        contacts.append(_turns_along(factors, [turn for turn in turns if turn.event == event]))
+    visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
+    return Survey(tuple(contacts), visited, integrals / length)
+
+
+def _turns_along(factors: list[tuple[int, float]], turns: list[Turn]) -> Turns:
+    """Return the turning points of a deflection, given its non-zero factors."""
+    values = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in turns]
+    return Turns([turn.theta for turn in turns], values)
+
+
+def apart(a: float, b: float, full: float) -> float:
+    """Return the distance of two angles on a circle of circumference `full`."""
+    return abs((a - b + full / 2) % full - full / 2)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from gapwalk.errors import ModelError
+from gapwalk.model.registry import Registry
 
 if TYPE_CHECKING:
     from gapwalk.model.system import System
@@ -14,28 +15,27 @@ if TYPE_CHECKING:
 
 
 class Method:
-    """A way to pose orbits as equations, with its options: `Shooting` is one, `Balance` another.
+    """Method to pose orbits as equations, with its options, such as `Shooting` and `Balance`.
 
     To add one, write a frozen dataclass that derives from this, and register it: its fields are its options, `pose`
     makes its equation (see `OrbitEquation`). `find_orbit`, walks, special points, verification, model files and the
     command line then know it by its name.
 
-    What it finds is an `Orbit`, or a class that derives from it and names the method in `found_by`. What else the rest
-    asks of an orbit stands there: `truncation`, `harmonics`. Three things have a form of their own for each method, and
-    are registered by who adds one: the space in which orbits are told apart
-    (`gapwalk.bifurcation.membership.space_of`), the plane in which loci are followed
-    (`gapwalk.bifurcation.loci.locus_start.plane_of`), and the lines that can be verified
-    (`gapwalk.verification.balanced.imbalance`). What is there without that suits unknowns that are states at some
-    angles, one after the other, the first at theta = 0.
+    Its orbits are of the class `Orbit`, or of a class that derives from it, names the method in `found_by`, and
+    overrides `truncation` and `harmonics`. Three functions depend on the class of the orbits, and may be registered
+    with a method: the space in which orbits are distinguished (`gapwalk.bifurcation.membership.space_of`), the plane in
+    which loci are followed (`gapwalk.bifurcation.loci.locus_start.plane_of`), and the residual of Fourier lines
+    (`gapwalk.verification.balanced.imbalance`). Their defaults suit unknowns that are states at some angles, one after
+    the other, the first at theta = 0.
 
     Attributes
     ----------
     name
-        What model files, tables and JSON call it.
+        Name in model files, tables and JSON.
     columns
-        What it tells of each orbit, in tables and JSON: attributes of its orbits.
+        Attributes of its orbits that tables and JSON include.
     needs_contacts
-        Whether it cannot be used without contacts, as a clause that says why; empty if it can.
+        Clause that says why it cannot be used without contacts; empty if it can.
 
     Examples
     --------
@@ -51,49 +51,47 @@ class Method:
 
     @staticmethod
     def known() -> tuple[type[Method], ...]:
-        """All methods, the default first."""
-        return tuple(_METHODS.values())
+        """Return all methods, the default first."""
+        return tuple(METHODS.values())
 
     @staticmethod
     def named(name: str) -> type[Method]:
-        """The method of a name.
+        """Return the method of a name.
 
         Raises
         ------
         ModelError
             If there is none.
         """
-        if name not in _METHODS:
-            raise ModelError(f"there is no method {name!r}; there are {', '.join(_METHODS)}")
-        return _METHODS[name]
+        return METHODS.named(name)
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Method:
-        """The method that poses an orbit of its own in so many unknowns."""
+        """Return the method that poses one of its orbits in so many unknowns."""
         return cls()
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> OrbitEquation:
-        """The equation of the orbits of a system over `period` forcing periods, along a named parameter perhaps."""
+        """Pose the orbits of a system over `period` forcing periods as an equation, optionally along a parameter."""
         raise NotImplementedError(f"the method {self.name} poses no equation")
 
     def for_loci(self) -> Method:
-        """How loci are followed from an orbit that it found."""
+        """Return the method by which loci are followed from one of its orbits."""
         return self
 
     @staticmethod
     def words(orbits: Sequence[Orbit]) -> str:
-        """How finely some of its orbits are resolved, in a sentence; empty where that goes without saying."""
+        """Describe the resolution of some of its orbits in a sentence; empty if there is nothing to say."""
         return ""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """How options that hold a method are checked: any method is one; each itself by its fields."""
+        """Return the schema of options that hold a method: any method; each itself by its fields."""
         from pydantic_core import core_schema  # imported late: walks need no files
 
         return core_schema.is_instance_schema(Method) if cls is Method else handler(source)
 
 
-_METHODS: dict[str, type[Method]] = {}
+METHODS: Registry[type[Method]] = Registry("method")
 
 
 def register(method: type[Method]) -> None:
@@ -104,19 +102,16 @@ def register(method: type[Method]) -> None:
     ModelError
         If another method has the name.
     """
-    known = _METHODS.get(method.name, method)
-    if known.__qualname__ != method.__qualname__:
-        raise ModelError(f"there is a method {method.name!r} already, {known.__qualname__}; choose another name")
-    _METHODS[method.name] = method
+    METHODS.add(method.name, method)
 
 
 def chosen(method: Method | None) -> Method:
-    """The method that was asked for, or the default.
+    """Return the method that was asked for, or the default.
 
     Raises
     ------
     ModelError
-        For what is no method.
+        If it is not a method.
     """
     if method is None:
         return Method.known()[0]()

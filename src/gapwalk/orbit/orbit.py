@@ -1,7 +1,12 @@
-"""Periodic orbit: one steady motion of a system, with its multipliers, contacts and measures."""
+"""Periodic orbit: one steady motion of a system, with its multipliers, contacts and measures.
+
+Two orbits are the same motion if they agree up to a shift after which the forcing repeats, or if one repeats the other
+several times.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -10,18 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.flow import PERIOD, flow_of
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.flow.motion import Motion, sample, switch_names
 from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, pace_text
-from gapwalk.notebook.shown import Shown
+from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.measures import measure
+from gapwalk.orbit.measures import Survey, Turns, measure, survey
 from gapwalk.orbit.method import Method
-from gapwalk.orbit.survey import Survey, Turns, survey
 
 _SIGNS = {1: "+", -1: "-"}
+SAME = 1e-6
+"""Distance of two states, relative to their size, within which they count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +74,7 @@ class Orbit(Shown):
     _kept: ClassVar[tuple[str, ...]] = ("extremes",)  # in files too: a picture then needs no integration
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         n, switches = self.system.size, len(self.system.structure.breakpoints)
         shapes = (self.state.shape, self.multipliers.shape, self.extremes.shape)
         if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
@@ -92,7 +99,7 @@ class Orbit(Shown):
 
     @property
     def harmonics(self) -> int:
-        """H, the highest harmonic of the forcing frequency that it is told in; 0 if it is told by its state."""
+        """H, the highest harmonic of the forcing frequency in its Fourier series; 0 if it is given by its state."""
         return 0
 
     @property
@@ -101,7 +108,7 @@ class Orbit(Shown):
         return Method.named(self.found_by)
 
     def posed_in(self, count: int) -> Method:
-        """The method, with the options with which it poses this orbit in so many unknowns."""
+        """Return the method with the options with which it poses this orbit in so many unknowns."""
         return self.method.resolving(self, count)
 
     @cached_property
@@ -192,6 +199,44 @@ class Orbit(Shown):
             f"Orbit(period {self.period} at {pace_text(self.system)}, {stability}, "
             f"contacts {self.pattern}, state ({state}{', ...' if len(self.state) > 4 else ''}))"
         )
+
+
+def true_period(orbit: Orbit, tolerance: float = SAME) -> int:
+    """Return the smallest number of forcing periods after which an orbit repeats; it divides `orbit.period`."""
+    states = stroboscopic(orbit)
+    near = _distances(states, orbit) <= tolerance
+    return next((k for k in range(1, orbit.period) if orbit.period % k == 0 and near[k]), orbit.period)
+
+
+def stroboscopic(orbit: Orbit) -> NDArray[np.float64]:
+    """Return the states of an orbit at the start of each of its m forcing periods, shape (m, 2n)."""
+    return orbit.strobes(orbit.period)
+
+
+def _distances(states: NDArray[np.float64], orbit: Orbit) -> NDArray[np.float64]:
+    return np.abs(states - orbit.state).max(axis=1) / magnitude(orbit.state, orbit.system)
+
+
+def is_same(a: Orbit, b: Orbit, tolerance: float = SAME) -> bool:
+    """Return whether two orbits of a system are the same motion, possibly with another phase; see `phases`."""
+    if a.period != b.period:
+        return False
+    return bool(np.any(_distances(phases(a), b) <= tolerance))
+
+
+def phases(orbit: Orbit) -> NDArray[np.float64]:
+    """Return the states at theta = 0 of all orbits that are this motion with another phase; shape (m * `repeats`, 2n).
+
+    If the excitation repeats three times in a forcing period, shifting a motion by a third of it gives another orbit
+    that is the same motion.
+    """
+    count = repeats(orbit.system)
+    return orbit.strobes(orbit.period * count, PERIOD / count)
+
+
+def repeats(system: System) -> int:
+    """Return how often the excitation repeats within a forcing period: three times for orders 3 and 6 alone."""
+    return math.gcd(*(order for load in system.structure.harmonics for order in load.orders)) or 1
 
 
 def _pattern(orbit: Orbit) -> str:

@@ -1,15 +1,20 @@
-"""Interface between continuation and the methods that pose periodic orbits as equations."""
+"""Periodic orbits as equations: the interface between continuation and the methods, and Newton's method.
+
+Newton's method here solves for one orbit at fixed parameters, damped so that it converges from rough starts.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.errors import ModelError
+from gapwalk.errors import ConvergenceError, FlowError, ModelError
+from gapwalk.flow.length_unit import smallness
 from gapwalk.model.system import System
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
@@ -19,39 +24,7 @@ if TYPE_CHECKING:
 
 MAX_PERIOD = 10_000
 """Largest number of forcing periods of an orbit; events and samples of each are stored."""
-
-
-def check_period(period: object) -> None:
-    """Raise a ModelError unless this can be m, the number of forcing periods of an orbit."""
-    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
-        raise ModelError(
-            f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
-        )
-
-
-class Evaluation(NamedTuple):
-    """Residual and derivatives at one point.
-
-    Attributes
-    ----------
-    residual : shape (N,)
-        Zero on an orbit.
-    by_unknowns : shape (N, N)
-        Its derivative with respect to the unknowns.
-    by_parameter : shape (N,), or None
-        Its derivative with respect to the parameter, if the equation has one.
-    evidence
-        Data that the equation needs to construct an orbit from a solution.
-    reach
-        Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
-        contribution of a touch grows with the square root of its depth. Infinite if it is not known.
-    """
-
-    residual: NDArray[np.float64]
-    by_unknowns: NDArray[np.float64]
-    by_parameter: NDArray[np.float64] | None
-    evidence: Any
-    reach: float = math.inf
+_RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped resonance
 
 
 class Equation(Protocol):
@@ -107,7 +80,7 @@ class OrbitEquation(Equation, Protocol):
 
     @property
     def by_touches(self) -> Callable[..., TouchEquation] | None:
-        """Makes the `TouchEquation` of the same orbits, from what that asks for beside them; None if there is none."""
+        """Function that creates the `TouchEquation` of the same orbits; None if there is none."""
         ...
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
@@ -117,7 +90,7 @@ class OrbitEquation(Equation, Protocol):
         """
         ...
 
-    def doubt(self, orbit: Orbit) -> str:
+    def inaccuracy(self, orbit: Orbit) -> str:
         """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
         ...
 
@@ -136,3 +109,123 @@ class OrbitEquation(Equation, Protocol):
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
         ...
+
+
+class Evaluation(NamedTuple):
+    """Residual and derivatives at one point.
+
+    Attributes
+    ----------
+    residual : shape (N,)
+        Zero on an orbit.
+    by_unknowns : shape (N, N)
+        Its derivative with respect to the unknowns.
+    by_parameter : shape (N,), or None
+        Its derivative with respect to the parameter, if the equation has one.
+    evidence
+        Data that the equation needs to construct an orbit from a solution.
+    reach
+        Change of the unknowns within which the derivatives are valid: the depth of the shallowest touch, since the
+        contribution of a touch grows with the square root of its depth. Infinite if it is not known.
+    """
+
+    residual: NDArray[np.float64]
+    by_unknowns: NDArray[np.float64]
+    by_parameter: NDArray[np.float64] | None
+    evidence: Any
+    reach: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """Options of Newton's method.
+
+    Parameters
+    ----------
+    iterations
+        Largest number of iterations.
+    halvings
+        Largest number of halvings of a step that does not reduce the residual; then it is taken nevertheless.
+    """
+
+    iterations: int = 40
+    halvings: int = 6
+
+
+def check_period(period: object) -> None:
+    """Raise a ModelError unless this can be m, the number of forcing periods of an orbit."""
+    if isinstance(period, bool) or not isinstance(period, int) or not 1 <= period <= MAX_PERIOD:
+        raise ModelError(
+            f"period is {period!r}; it must be an integer from 1 to {MAX_PERIOD} (forcing periods of the orbit)"
+        )
+
+
+def solve(
+    equation: Equation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
+) -> tuple[NDArray[np.float64], Evaluation]:
+    """Return the solution nearest to a start, and the evaluation there.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is none within reach; the message gives the last residual.
+    """
+    options = options or Newton()
+    evaluation = _evaluate(equation, unknowns, value)
+    for _ in range(options.iterations):
+        if is_solved(equation, unknowns, evaluation):
+            return _polished(equation, unknowns, value, evaluation)
+        step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
+        unknowns, evaluation = _damped(equation, unknowns, value, evaluation, step, options.halvings)
+    if is_solved(equation, unknowns, evaluation):
+        return _polished(equation, unknowns, value, evaluation)
+    raise ConvergenceError(
+        f"no period-{equation.period} orbit found in {options.iterations} Newton iterations; the last residual is "
+        f"{np.abs(evaluation.residual).max():.3g}"
+    )
+
+
+def _evaluate(equation: Equation, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+    try:
+        return equation.evaluate(unknowns, value)
+    except FlowError as error:
+        raise ConvergenceError(f"the motion from the start of Newton's method cannot be followed: {error}") from error
+
+
+def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
+    """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
+    scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
+    if scale > _RUNAWAY:
+        return False
+    return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale
+
+
+def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
+    """Take one more step, which leaves only rounding errors, if it helps and if the orbit is an isolated one."""
+    try:
+        better = unknowns - np.linalg.solve(evaluation.by_unknowns, evaluation.residual)
+        trial = equation.evaluate(better, value)
+    except (np.linalg.LinAlgError, FlowError):
+        return unknowns, evaluation
+    if np.abs(trial.residual).max() < np.abs(evaluation.residual).max():
+        return better, trial
+    return unknowns, evaluation
+
+
+def _damped(equation, unknowns, value, evaluation, step, halvings):
+    """Return the longest of the halved steps that reduces the residual."""
+    before, factor = np.linalg.norm(evaluation.residual), 1.0
+    best = None
+    for _ in range(halvings + 1):
+        try:
+            trial = equation.evaluate(unknowns + factor * step, value)
+        except FlowError:
+            trial = None
+        if trial is not None:
+            best = (unknowns + factor * step, trial) if best is None else best
+            if np.linalg.norm(trial.residual) < before:
+                return unknowns + factor * step, trial
+        factor /= 2
+    if best is None:
+        raise ConvergenceError("Newton's method left the region in which the motion can be followed")
+    return best

@@ -59,11 +59,11 @@ class Shooting(Method):
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Shooting:
-        """In as many segments as it has states."""
+        """Return the method with as many segments as the orbit has states."""
         return cls(max(1, count // (2 * orbit.system.size)))
 
     def for_loci(self) -> Shooting:
-        """In one segment."""
+        """Return the method with one segment."""
         return replace(self, segments=1)
 
 
@@ -152,7 +152,7 @@ class ShootingEquation:
         unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
         return np.tile(unit, segments) * np.sqrt(size * segments)
 
-    def doubt(self, orbit: Orbit) -> str:
+    def inaccuracy(self, orbit: Orbit) -> str:
         """Return an empty string: an orbit by shooting is as accurate as the flow."""
         return ""
 

@@ -89,7 +89,7 @@ class Held(NamedTuple):
 def touches(orbit: Orbit) -> list[Touch]:
     """Return all places where a deflection turns near a breakpoint, or crosses it and returns, nearest first.
 
-    Of a crossing, the depth is computed from the velocity there.
+    For a crossing, the depth is computed from the velocity there.
     """
     layout = layout_of(orbit.system.structure)
     places: list[tuple[float, int, float | None]] = [

@@ -1,4 +1,4 @@
-"""Processes on this machine that do pieces of work: the death of one costs what it was working on, and no more."""
+"""Processes on this machine that do pieces of work: if one dies, only the piece it was working on is lost."""
 
 from __future__ import annotations
 

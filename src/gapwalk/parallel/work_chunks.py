@@ -1,4 +1,4 @@
-"""Chunks: many small independent items of work, done in pieces that are large enough to be worth sending away."""
+"""Do many small independent items of work in chunks, and tell how far a job has come and how long it will take."""
 
 from __future__ import annotations
 
@@ -11,8 +11,55 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from gapwalk.errors import ModelError
-from gapwalk.parallel.pace import Pace
 from gapwalk.parallel.workers import Workers
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """The progress of a job.
+
+    Attributes
+    ----------
+    done, total
+        Parts of the job that are done, and all of them.
+    before
+        Those of them that an earlier run had done.
+    seconds
+        Time since this run began.
+    """
+
+    done: int
+    total: int
+    before: int = 0
+    seconds: float = 0.0
+
+    @property
+    def rate(self) -> float | None:
+        """Parts that are done in a second; None before the first."""
+        new = self.done - self.before
+        return new / self.seconds if new > 0 and self.seconds > 0.0 else None
+
+    @property
+    def left(self) -> float | None:
+        """Seconds until the end at this rate; None while there is none."""
+        rate = self.rate
+        return None if rate is None else (self.total - self.done) / rate
+
+    def __str__(self) -> str:
+        text = f"{self.done} of {self.total}"
+        if self.rate is None or self.left is None:
+            return text
+        speed = f"{self.rate:.3g} a second" if self.rate >= 1.0 else f"{1.0 / self.rate:.3g} s each"
+        return f"{text}, {speed}, {_duration(self.left)} left"
+
+
+def _duration(seconds: float) -> str:
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, hours = whole // 60 % 60, whole // 3600
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {whole % 60} s"
+
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

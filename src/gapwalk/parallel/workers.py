@@ -10,9 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
+from importlib import import_module
 from typing import Any, Protocol, TypeVar
+from warnings import warn
 
 from gapwalk.errors import WorkError
+from gapwalk.model.registry import extensions
 from gapwalk.parallel.processes import Processes, local_cores
 
 Work = TypeVar("Work")
@@ -71,6 +75,54 @@ class Workers:
         """Number of pieces that are worked on at the same time."""
         return 1 if self.executor is None else self.executor.size
 
+    def each(
+        self,
+        function: Callable[[Work], Result],
+        pieces: Sequence[Work],
+        is_needed: Callable[[int], bool] = lambda index: True,
+        *,
+        in_order: bool = True,
+    ) -> Iterator[tuple[int, Result]]:
+        """Do the pieces that are needed: the index of each piece with its result.
+
+        A piece whose process dies is done again. The pieces may become more while they are done.
+
+        Parameters
+        ----------
+        function
+            What to do with a piece; importable by name, so that other processes find it.
+        pieces
+            The work.
+        is_needed
+            Asked before a piece is begun: what has come by then may have made it superfluous.
+        in_order
+            Whether results come in the order of the pieces, so that nothing depends on the number of workers; otherwise
+            each comes when it is there.
+
+        Raises
+        ------
+        WorkError
+            If a process dies each time that it does one of the pieces. All the others have come by then; in order,
+            those before it. Or if the whole cluster has gone.
+        """
+        modules = extensions()
+        if self.executor is not None and "__main__" in modules:  # no other process runs the user's script
+            kind = modules["__main__"]
+            warn(
+                f"only this process works: the {kind} is defined in the script or notebook itself. Define it in a file "
+                "that the script imports, and other processes work too",
+                stacklevel=2,
+            )
+        elif self.executor is not None:
+            known = partial(_do_with, tuple(modules), function) if modules else function
+            yield from _Run(self.executor, known, pieces, is_needed, in_order).go()
+            return
+        index = 0
+        while index < len(pieces):
+            if is_needed(index):
+                yield index, function(pieces[index])
+            index += 1
+
     def run(
         self,
         function: Callable[[Work], Result],
@@ -80,47 +132,30 @@ class Workers:
         *,
         in_order: bool = True,
     ) -> None:
-        """Do the pieces that are needed, and hand each result to `accept`.
+        """Do the pieces that are needed, and hand the index and the result of each to `accept`; otherwise as `each`."""
+        for index, result in self.each(function, pieces, is_needed, in_order=in_order):
+            accept(index, result)
 
-        A piece whose process dies is done again. The pieces may become more while they are done: `accept` may append
-        some.
 
-        Parameters
-        ----------
-        function
-            What to do with a piece; importable by name, so that other processes find it.
-        pieces
-            The work.
-        accept
-            Takes the index of a piece and its result, in this process.
-        is_needed
-            Asked before a piece is begun: what has been accepted by then may have made it superfluous.
-        in_order
-            Whether results are accepted in the order of the pieces, so that nothing depends on the number of workers;
-            otherwise each is accepted when it comes.
-
-        Raises
-        ------
-        WorkError
-            If a process dies each time that it does one of the pieces. All the others have been accepted by then; in
-            order, those before it. Or if the whole cluster has gone.
-        """
-        if self.executor is not None:
-            _Run(self.executor, function, pieces, accept, is_needed, in_order).go()
-            return
-        index = 0
-        while index < len(pieces):
-            if is_needed(index):
-                accept(index, function(pieces[index]))
-            index += 1
+def _do_with(modules: Sequence[str], function: Callable[[Any], Any], piece: Any) -> Any:
+    """Do a piece in a process that knows all kinds (force laws, special points, studies) that were registered here."""
+    for module in modules:
+        try:
+            import_module(module)
+        except ImportError as error:
+            raise WorkError(
+                f"a worker cannot import {module}, which registers a kind ({error}): install it there, or "
+                "write workers=1"
+            ) from None
+    return function(piece)
 
 
 class _Run:
-    """One call of `Workers.run` by other processes."""
+    """One call of `Workers.each` by other processes."""
 
-    def __init__(self, executor: Executor, function, pieces, accept, is_needed, in_order: bool) -> None:
+    def __init__(self, executor: Executor, function, pieces, is_needed, in_order: bool) -> None:
         self._executor, self._function, self._pieces = executor, function, pieces
-        self._accept, self._is_needed, self._in_order = accept, is_needed, in_order
+        self._is_needed, self._in_order = is_needed, in_order
         self._begun = self._accepted = 0
         self._again: deque[int] = deque()
         self._alone: deque[int] = deque()  # lost so often that the next try is the last one
@@ -129,37 +164,39 @@ class _Run:
         self._losses: Counter[int] = Counter()
         self._given_up: list[int] = []
 
-    def go(self) -> None:
+    def go(self) -> Iterator[tuple[int, Any]]:
         try:
-            while self._begin():
+            while True:
+                yield from self._begin()
+                if not self._running:
+                    break
                 done = wait(self._running, timeout=self._executor.patience, return_when=FIRST_COMPLETED).done
                 if not done:
                     self._executor.check()
                 for future in sorted(done, key=self._running.__getitem__):
-                    self._end(self._running.pop(future), future)
+                    yield from self._end(self._running.pop(future), future)
         finally:
             for future in self._running:
                 future.cancel()
         if self._given_up and not self._in_order:
             raise self._blame(self._given_up)
 
-    def _begin(self) -> bool:
-        """Begin as many pieces as can be under way; whether any are."""
+    def _begin(self) -> Iterator[tuple[int, Any]]:
+        """Begin as many pieces as can be under way."""
         while len(self._running) < self._executor.size and not self._has_last_try() and self._is_left():
             if self._again:
-                self._begin_one(self._again.popleft())
+                yield from self._begin_one(self._again.popleft())
             else:
                 self._begun += 1
-                self._begin_one(self._begun - 1)
+                yield from self._begin_one(self._begun - 1)
         while self._alone and not self._running:
-            self._begin_one(self._alone.popleft())
-        return bool(self._running)
+            yield from self._begin_one(self._alone.popleft())
 
-    def _begin_one(self, index: int) -> None:
+    def _begin_one(self, index: int) -> Iterator[tuple[int, Any]]:
         if self._is_needed(index):
             self._running[self._executor.begin(self._function, self._pieces[index])] = index
         elif self._in_order:
-            self._take_in_turn(index, None)
+            yield from self._take_in_turn(index, None)
 
     def _is_left(self) -> bool:
         return bool(self._again) or (self._begun < len(self._pieces) and not self._has_failed())
@@ -172,7 +209,7 @@ class _Run:
         """Whether a piece is under way for the last time: alone, so that no other one is to blame or takes memory."""
         return any(self._losses[index] == self._executor.tries - 1 for index in self._running.values())
 
-    def _end(self, index: int, future: Future[Any]) -> None:
+    def _end(self, index: int, future: Future[Any]) -> Iterator[tuple[int, Any]]:
         if future.cancelled():
             self._executor.check()
             future = _failed(WorkError("a piece of work was cancelled by somebody else"))
@@ -186,17 +223,17 @@ class _Run:
             self._given_up.append(index)
             future = _failed(self._blame([index]))
         if self._in_order:
-            self._take_in_turn(index, future)
+            yield from self._take_in_turn(index, future)
         elif index not in self._given_up:
-            self._accept(index, future.result())
+            yield index, future.result()
 
-    def _take_in_turn(self, index: int, future: Future[Any] | None) -> None:
+    def _take_in_turn(self, index: int, future: Future[Any] | None) -> Iterator[tuple[int, Any]]:
         self._waiting[index] = future
         while self._accepted in self._waiting:
             future, index = self._waiting.pop(self._accepted), self._accepted
             # needed when it was begun, but perhaps no longer: the same is left out however many work at a time
             if future is not None and self._is_needed(index):
-                self._accept(index, future.result())
+                yield index, future.result()
             self._accepted += 1
 
     def _blame(self, lost: list[int]) -> WorkError:

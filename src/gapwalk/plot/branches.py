@@ -17,6 +17,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot.labels import Label, Region, crowded_region, draw_closeup, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, open_window, write_legend
@@ -33,7 +34,6 @@ from gapwalk.plot.style import (
     in_style,
     symbol_style,
 )
-from gapwalk.plot.words import full_measure, measure_words, parameter_words
 
 Curves = Callable[[BranchPoint], NDArray[np.float64]]
 """Function that returns the heights of the curves to draw at a point of a branch, shape (curves,)."""

@@ -10,24 +10,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapwalk.attractors.attractor import Settled
 from gapwalk.attractors.basins import Basins
 from gapwalk.attractors.regimes import Regimes
-from gapwalk.attractors.settled import Settled
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.branch_comparison import Comparison
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import GapwalkError
 from gapwalk.measurement.fit import Fit
 from gapwalk.model.system import System
+from gapwalk.model.words import pace_words, parameter_symbol
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.picture import drawing_of
 from gapwalk.plot.sheet import new_sheet, png_bytes
 from gapwalk.plot.style import CARD, in_style, sized
-from gapwalk.plot.words import pace_words, parameter_symbol
-from gapwalk.studies.family.record import Family
-from gapwalk.studies.map.chart import Map
+from gapwalk.studies.family import Family
+from gapwalk.studies.map import Map
 from gapwalk.studies.result import Result
-from gapwalk.studies.sweep.record import Sweep
+from gapwalk.studies.sweep import Sweep
 
 _CELL = "text-align: left; padding: 1px 12px 1px 0; background: none; vertical-align: top"
 _MOST = 12  # most rows of a table

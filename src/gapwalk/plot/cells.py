@@ -12,32 +12,31 @@ from matplotlib.colors import ListedColormap, to_rgb
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
+from gapwalk.attractors.attractor_catalogue import RUNAWAY, UNRESOLVED
 from gapwalk.attractors.basins import Basins
-from gapwalk.attractors.regime import Regime, regime_word
-from gapwalk.attractors.regimes import Regimes
-from gapwalk.attractors.sorting import RUNAWAY, UNRESOLVED
+from gapwalk.attractors.regimes import Regime, Regimes, regime_word
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import contact_to_show
+from gapwalk.model.words import coordinate_words, parameter_words, state_words
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_legend
 from gapwalk.plot.style import (
     BLACK,
     BLUE,
-    LOCI,
     NAMED_PERIODS,
     VERMILLION,
     dots,
     locus_options,
+    locus_style,
     period_of,
     points,
     regime_color,
     regime_entries,
     symbols,
 )
-from gapwalk.plot.words import coordinate_words, parameter_words, state_words
-from gapwalk.studies.sweep.options import Way
-from gapwalk.studies.sweep.record import Sweep
+from gapwalk.studies.sweep import Sweep, Way
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
@@ -97,7 +96,7 @@ def draw_basins(found: Basins, ax: Axes, *, strobes: str = "in the plane") -> No
         (f"{name} ({share * count:.1f} %)", fill)
         for (name, count), fill in zip(found.cells.items(), fills, strict=True)
     ]
-    for label, color, text in ((RUNAWAY, _RUNAWAY, "runs away"), (UNRESOLVED, _UNRESOLVED, "unresolved")):
+    for label, color, text in ((RUNAWAY, _RUNAWAY, "diverges"), (UNRESOLVED, _UNRESOLVED, "unresolved")):
         if count := int(np.sum(found.labels == label)):
             entries.append((f"{text} ({share * count:.2g} %)", color))
     for index, states in _marked(found, strobes):
@@ -237,7 +236,7 @@ def _draw_loci(ax: Axes, found: Regimes, loci: Sequence[Locus]) -> list[tuple[st
         ax.plot(x, y, color="white", linewidth=points(2.6), zorder=3)
         ax.plot(x, y, zorder=4, **_black(locus))
     firsts = {locus.kind: locus for locus in loci}
-    return [(style.text, _black(firsts[kind])) for kind, style in LOCI.items() if kind in firsts]
+    return [(locus_style(kind).text, _black(firsts[kind])) for kind in Kind.with_locus() if kind in firsts]
 
 
 def _black(locus: Locus) -> dict[str, Any]:

@@ -12,12 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from gapwalk.attractors.agreement import LinePair
-from gapwalk.attractors.contrast import Contrast, SignalPair
+from gapwalk.attractors.contrast import Contrast, LinePair, SignalPair
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.flow.flow import PERIOD
 from gapwalk.measurement.alignment import Alignment
 from gapwalk.measurement.fit import Fit
+from gapwalk.model.words import full_measure, measure_words, order_words, pace_words, parameter_words
 from gapwalk.orbit.sensitivity import signal_along
 from gapwalk.plot.branches import pieces_of
 from gapwalk.plot.picture import draws
@@ -27,7 +27,6 @@ from gapwalk.plot.style import (
     BLACK,
     BLUE,
     GREY,
-    SYMBOLS,
     VERMILLION,
     LineStyle,
     SymbolStyle,
@@ -36,8 +35,7 @@ from gapwalk.plot.style import (
     symbol_style,
     symbols,
 )
-from gapwalk.plot.words import full_measure, measure_words, order_words, pace_words, parameter_words
-from gapwalk.studies.comparison import ResultComparison
+from gapwalk.studies.compare import ResultComparison
 from gapwalk.studies.result import Result
 
 _DEPTH = 1e-3  # smallest line that is shown, relative to the largest
@@ -304,7 +302,7 @@ def _comparison_entries(
     if found.results[0].map is None:
         entries.append(_UNSTABLE.entry)
     words = {shift.label.partition(" ")[0] for pair in found.pairs for shift in pair.shifts}
-    entries += [(style.text, _symbol(kind, False)) for kind, style in SYMBOLS.items() if kind in words]
+    entries += [(symbol_style(kind).text, _symbol(kind, False)) for kind in Kind.known() if kind in words]
     entries.append(("distance", dots(8.0, GREY)))
     if any(found.only) or any(any(pair.only) for pair in found.pairs):
         entries.append((_RING.text, _RING.options(0.7)))

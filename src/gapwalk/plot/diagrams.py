@@ -19,14 +19,14 @@ from gapwalk.bifurcation.diagram import Diagram, DiagramBranch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.model.problems import did_you_mean
-from gapwalk.orbit.identity import stroboscopic
+from gapwalk.model.words import full_measure, parameter_words, state_words
+from gapwalk.orbit.orbit import stroboscopic
 from gapwalk.plot.branches import Piece, cut, draw_branches, draw_unexplained, joined, unexplained_entries
 from gapwalk.plot.branches import unexplained_places as places_of
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import AnyFigure, Inches, stacked, write_heading, write_legend, write_letters
 from gapwalk.plot.style import GREY, SHADE, birth_options, broken, period_options
-from gapwalk.plot.words import full_measure, parameter_words, state_words
 
 Range = tuple[float, float]
 

@@ -18,6 +18,7 @@ from gapwalk.bifurcation.branch import Branch, Kind
 from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus
 from gapwalk.continuation.walk import EndReason
 from gapwalk.errors import ModelError
+from gapwalk.model.words import full_measure, measure_words, parameter_words
 from gapwalk.plot.branches import draw_unexplained, pieces_of, unexplained_entries, unexplained_places
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
@@ -27,18 +28,16 @@ from gapwalk.plot.style import (
     CODIM2,
     GREY,
     LINES,
-    LOCI,
     LineStyle,
     SymbolStyle,
     in_order,
     locus_options,
+    locus_style,
     stroke,
     symbol_style,
     symbols,
 )
-from gapwalk.plot.words import full_measure, measure_words, parameter_words
-from gapwalk.studies.family.connection import Connection, Fate
-from gapwalk.studies.family.record import Family
+from gapwalk.studies.family import Connection, Family, Fate
 from gapwalk.studies.map import Map
 
 _ONE = 6.0  # distance, in points, below which two symbols of one kind share a name
@@ -81,7 +80,7 @@ def draw_map(chart: Map, ax: Axes, *, labels: bool = True, legend: bool = True) 
     ax.set_xlabel(parameter_words(chart.first, units))
     ax.set_ylabel(parameter_words(chart.second, units))
     _draw_sections(ax, chart, labels)
-    order, periods = list(LOCI), _periods(chart)
+    order, periods = Kind.with_locus(), _periods(chart)
     for locus in chart.loci:
         options = locus_options(locus.kind, periods.index(locus.period))
         ax.plot(*_curve(locus).T, zorder=3.0 - 0.1 * order.index(locus.kind), **options)
@@ -138,10 +137,10 @@ def _lost_ends(chart: Map) -> list[tuple[float, float]]:
 
 def _map_entries(chart: Map, points: list[Codim2Point]) -> Iterator[tuple[str, dict[str, Any]]]:
     periods = _periods(chart)
-    for kind, style in LOCI.items():
+    for kind in Kind.with_locus():
         for rank, period in enumerate(periods):
             if any(locus.period == period for locus in chart.of_kind(kind)):
-                yield style.text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
+                yield locus_style(kind).text + f", period {period}" * (len(periods) > 1), locus_options(kind, rank)
     if next(_isolas(chart), None):
         yield "isola on a section", _isola()
     kinds = {point.kind for point in points}
@@ -239,15 +238,10 @@ def draw_members(family: Family, ax: Axes, measure: str = "half") -> None:
             for special in branch.special_points:
                 if special.kind is not Kind.GRAZING:
                     ax.plot(special.value, special.point.measure(measure), zorder=5, **_small(special.kind))
-            heights = partial(_height, measure)
-            draw_unexplained(ax, unexplained_places(branch, heights))
+            draw_unexplained(ax, unexplained_places(branch, lambda point: np.array([point.measure(measure)])))
     ax.margins(y=0.05)
     ax.set_xlabel(parameter_words(family.parameter))
     ax.set_ylabel(measure_words(measure))
-
-
-def _height(measure: str, point: Any) -> NDArray[np.float64]:
-    return np.array([point.measure(measure)])
 
 
 def _draw_connections(ax: Axes, family: Family) -> None:
@@ -302,7 +296,7 @@ def _family_entries(family: Family) -> Iterator[tuple[str, dict[str, Any]]]:
         style = symbol_style(kind)
         for period, rank in ranks.items():
             if (kind, period) in kinds:
-                line = locus_options(kind, rank) if kind in LOCI else {}
+                line = locus_options(kind, rank) if not kind.no_locus else {}
                 yield style.text + (f", period {period}" if len(ranks) > 1 else ""), _small(kind) | line
     connections = list(_connections(family))
     events = {passage.kind for connection in connections for passage in connection.passages}

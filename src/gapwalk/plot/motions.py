@@ -15,11 +15,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from gapwalk.attractors.attractor import Attractor
+from gapwalk.attractors.attractor import Attractor, Settled
 from gapwalk.attractors.section import Section, strobe
-from gapwalk.attractors.settled import Settled
-from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, spectrum
-from gapwalk.attractors.waterfall import Waterfall
+from gapwalk.attractors.spectrum import Spectrum, SpectrumOptions, Waterfall, spectrum
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.hysteresis import Hysteresis
@@ -30,12 +28,12 @@ from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System
+from gapwalk.model.words import line_words, order_words, pace_words, parameter_words, signal_words
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.plot.labels import Label, place_labels
 from gapwalk.plot.picture import Finish, draws
 from gapwalk.plot.sheet import WIDE, AnyFigure, Inches, write_heading, write_legend
 from gapwalk.plot.style import AXIS, BLACK, BLUE, GREEN, GUIDE, PURPLE, VERMILLION, dots, stroke, symbols
-from gapwalk.plot.words import line_words, order_words, pace_words, parameter_words, signal_words
 
 _SPECTRUM_DEPTH = 1e-4  # smallest line that is shown, relative to the largest
 _NAMED, _NOTABLE = 5, 0.03  # most lines with names, and their smallest height, relative to the largest
@@ -287,7 +285,7 @@ def draw_hysteresis(loops: Hysteresis | Sequence[Hysteresis], ax: Axes, names: S
     for place, loop in enumerate(loops):
         options = stroke(_LOOPS[place % len(_LOOPS)][0], 1.3, _LOOPS[place % len(_LOOPS)][1])
         ax.plot(loop.deflection, loop.force, **options)
-        name = names[place] if place < len(names) else loop.law.value
+        name = names[place] if place < len(names) else loop.law.name
         entries.append((f"{name}: loss {loop.loss:.4g} per cycle", options))
     ax.axhline(0.0, **AXIS.options(zorder=1))
     for level in sorted({level for loop in loops for level in loop.breakpoints}):

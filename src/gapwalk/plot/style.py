@@ -18,7 +18,7 @@ from typing import Any, Literal
 import matplotlib as mpl
 from matplotlib.colors import to_hex
 
-from gapwalk.attractors.regime import Regime
+from gapwalk.attractors.regimes import Regime
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Codim2
 from gapwalk.errors import ModelError
@@ -267,14 +267,10 @@ def symbol_style(kind: Kind) -> SymbolStyle:
     return SymbolStyle(text, symbol.letters, symbol.marker, _COLORS[symbol.color], symbol.size, *edge)
 
 
-SYMBOLS = {kind: symbol_style(kind) for kind in Kind.known()}
-"""Symbols of special points of all kinds, in the order of legends."""
-
-
 def in_order(kinds: Iterable[Kind]) -> list[Kind]:
     """Sort kinds into the order of legends, each once; user-defined events are last."""
     found = dict.fromkeys(kinds)
-    return [*(kind for kind in SYMBOLS if kind in found), *(kind for kind in found if kind not in SYMBOLS)]
+    return [*(kind for kind in Kind.known() if kind in found), *(kind for kind in found if kind not in Kind.known())]
 
 
 UNEXPLAINED = SymbolStyle("not explained", "", "$?$", VERMILLION, 12.0, VERMILLION, 0.4)
@@ -325,20 +321,18 @@ def period_options(rank: int, stable: bool) -> dict[str, Any]:
 def birth_options(rank: int) -> dict[str, Any]:
     """Return the options of a matplotlib line for the origins of branches on a branch of the period of that rank."""
     size, width = ((4.0, 0.9), (3.0, 0.7), (2.0, 0.5), (1.4, 0.4))[min(rank, 3)]
-    return symbols(SYMBOLS[Kind.FLIP].marker, size, edge=period_color(rank), width=width)
+    return symbols(Kind.FLIP.symbol.marker, size, edge=period_color(rank), width=width)
 
 
-LOCI = {
-    kind: LineStyle(style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width)
-    for kind, style in SYMBOLS.items()
-    if not kind.no_locus
-}
-"""Line styles of loci, in drawing order from top to bottom."""
+def locus_style(kind: Kind) -> LineStyle:
+    """Return the line style of the loci of a kind."""
+    style = symbol_style(kind)
+    return LineStyle(style.text.split(" (")[0], style.color, kind.symbol.dashes or "-", kind.symbol.width)
 
 
 def locus_options(kind: Kind, rank: int = 0) -> dict[str, Any]:
     """Return the options of a matplotlib line for a locus of motions of the period with a rank (0: the shortest)."""
-    return LOCI[kind].options((1.0, 0.55, 0.38)[min(rank, 2)])
+    return locus_style(kind).options((1.0, 0.55, 0.38)[min(rank, 2)])
 
 
 # ------------------------------------------------------------------------------------------------------- regimes

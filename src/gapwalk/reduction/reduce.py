@@ -11,12 +11,9 @@ import numpy as np
 
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
-from gapwalk.reduction.basis import Bases, Basis
-from gapwalk.reduction.flexibility import HARMONICS, Accuracy, resonances_of
-from gapwalk.reduction.reduction import Reduction
-from gapwalk.reduction.retained import kept_of
+from gapwalk.reduction.basis import HARMONICS, Accuracy, Bases, Basis, kept_of, resonances_of
+from gapwalk.reduction.reduction import Reduction, reduced_system
 from gapwalk.reduction.sparse_matrices import Matrices, matrices_of
-from gapwalk.reduction.translation import reduced_system
 
 _ERROR = 1e-2
 _REFERENCE = 2.0  # highest frequency, in highest harmonics, of the modes that approximate the resonances

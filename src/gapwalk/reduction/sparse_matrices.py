@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
+from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.system import System
 
 _SPARSE = 0.1  # fraction of nonzero entries below which a matrix counts as sparse
@@ -98,7 +99,8 @@ def matrices_of(system: System) -> Matrices:
         deflection if form.reciprocal else vector(f"{form.name}.force")
         for form, deflection in zip(structure.contacts, deflections, strict=True)
     ]
-    loads = [load for load in (vector("mean"), *map(vector, _shapes(system))) if load.any()]
+    shapes = [vector(f"{harmonic.name}.acts_on") for harmonic in structure.harmonics]
+    loads = [load for load in (vector("mean"), *shapes) if load.any()]
     mass, damping, stiffness = (sp.csc_array(system.matrix(which)) for which in ("mass", "damping", "stiffness"))
     return Matrices(
         mass,
@@ -107,19 +109,13 @@ def matrices_of(system: System) -> Matrices:
         np.array(deflections).reshape(-1, n),
         np.array(forces).reshape(-1, n).T,
         np.array(loads).reshape(-1, n).T,
-        np.array([_spring(system, index) for index in range(len(structure.contacts))]),
+        np.array([_stiffness(spring) for spring in springs_of(system)]),
     )
 
 
-def _shapes(system: System) -> list[str]:
-    return [f"{harmonic.name}.acts_on" for harmonic in system.structure.harmonics]
-
-
-def _spring(system: System, index: int) -> float:
+def _stiffness(spring: Spring) -> float:
     """Return the stiffness of one contact with all stages of its stiffer side closed."""
-    contact = system.structure.contacts[index]
     sides = {1: 0.0, -1: 0.0}
-    for stage in contact.stages:
-        for sign in stage.side.signs:
-            sides[sign] += system.equations[f"{contact.stage_prefix(stage)}.stiffness"]
+    for slope in spring.slopes:
+        sides[slope.sign] += slope.stiffness
     return max(sides.values(), key=abs)

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_ty
 import numpy as np
 
 from gapwalk.errors import ModelError
+from gapwalk.model.registry import UnknownNameError
 from gapwalk.results.arrays import Node, Reader, Writer, is_shape
 
 T = TypeVar("T")
@@ -281,6 +282,8 @@ class Record(Column):
             for name, column in wanted.items():
                 if name in node:
                     columns[name] = column.read(node[name], count, reader)
+        except UnknownNameError:  # nothing is wrong with the file
+            raise
         except ValueError as error:
             raise ValueError(f"{self.tag}.{name}: {error}") from error
         derived = [columns.pop(name) for name in self._derived]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gapwalk.errors import StoreError
+from gapwalk.model.registry import UnknownNameError
 
 _LOCKED = ("SQLITE_BUSY", "SQLITE_LOCKED")
 
@@ -28,6 +29,11 @@ def undamaged(path: str | os.PathLike[str], where: str = "") -> Iterator[None]:
         yield
     except StoreError:
         raise
+    except UnknownNameError as error:
+        raise StoreError(
+            f"{os.fspath(path)} cannot be read: {error}. Import the module that adds it; if there is none, the file is "
+            "damaged"
+        ) from error
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         raise StoreError(f"{os.fspath(path)} is damaged: {where}{error}") from error
 
@@ -37,7 +43,7 @@ def _explain(name: str, error: Exception) -> str:
     folder = os.path.dirname(os.path.abspath(name))
     if code == "SQLITE_NOTADB":
         hint = f", but a model file; compute a result first: gapwalk run {name}" if name.endswith(".toml") else ""
-        return f"{name} is no result file of gapwalk{hint}"
+        return f"{name} is not a result file of gapwalk{hint}"
     if code.startswith("SQLITE_CORRUPT") or isinstance(error, UnicodeError):
         return f"{name} is damaged or cut short ({error})"
     if code.startswith(_LOCKED):

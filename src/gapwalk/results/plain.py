@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.model.laws import Law
+from gapwalk.model.loads import Load
 from gapwalk.model.system import System
 from gapwalk.results.records import parameters_of
 
@@ -18,11 +20,15 @@ def plain(value: Any) -> Any:
     """A record, or anything in one, as plain JSON values.
 
     Records become tables, named by the `kind` or `name` of their class if it has one. Complex numbers become pairs, and
-    what is not finite becomes null. Systems within records are left out.
+    what is not finite becomes null. Force laws and loads are written by name; systems within records are left out.
     """
     match value:
         case System():
             return _plain_system(value)
+        case Law():
+            return value.name
+        case type() if issubclass(value, Load):
+            return value.key
         case Enum():
             return value.value
         case np.ndarray() if np.iscomplexobj(value):

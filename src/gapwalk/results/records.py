@@ -4,18 +4,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kinds import Kind
+from gapwalk.bifurcation.special_point_kind import KINDS, Kind
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.structure import ContactForm, HarmonicForm, Structure
+from gapwalk.model.laws import LAWS, Law
+from gapwalk.model.loads import LOADS, Load, LoadForm
+from gapwalk.model.registry import Registry
+from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
-from gapwalk.orbit.harmonic_balance.balanced_orbit import BalancedOrbit
+from gapwalk.orbit.harmonic_balance.balance import BalancedOrbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.results.arrays import Node, Reader, Writer
@@ -32,7 +35,7 @@ class PlainStructure(NamedTuple):
 
     coordinates: tuple[str, ...]
     contacts: tuple[ContactForm, ...]
-    harmonics: tuple[HarmonicForm, ...]
+    harmonics: tuple[LoadForm, ...]
 
 
 class WholeSystem(NamedTuple):
@@ -164,17 +167,28 @@ def _orbits_of(name: str) -> Column:
     return Record({kind.__name__: kind for kind in (Orbit, BalancedOrbit, *Orbit.__subclasses__())}[name])
 
 
-class Kinds(Converted):
-    """Kinds of special points, by their names; a text that is the name of one will do."""
+class Registered(Converted):
+    """Members of a registry, by their names; what is not registered could not be read again.
 
-    def __init__(self) -> None:
-        super().__init__(Kind, str, str, Kind.named)
+    Parameters
+    ----------
+    registry
+        The registry.
+    name_of
+        The name of a member.
+    """
+
+    def __init__(self, registry: Registry[Any], name_of: Callable[[Any], str]) -> None:
+        super().__init__(object, str, name_of, registry.named)
+        self.tag, self._registry = f"a {registry.words} that is registered", registry
 
     def fits(self, value: Any) -> bool:
-        return isinstance(value, str) and value in Kind.known()  # an event of a user's own could not be read again
+        return value in self._registry.values()
 
 
-register(Kind, Kinds())
+register(Kind, Registered(KINDS, str))
+register(Law, Registered(LAWS, lambda law: law.name))
+register(type[Load], Registered(LOADS, lambda kind: kind.key))
 register(System, Systems())
 register(Structure, Converted(Structure, TrainAssembly | PlainStructure, _plain_structure, _structure_of))
 register(Method, OneOf(lambda value: value.name if isinstance(value, Method) else None, _options_of))

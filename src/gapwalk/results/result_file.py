@@ -32,7 +32,7 @@ from gapwalk.results.faults import explained, undamaged
 APPLICATION = 0x67617077
 """What marks a SQLite file as a result of gapwalk: the letters gapw."""
 
-SCHEMA = 4
+SCHEMA = 5
 """Version of the format and of the records in it; a file of another version is refused."""
 
 TABLE = """CREATE TABLE part (
@@ -365,7 +365,7 @@ def _check_format(path: str | os.PathLike[str], connection: sqlite3.Connection) 
     connection.execute("PRAGMA trusted_schema = OFF")
     (application,) = connection.execute("PRAGMA application_id").fetchone()
     if application != APPLICATION:
-        raise StoreError(f"{name} is no result file of gapwalk")
+        raise StoreError(f"{name} is not a result file of gapwalk")
     (schema,) = connection.execute("PRAGMA user_version").fetchone()
     if schema > SCHEMA:
         raise StoreError(

@@ -1,9 +1,10 @@
-"""The columns that several tables have: measures of a motion, and parameters."""
+"""Columns that several tables share: measures of a motion, parameters, the coverage of a search."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from gapwalk.bifurcation.isolated import SearchResult, unseen_share
 from gapwalk.bifurcation.loci import LocusPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.model.system import System
@@ -62,3 +63,29 @@ def parameter_headings(parameters: Sequence[str], coordinates: Sequence[str]) ->
     """The headings of parameters: their names, but ``parameter mean.q1`` where a measure is called ``mean.q1``."""
     taken = measure_names(coordinates)
     return [f"parameter {name}" if name in taken else name for name in parameters]
+
+
+COVERAGE = ("value", "starts", "settled", "not_periodic", "ran_away", "newton_starts", "orbits", "new", "unseen_share")
+"""The headings of `coverage_rows`."""
+
+
+def coverage_rows(result: SearchResult) -> list[list[float]]:
+    """What was tried at each value of the parameter, what was met there, and what may have been missed.
+
+    `orbits` counts those that were met, `new` those on no branch that was known before. With 95 % confidence, a
+    periodic attractor that was never met attracts no more than `unseen_share` of the box of starts.
+    """
+    return [
+        [
+            tally.value,
+            tally.starts,
+            tally.settled,
+            len(tally.unsettled),
+            tally.ran_away,
+            tally.newton_starts,
+            len(result.at(tally.value)),
+            sum(found.is_new for found in result.at(tally.value)),
+            unseen_share(tally.settled),
+        ]
+        for tally in result.tallies
+    ]

@@ -15,9 +15,8 @@ from gapwalk.flow.motion import signal_names
 from gapwalk.orbit.floquet import Instability
 from gapwalk.results.plain import plain
 from gapwalk.results.records import parameters_of
-from gapwalk.studies.columns import method_document
-from gapwalk.studies.diagram.search_result import COVERAGE, coverage_rows
-from gapwalk.studies.map.document import map_document
+from gapwalk.studies.columns import COVERAGE, coverage_rows, method_document
+from gapwalk.studies.map import map_document
 from gapwalk.studies.result import Result
 
 KINDS = ("half", "max", "min")

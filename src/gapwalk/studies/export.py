@@ -15,6 +15,8 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.errors import StoreError
 from gapwalk.results.result_file import check_place
 from gapwalk.studies.columns import (
+    COVERAGE,
+    coverage_rows,
     measure_names,
     measure_values,
     method_names,
@@ -22,8 +24,7 @@ from gapwalk.studies.columns import (
     parameter_headings,
     with_units,
 )
-from gapwalk.studies.diagram.search_result import COVERAGE, coverage_rows
-from gapwalk.studies.map.tables import codim2_rows, locus_rows
+from gapwalk.studies.map import codim2_rows, locus_rows
 from gapwalk.studies.result import Result
 
 
@@ -192,15 +193,9 @@ def table_of(result: Result, name: str) -> str:
     return _TABLES[name](result)
 
 
-def _loci_csv(result: Result) -> str:
-    assert result.map is not None
-    header, *rows = locus_rows(result.map, result.system.coordinates, method_names(result.walked))
-    return table_csv(with_units(map(str, header), result.system), rows)
-
-
-def _codim2_csv(result: Result) -> str:
-    assert result.map is not None
-    header, *rows = codim2_rows(result.map, result.system.coordinates, method_names(result.walked))
+def _map_csv(result: Result, table: Callable[..., Iterable[Sequence[object]]]) -> str:
+    """A table of the loci of a map."""
+    header, *rows = table(result.map, result.system.coordinates, method_names(result.walked))
     return table_csv(with_units(map(str, header), result.system), rows)
 
 
@@ -211,8 +206,10 @@ def _search_csv(result: Result) -> str:
 
 
 _TABLES: dict[str, Callable[[Result], str]] = {
-    "points": lambda result: points_csv(result) if result.map is None else _loci_csv(result),
-    "special-points": lambda result: special_points_csv(result) if result.map is None else _codim2_csv(result),
+    "points": lambda result: _map_csv(result, locus_rows) if result.map is not None else points_csv(result),
+    "special-points": lambda result: (
+        _map_csv(result, codim2_rows) if result.map is not None else special_points_csv(result)
+    ),
     "sections": points_csv,
     "search": _search_csv,
 }
@@ -255,9 +252,5 @@ def table_csv(header: Sequence[object], rows: Iterable[Sequence[object]]) -> str
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows([_cell(value) for value in row] for row in rows)
+    writer.writerows([str(value).lower() if isinstance(value, bool) else value for value in row] for row in rows)
     return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    return str(value).lower() if isinstance(value, bool) else value

@@ -1,34 +1,27 @@
-"""What a result file holds, read back: what the call returned that wrote it."""
+"""Read result files back, and decide whether a run may begin, continue or replace one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
+import numpy as np
+
 from gapwalk.errors import StoreError
+from gapwalk.results.differences import check_same
 from gapwalk.results.faults import undamaged
-from gapwalk.results.result_file import Part, Parts, reading
+from gapwalk.results.result_file import Part, Parts, check_place, looks_like_result, reading, tidy
 from gapwalk.results.versions import check_not_newer
-from gapwalk.studies.file import Study
-from gapwalk.studies.jobs import JOBS, job_of
-from gapwalk.studies.reduced.full_check import FullCheck
+from gapwalk.studies.kind import Content, Work
 from gapwalk.studies.request import REQUEST, VERSIONS, Call
-from gapwalk.studies.result import Result
+from gapwalk.studies.result import FullCheck, Result
+from gapwalk.studies.study_file import Study
 from gapwalk.verification import Verification
 
 CHECKS = Part("checks", tuple[FullCheck, ...])
 VERIFICATION = Part("verification", Verification)
-
-# Each is loaded only when it is asked for.
-_READERS = {
-    "response": "response.read_response",
-    "diagram": "diagram.study.read_diagram",
-    "map": "map.study.read_map",
-    "locus": "map.study.read_map",
-}
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -50,7 +43,7 @@ def load(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     StoreError
-        If there is no such file, it is no result, it comes from another version, it is damaged, or it holds nothing
+        If there is no such file, it is not a result, it comes from another version, it is damaged, or it holds nothing
         that can be returned yet.
 
     Examples
@@ -81,9 +74,11 @@ def read(parts: Parts) -> Any:
         request = parts.one(REQUEST)
         parts.base = request.system
         with undamaged(parts.path):
+            work = request.options.work(request.system)
+            work.take(parts)
             if isinstance(request, Call):
-                return request.found(parts)
-            result = _reader_of(request.options.kind)(request, parts)
+                return _record_of(request, work, parts)
+            result = result_of(request, work.content(), {})
             checks, verification = parts.get(CHECKS) or (), parts.get(VERIFICATION)
             return replace(result, versions=versions, checks=checks, verification=verification)
     except StoreError:
@@ -91,14 +86,82 @@ def read(parts: Parts) -> Any:
         raise
 
 
-def _reader_of(kind: str) -> Callable[[Study, Parts], Result]:
-    """Reads the result of a kind of study from the parts of its file; the versions are added later."""
-    if kind in JOBS:
+def result_of(study: Study, content: Content, written_by: Mapping[str, str]) -> Result:
+    """The result of a study with this content."""
+    parts = (content.diagram, content.map, content.finding)
+    return Result(study, content.branches, content.complete, written_by, *parts)
 
-        def read_job(study: Study, parts: Parts) -> Result:
-            finding = job_of(kind).read(study, parts)
-            return Result(study, (), finding.complete, {}, finding=finding)
 
-        return read_job
-    module, _, name = _READERS[kind].rpartition(".")
-    return getattr(import_module(f"gapwalk.studies.{module}"), name)
+def _record_of(call: Call, work: Work, parts: Parts) -> Any:
+    """What a function returned, as far as it had come; a StoreError if nothing can be made of that yet."""
+    finding = work.content().finding
+    if finding is not None and finding.record is None:
+        name, kind = os.fspath(parts.path), call.options.kind
+        raise StoreError(
+            f"{name} is not complete: {finding.stored}; continue it by gapwalk.{kind}(..., output={name!r}) with the "
+            "same arguments as before"
+        )
+    return work.record
+
+
+def earlier_result(path: str | os.PathLike[str] | None, study: Study, *, resume: bool, force: bool) -> Result | None:
+    """The result to continue in a file; None if there is none, or it is to be written over.
+
+    Raises
+    ------
+    StoreError
+        If there is a file, and it is neither to be resumed nor to be written over, or cannot be.
+    """
+    if path is None:
+        return None
+    result = check_claim(path, study, resume=resume, force=force)
+    if result is not None:
+        tidy(path)
+    return result
+
+
+def check_claim(path: str | os.PathLike[str], study: Study, *, resume: bool, force: bool) -> Result | None:
+    """The same as `earlier_result`, without a change to any file."""
+    name = os.fspath(path)
+    if resume and force:
+        raise StoreError(f"{name} can be resumed or written over, not both; leave out one of resume and force")
+    if not os.path.lexists(name):
+        return None
+    check_place(path)
+    if resume:
+        result = load_result(path)
+        _check_same(name, study, result.study)
+        return result
+    if not force:
+        raise StoreError(
+            f"{name} exists already; go on with it (--resume), write over it (--force), or choose another name "
+            "(--output)"
+        )
+    if not looks_like_result(path):
+        raise StoreError(f"{name} is not a result file of gapwalk, so it is not written over; choose another name")
+    return None
+
+
+def _check_same(name: str, study: Study, stored: Study) -> None:
+    """Refuse to resume another study; titles, texts and names change nothing of a result."""
+    study = as_before(study, stored)
+    before = replace(study, system=stored.system, options=stored.options)
+    check_same(
+        name, study, before, "choose another name for the new result (--output), or write over this one (--force)"
+    )
+
+
+_ROUNDING = 1e-9  # of a value, relative to the largest there is
+
+
+def as_before(study: Study, stored: Study) -> Study:
+    """The study with the system of a stored one, if both are reduced and the systems differ by rounding alone.
+
+    A resumed walk goes on bit for bit only with the very numbers that it began with.
+    """
+    if study.reduced is None or stored.reduced is None or study.system.structure != stored.system.structure:
+        return study
+    now, then = study.system.values, stored.system.values
+    if np.abs(now - then).max() > _ROUNDING * np.abs(then).max():
+        return study
+    return replace(study, system=stored.system)

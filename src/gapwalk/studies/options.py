@@ -1,49 +1,206 @@
-"""What a study is asked to do: one frozen dataclass of options for each kind of study."""
+"""Options that kinds of study share: a range of one parameter, a second parameter, and a first orbit."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
-from importlib import import_module
-from typing import ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.isolated import SearchOptions
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+
 from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.model.problems import did_you_mean, given
+from gapwalk.model.schema import Count
+from gapwalk.model.system import System
+from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
+from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.method import Method
+from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
-from gapwalk.results.codec import Column, OneOf, column_of, register
-from gapwalk.studies.diagram.diagram import DiagramOptions
-from gapwalk.studies.map.options import MapOptions
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.option_tables import BalancePart, ShootingPart, method_name
+from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter, check_value
 
-_LIMITS, _MAP = DiagramOptions(), MapOptions()
-
-
-class Start(StrEnum):
-    """Where the search for the first orbit of a study begins."""
-
-    REST = "rest"
-    """Newton's method from the state zero."""
-    SETTLE = "settle"
-    """Newton's method from where a transient from rest has come to."""
+if TYPE_CHECKING:
+    from typing import Self
 
 
-@dataclass(frozen=True, slots=True)
-class StudyOptions:
-    """What is to be done, of any kind of study; each kind has a dataclass of its own."""
+def known_parameter(parameter: str, info: ValidationInfo[Surroundings]) -> str:
+    """Refuse a parameter that the system does not have."""
+    return check_parameter(parameter, info.context)
 
-    kind: ClassVar[str]
-    """What a model file calls this kind of study."""
+
+def _begins(value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+    if value is None:
+        if info.data.get("parameter") in PACES and not info.context.frequency_given:
+            raise ValueError("is missing; the file gives no frequency to start at either")
+        return None
+    return check_value(value, info.data.get("parameter"), info.context)
+
+
+def _ends(end: float, info: ValidationInfo[Surroundings]) -> float:
+    parameter, around = info.data.get("parameter"), info.context
+    check_value(end, parameter, around)
+    begin, system = info.data.get("begin"), around.system
+    if begin is None and "begin" in info.data and parameter and system and not around.guessed:
+        begin = system[parameter]
+    if begin == end:
+        raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
+    return end
+
+
+@dataclass(frozen=True)
+class RangeStudy(StudyKind):
+    """A study over a range of one parameter.
+
+    Parameters
+    ----------
+    parameter
+        The parameter, any of the system's, for example ``"frequency"``.
+    begin, end
+        The range: the study goes from the first value to the second. In a table they are called ``from`` and ``to``; by
+        default it begins at the value of the system.
+    """
+
+    parameter: Annotated[
+        str, Field(description='write what is walked, as in parameter = "frequency"'), AfterValidator(known_parameter)
+    ]
+    begin: Annotated[float, OPEN, Field(alias="from", validate_default=True), WITH_UNIT, AfterValidator(_begins)]
+    end: Annotated[
+        float,
+        Field(alias="to", description="write the value at which the walk ends"),
+        WITH_UNIT,
+        AfterValidator(_ends),
+    ]
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table; it begins at the value of the system if the table says nothing else."""
+        return cls(**{"begin": system[values["parameter"]], **values})
+
+    def first_system(self, system: System) -> System:
+        """The system at the first value of the parameter."""
+        return system if system[self.parameter] == self.begin else system.at({self.parameter: self.begin})
 
     @property
-    def plan(self) -> str:
-        """What is to be done, in a line."""
-        raise NotImplementedError
+    def ends(self) -> tuple[float, float]:
+        """The ends of the range, the smaller one first."""
+        return min(self.begin, self.end), max(self.begin, self.end)
+
+    @property
+    def range_words(self) -> str:
+        """The parameter and its range in words."""
+        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
+
+
+def _is_allowed(value: float, info: ValidationInfo[Surroundings]) -> float:
+    return check_value(value, info.data.get("parameter"), info.context)
+
+
+def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
+    if info.data.get("begin") == end:
+        raise ValueError(f"is {end:g}, where the range begins; make it wider")
+    return end
 
 
 @dataclass(frozen=True, slots=True)
-class BranchOptions(StudyOptions):
+class SecondParameter:
+    """The second parameter of a plane, and its range.
+
+    Parameters
+    ----------
+    parameter
+        Its name.
+    begin, end
+        The range; in a table they are called ``from`` and ``to``.
+    """
+
+    parameter: Annotated[
+        str,
+        Field(description='write the second parameter, as in parameter = "mean.q1"'),
+        AfterValidator(known_parameter),
+    ]
+    begin: Annotated[
+        float,
+        Field(alias="from", description="write where its range begins"),
+        WITH_UNIT,
+        AfterValidator(_is_allowed),
+    ]
+    end: Annotated[
+        float,
+        Field(alias="to", description="write where its range ends"),
+        WITH_UNIT,
+        AfterValidator(_is_allowed),
+        AfterValidator(_differs),
+    ]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends of the range, the smaller one first."""
+        return min(self.begin, self.end), max(self.begin, self.end)
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
+
+
+def is_another(second: Any, info: ValidationInfo[Surroundings]) -> Any:
+    """Refuse a second parameter that is the first one."""
+    if second.parameter == info.data.get("parameter"):
+        raise ValueError(f"has the parameter {given(second.parameter)}, which is the first one; choose another")
+    return second
+
+
+Second = Annotated[
+    SecondParameter,
+    Field(description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'),
+    AfterValidator(is_another),
+]
+"""The second parameter of a study in a plane of two."""
+
+
+def _can_be_measured(measure: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+    if measure is None:
+        return None
+    kind, _, coordinate = measure.partition(".")
+    system = info.context.system
+    if kind not in MEASURES or not coordinate:
+        raise ValueError(
+            f"is {given(measure)}; it must be one of {', '.join(MEASURES)}, a dot and a coordinate, as in half.q1"
+        )
+    if system and coordinate not in system.coordinates:
+        hint = did_you_mean(coordinate, system.coordinates)
+        raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
+    return measure
+
+
+def _has_contacts(method: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+    system, needs = info.context.system, Method.named(method).needs_contacts if method else ""
+    if needs and system and not system.structure.contacts:
+        raise ValueError(f"is {given(method)}, which {needs}, and there is no contact; write {given(Shooting.name)}")
+    return method
+
+
+def _is_meant(balance: object, info: ValidationInfo[Surroundings]) -> object:
+    if isinstance(balance, Mapping) and info.data.get("method", "") is None:
+        raise ValueError(
+            f"is for harmonic balance, but no method is named, which means {given(Shooting.name)}; "
+            f"write method = {given(Balance.name)} in the study, or leave the table out"
+        )
+    return balance
+
+
+def _suits_the_excitation(balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
+    if info.context.system and info.data.get("method") == Balance.name:
+        balance.options().pose(info.context.system)
+    return balance
+
+
+@dataclass(frozen=True)
+class BranchOptions(RangeStudy):
     """What the studies of branches have in common: a first orbit, and the range of one parameter.
 
     Parameters
@@ -63,169 +220,55 @@ class BranchOptions(StudyOptions):
     walk
         Numerical options of the walk.
     method
-        How its orbits are found: `Shooting` or `Balance`, with their options.
+        How its orbits are found, with its options: `Shooting`, `Balance`, or another `gapwalk.orbit.method.Method`. A
+        table names it by ``method``; the options of the first two stand in tables of these names, and both may stand,
+        so that one word changes the method.
     verify
         Whether the result is checked by other means when it is complete; see `gapwalk.verify`.
     """
 
-    parameter: str
-    begin: float
-    end: float
-    measure: str
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "period": Annotated[Count, Field(le=MAX_PERIOD)],
+        "start": StartOrState,
+        "method": (
+            Annotated[Annotated[str, BeforeValidator(method_name)] | None, AfterValidator(_has_contacts)],
+            None,
+        ),
+        "shooting": (ShootingPart, Field(default_factory=ShootingPart)),
+        "balance": (
+            Annotated[BalancePart, BeforeValidator(_is_meant), AfterValidator(_suits_the_excitation)],
+            Field(default_factory=BalancePart, validate_default=True),
+        ),
+    }
+
+    measure: Annotated[str, OPEN, AfterValidator(_can_be_measured)]
     period: int = 1
     start: Start | tuple[float, ...] = Start.SETTLE
     walk: WalkOptions = field(default_factory=WalkOptions)
     method: Method = field(default_factory=Shooting)
     verify: bool = field(default=False, compare=False)  # it changes nothing of what is found
 
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table; it shows half of the first coordinate if the table says nothing else."""
+        found = {"measure": f"half.{system.coordinates[0]}", **values}
+        tables = (found.pop("shooting"), found.pop("balance"))
+        method = Method.named(found["method"] or Shooting.name)
+        found["method"] = next((table.options() for table in tables if table.method is method), method())
+        return super().of_table(found, system)
+
+    @classmethod
+    def unused(cls, table: Mapping[str, object]) -> tuple[str, ...]:
+        """The tables of other methods, if there are any."""
+        name = table.get("method") or Shooting.name
+        return tuple(f"study.{other}" for other in (Shooting.name, Balance.name) if other in table and other != name)
+
     @property
     def plan(self) -> str:
         """What is to be done, in a line."""
-        return f"{self.kind} over {self._range}, period {self.period}, showing {self.measure}"
+        return f"{self.kind} over {self.range_words}, period {self.period}, showing {self.measure}"
 
     @property
     def balanced(self) -> bool:
         """Whether its orbits are stored with their series."""
         return isinstance(self.method, Balance)
-
-    @property
-    def _range(self) -> str:
-        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
-
-
-@dataclass(frozen=True, slots=True)
-class ResponseOptions(BranchOptions):
-    """A response curve: the branch of periodic orbits over one parameter; parameters as `BranchOptions`."""
-
-    kind: ClassVar[str] = "response"
-
-
-@dataclass(frozen=True, slots=True)
-class DiagramStudyOptions(BranchOptions):
-    """A diagram: all branches that are attached to the first one, over one parameter, and those that a search finds.
-
-    Parameters
-    ----------
-    parameter, begin, end, measure, period, start, walk, method
-        As `BranchOptions`, for the first branch; the range is that of all.
-    max_period, max_branches, workers, search_values, search
-        How far it goes, in how many processes, and the search for branches that are attached to no other; as
-        `DiagramOptions`.
-    """
-
-    kind: ClassVar[str] = "diagram"
-
-    max_period: int = _LIMITS.max_period
-    max_branches: int = _LIMITS.max_branches
-    workers: int | None = field(default=None, compare=False)  # it changes nothing of the result
-    search_values: int | tuple[float, ...] = _LIMITS.search_values
-    search: SearchOptions = _LIMITS.search
-
-    @property
-    def plan(self) -> str:
-        """What is to be done, in a line."""
-        return (
-            f"{self.kind} over {self._range}, period {self.period}, showing {self.measure}, to period "
-            f"{self.max_period}{_search_words(self.search_values)}"
-        )
-
-    @property
-    def limits(self) -> DiagramOptions:
-        """How far the diagram goes, and in how many processes."""
-        return DiagramOptions(self.max_period, self.max_branches, self.workers, self.search_values, self.search)
-
-
-@dataclass(frozen=True, slots=True)
-class SecondParameter:
-    """The second parameter of a plane, and its range.
-
-    Parameters
-    ----------
-    parameter
-        Its name.
-    begin, end
-        The range.
-    """
-
-    parameter: str
-    begin: float
-    end: float
-
-    @property
-    def words(self) -> str:
-        """The same in words."""
-        return f"{self.parameter} from {self.begin:g} to {self.end:g}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapStudyOptions(BranchOptions):
-    """A map: all loci that bound regimes in the plane of two parameters.
-
-    Parameters
-    ----------
-    parameter, begin, end, period, start, walk, method
-        As `BranchOptions`, for the branches on which the loci are picked up; the range is that of the map too.
-    measure
-        What tables and lists of motions show.
-    second
-        The second parameter.
-    sections, max_period, kinds, workers, search_values, search
-        What the map shows, and where its loci are picked up; as `MapOptions`.
-    """
-
-    kind: ClassVar[str] = "map"
-
-    second: SecondParameter
-    sections: int | tuple[float, ...] = _MAP.sections
-    max_period: int = _MAP.max_period
-    kinds: tuple[Kind, ...] = _MAP.kinds
-    workers: int | None = field(default=None, compare=False)
-    search_values: int | tuple[float, ...] = _MAP.search_values
-    search: SearchOptions = _MAP.search
-
-    @property
-    def plan(self) -> str:
-        """What is to be done, in a line."""
-        return (
-            f"{self.kind} over {self._range} and {self.second.words}, period {self.period}, to period "
-            f"{self.max_period}{_search_words(self.search_values)}"
-        )
-
-    @property
-    def limits(self) -> MapOptions:
-        """What the map shows, and in how many processes."""
-        return MapOptions(self.sections, self.max_period, self.kinds, self.workers, self.search_values, self.search)
-
-    @property
-    def within(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The range of each parameter, the smaller value first."""
-        (a, b), (c, d) = sorted((self.begin, self.end)), sorted((self.second.begin, self.second.end))
-        return (a, b), (c, d)
-
-
-def _search_words(values: int | tuple[float, ...]) -> str:
-    """Where a search is to be, for a line that says what is to be done."""
-    count = values if isinstance(values, int) else len(values)
-    return f", with a search at {count} values" if count else ""
-
-
-# Each is loaded only when a result holds it, as with `gapwalk.studies.kinds`.
-_HOMES = {
-    "response": "options.ResponseOptions",
-    "diagram": "options.DiagramStudyOptions",
-    "map": "options.MapStudyOptions",
-    "locus": "locus.study_options.LocusStudyOptions",
-    "family": "family.study_options.FamilyStudyOptions",
-    "settle": "settle.study_options.SettleStudyOptions",
-    "sweep": "sweep.study_options.SweepStudyOptions",
-    "basins": "basins.study_options.BasinStudyOptions",
-    "regimes": "regimes.study_options.RegimeStudyOptions",
-}
-
-
-def _column_of(kind: str) -> Column:
-    module, _, name = _HOMES[kind].rpartition(".")
-    return column_of(getattr(import_module(f"gapwalk.studies.{module}"), name))
-
-
-register(StudyOptions, OneOf(lambda value: value.kind if isinstance(value, StudyOptions) else None, _column_of))

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import os
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
 
 from gapwalk.model.system import System
 from gapwalk.results.codec import Column, OneOf, column_of, register
 from gapwalk.results.differences import check_same
-from gapwalk.results.result_file import Entry, Part, Parts, ResultFile, lock, reading
+from gapwalk.results.result_file import Entry, Part, ResultFile, lock, reading
 from gapwalk.results.versions import versions
+from gapwalk.studies.kind import StudyKind
 
-# Each is loaded only when a file holds it: a frequency response need not wait for the code of basins.
+# Each is loaded only when a file holds it.
 _HOMES = {
-    "study": "file.Study",
-    "sweep": "sweep.call.SweepCall",
-    "basins": "basins.call.BasinsCall",
-    "regimes": "regimes.call.RegimesCall",
-    "family": "family.call.FamilyCall",
+    "study": "study_file.Study",
+    "call": "request.Call",
 }
 
 
@@ -34,12 +32,22 @@ class Request:
     system: System
 
 
+@dataclass(frozen=True)
 class Call(Request):
-    """The arguments of a function that keeps its result in a file."""
+    """The call of a Python function that keeps its result in a file: it asks for what a study asks for.
 
-    @abstractmethod
-    def found(self, parts: Parts) -> Any:
-        """What the function returned, from the parts of its file."""
+    Attributes
+    ----------
+    system
+        The system, as at the beginning of such a study.
+    options
+        What is asked for.
+    """
+
+    asks: ClassVar[str] = "call"
+
+    system: System
+    options: StudyKind
 
 
 REQUEST = Part("request", Request)
@@ -73,9 +81,6 @@ class NoFile:
 Keeper = ResultFile | NoFile
 """What keeps the parts of a job."""
 
-Output = str | os.PathLike[str] | Keeper | None
-"""Where a function keeps its result: a file by name, the open file of a study, or nowhere."""
-
 
 def request_file(
     request: Request, output: str | os.PathLike[str] | None, before: Mapping[str, str] | None = None
@@ -98,28 +103,21 @@ def request_file(
 
 
 @contextmanager
-def call_file(call: Call, output: Output) -> Iterator[Keeper]:
-    """The file in which a function keeps what it finds; if it holds a part of the same call already, it is continued.
+def claimed(request: Request, output: str | os.PathLike[str] | None) -> Iterator[Mapping[str, str] | None]:
+    """Keep other writers off the file of a request for a while; the versions that wrote it, if it is to be continued.
 
     Raises
     ------
     StoreError
-        If the file is of something else, is being written by another run, or cannot be written.
+        If the file is of something else, or is being written by another run.
     """
-    if isinstance(output, ResultFile | NoFile):
-        yield output
-        return
-    if output is None:
-        yield NoFile()
-        return
-    with lock(output):
+    with nullcontext() if output is None else lock(output):
         before = None
-        if os.path.exists(output) and os.path.getsize(output):
+        if output is not None and os.path.exists(output) and os.path.getsize(output):
             with reading(output) as parts:
-                check_same(os.fspath(output), call, parts.one(REQUEST))
+                check_same(os.fspath(output), request, parts.one(REQUEST))
                 before = parts.one(VERSIONS)
-        with request_file(call, output, before) as file:
-            yield file
+        yield before
 
 
 def _column_of(asks: str) -> Column:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +11,57 @@ from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.continuation.walk import EndReason
 from gapwalk.model.system import System
-from gapwalk.notebook.shown import Shown
-from gapwalk.studies.file import Study
-from gapwalk.studies.finding import Finding
-from gapwalk.studies.map.chart import Map
-from gapwalk.studies.options import BranchOptions, StudyOptions
-from gapwalk.studies.reduced.full_check import FullCheck
+from gapwalk.model.words import full_measure, parameter_symbol, signal_words
+from gapwalk.notebook import Shown
+from gapwalk.studies.kind import Finding, StudyKind
+from gapwalk.studies.map import Map
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.study_file import Study
+from gapwalk.summary import Summary, Table, remarks
 from gapwalk.verification import Verification
+
+
+@dataclass(frozen=True)
+class FullCheck:
+    """How far a branch is from that of the full system.
+
+    Attributes
+    ----------
+    branch
+        Its name.
+    errors
+        Estimated error of the parameter value of each special point, in their order; inf where none was found near by
+        in the full system.
+    motion
+        Largest estimated error of a motion, relative to its size.
+    harmonics
+        Harmonics with which it was checked; 0 if that failed.
+    detail
+        Why it failed.
+    """
+
+    branch: str
+    errors: tuple[float, ...]
+    motion: float
+    harmonics: int
+    detail: str = ""
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        if self.detail:
+            return f"{self.branch} could not be set against the full system: {self.detail}"
+        known = [error for error in self.errors if math.isfinite(error)]
+        texts = ["it has no special points"]
+        if self.errors:
+            within = f", and differ by {max(known):.1e} at most" if known else ""
+            texts = [f"{len(known)} of its {len(self.errors)} special points are there{within}"]
+        texts.append(
+            f"motions differ by {self.motion:.1e} of their size at most"
+            if math.isfinite(self.motion)
+            else "some of its motions are not there: the reduced system has too few modes for them"
+        )
+        return f"{self.branch} set against the full system, by {self.harmonics} harmonics: {'; '.join(texts)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +113,7 @@ class Result(Shown):
         return self.study.system
 
     @property
-    def options(self) -> StudyOptions:
+    def options(self) -> StudyKind:
         """What was asked of it."""
         return self.study.options
 
@@ -119,6 +164,73 @@ class Result(Shown):
         if self.diagram is not None:
             return tuple(member.name for member in self.diagram.members)
         return tuple(f"P{branch.period}-{number}" for number, branch in enumerate(self.branches, start=1))
+
+    def summary(self, points: bool = True) -> Summary:
+        """Return the result as the terminal shows it: lines of text, tables, and the tree of a diagram.
+
+        Parameters
+        ----------
+        points
+            Whether to include the special points of a diagram or a map.
+        """
+        if self.study.reduced is not None:
+            yield self.study.reduced.words
+        yield from (check.words for check in self.checks)
+        if self.verification is not None:
+            yield self.verification.words
+        if self.finding is not None:
+            if not self.finding.complete:
+                yield self.finding.stored
+            if self.finding.record is not None:
+                yield from self.finding.summary()
+            yield from remarks(self.finding.notes, self.finding.failures)
+            return
+        curves = (*self.branches, *(self.map.loci if self.map else ()))
+        if words := self.walked.method.words([point.orbit for curve in curves for point in curve.points]):
+            yield words
+        if self.map is not None:
+            yield from self._missed()
+            yield from self.map.summary(self.walked.measure if points else None)
+            return
+        yield from (self.branches[0] if self.diagram is None else self.diagram).summary()
+        if self.diagram is None or points:
+            yield from self._missed()
+            any_special = any(branch.special_points for branch in self.branches)
+            yield self.special_points() if any_special else "no special points"
+
+    def _missed(self) -> Iterator[str]:
+        """Return the steps of branches in which a special point was missed, in sentences."""
+        for name, branch in zip(self.names, self.branches, strict=True):
+            symbol = parameter_symbol(branch.parameter, branch.system.units)
+            yield from (f"not explained: {name}, {symbol} {each}" for each in branch.unexplained)
+
+    def special_points(self) -> Table:
+        """Return the table of the special points of all branches, rounded for reading."""
+        coordinates, units, diagram = self.system.coordinates, self.system.units, self.diagram
+        named = full_measure(self.walked.measure, coordinates).partition(".")[2]
+        coordinate = named if named in coordinates else coordinates[0]
+        numbers = (parameter_symbol(self.walked.parameter, units), "±", signal_words(f"half {coordinate}", units))
+        headings = ["kind", *(f">{each}" for each in (*numbers, "multiplier"))]
+        headings += ["unstable" if diagram else "stability", "criticality or contact"]
+        rows, groups = [], []
+        for name, branch in zip(self.names, self.branches, strict=True):
+            for index, special in enumerate(branch.special_points):
+                counts = dict.fromkeys(str(side.total) for side in (special.before, special.after))
+                row = [
+                    special.kind.value,
+                    f"{special.value:#.10g}",
+                    f"{special.uncertainty:.0e}" if math.isfinite(special.uncertainty) else "",
+                    f"{special.point.measure(f'half.{coordinate}'):#.8g}",
+                    special.multiplier_words,
+                    " → ".join(counts) if diagram else special.change,  # the table of a diagram is wide enough as it is
+                    special.nature_words.removesuffix(" values") or special.contact,
+                ]
+                if diagram:
+                    leads_to = " ".join(member.name for member in diagram.attached(name, index))
+                    row = [name if index == 0 else "", *row, leads_to]
+                rows.append(row)
+            groups.append(len(rows) - 1)
+        return Table(["branch", *headings, "leads to"] if diagram else headings, rows, groups)
 
     def to_dict(self, points: bool = True) -> dict[str, Any]:
         """Return the result as plain JSON values, as the commands print it with ``--json``.

@@ -1,4 +1,4 @@
-"""The table ``[study]`` of a model file: what the schemas of all kinds of study have in common."""
+"""What the tables ``[study]`` of all kinds have in common, and those of maps over a plane."""
 
 from __future__ import annotations
 
@@ -16,23 +16,53 @@ from pydantic import (
     ValidationInfo,
     WrapValidator,
     field_validator,
-    model_validator,
 )
 
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.model_fields import Count, Number, Positive, Text, one_of
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Part, by_shape, tagged
+from gapwalk.model.schema import Count, Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.orbit.harmonic_balance.balance import Balance
-from gapwalk.orbit.measures import MEASURES
-from gapwalk.orbit.method import Method
-from gapwalk.orbit.orbit_equation import MAX_PERIOD
-from gapwalk.orbit.shooting import Shooting
-from gapwalk.studies.method_table import BalancePart, ShootingPart, method_name
-from gapwalk.studies.options import Start, StudyOptions
+from gapwalk.studies.option_tables import count_shape
+
+Within = tuple[tuple[float, float], tuple[float, float]]
+"""The ranges of two axes."""
+
+MAX_CELLS = 10_000_000
+"""Of a map over a plane; of each some hundred bytes are kept."""
+
+
+def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
+    """The number of columns and rows, or a ModelError that says what to write."""
+    both = (given, given) if isinstance(given, int) else tuple(given)
+    if len(both) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in both):
+        raise ModelError(f"resolution is {given!r}; write a number of cells, or (columns, rows)")
+    if both[0] * both[1] > MAX_CELLS:
+        raise ModelError(f"resolution is {both[0]:,} x {both[1]:,} cells; there may be {MAX_CELLS:,}, as 4000 x 2500")
+    return both
+
+
+def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tuple[tuple[str, str], Within]:
+    """The names of two parameters of a plane, the horizontal one first, and their ranges; or a ModelError."""
+    if len(plane) != 2:
+        raise ModelError(
+            f"a plane has two axes, but {len(plane)} ranges were given ({', '.join(plane) or 'none'}); write "
+            '{"frequency": (0.2, 1.2), "harmonic1.amplitude": (0, 1)}'
+        )
+    first, second = plane
+    return (first, second), (_range(system, first, plane[first]), _range(system, second, plane[second]))
+
+
+def _range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
+    try:
+        low, high = (float(value) for value in given)
+    except (TypeError, ValueError):
+        raise ModelError(f"the range of {name} is {given!r}; write two numbers (low, high)") from None
+    for value in (low, high):
+        system.at({name: value})
+    if not low < high:
+        raise ModelError(f"the range of {name} is from {low:g} to {high:g}: it is empty; write (low, high)")
+    return low, high
 
 
 @dataclass(frozen=True)
@@ -63,26 +93,6 @@ class Surroundings:
     guessed: bool = False
 
 
-class WalkPart(Part):
-    """Numerical options of the walk: ``[study.walk]``."""
-
-    initial_step: Positive | None = None
-    smallest_step: Positive | None = None
-    largest_step: Positive | None = None
-    largest_turn: Positive | None = None
-    iterations: Count | None = None
-    max_points: Count | None = None
-
-    @model_validator(mode="after")
-    def _makes_options(self) -> WalkPart:
-        self.options()
-        return self
-
-    def options(self) -> WalkOptions:
-        """The options; what the table does not give has the default of `WalkOptions`."""
-        return WalkOptions(**self.model_dump(exclude_unset=True))
-
-
 def _state_length(start: list[float], info: ValidationInfo[Surroundings]) -> list[float]:
     system = info.context.system
     if system and len(start) != 2 * system.size:
@@ -97,7 +107,13 @@ def _start_shape(value: object) -> str:
     return "state" if isinstance(value, list) else "word"
 
 
-_StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
+class Start(StrEnum):
+    """Where the search for the first orbit of a study begins."""
+
+    REST = "rest"
+    """Newton's method from the state zero."""
+    SETTLE = "settle"
+    """Newton's method from where a transient from rest has come to."""
 
 
 class Rest(StrEnum):
@@ -106,10 +122,18 @@ class Rest(StrEnum):
     REST = "rest"
 
 
-_RestName = Annotated[Rest, BeforeValidator(one_of(Rest, "the state at t = 0, a list of numbers"))]
-_State = Annotated[list[Number], AfterValidator(_state_length)]
+_StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
+_RestName = Annotated[Rest, BeforeValidator(one_of(Rest, "the state at t = 0, a list of numbers")), AfterValidator(str)]
+_State = Annotated[list[Number], AfterValidator(_state_length), AfterValidator(tuple)]
 State = _State
 """A state at t = 0: positions, then velocities."""
+
+CountOrStates = Annotated[
+    Annotated[Count, tagged("count")] | Annotated[list[State], Field(min_length=1), tagged("values")],
+    by_shape(count_shape),
+    AfterValidator(lambda given: tuple(given) if isinstance(given, list) else given),
+]
+"""How many states; or the states themselves."""
 
 RestOrState = Annotated[
     Annotated[_RestName, tagged("word")] | Annotated[_State, tagged("state")], by_shape(_start_shape)
@@ -122,9 +146,13 @@ StartOrState = Annotated[
 """Where an orbit is looked for: from rest, from where a transient settles, or from a state."""
 
 
-def plain_start(start: str | list[float]) -> str | tuple[float, ...]:
-    """A start as options have it."""
-    return str(start) if isinstance(start, str) else tuple(start)
+_Pair = Annotated[list[Count], Field(min_length=2, max_length=2)]
+Resolution = Annotated[
+    Annotated[Count, tagged("count")] | Annotated[_Pair, tagged("values")],
+    by_shape(count_shape),
+    AfterValidator(lambda given: check_resolution(given if isinstance(given, int) else tuple(given))),
+]
+"""Cells along each axis of a plane, or columns and rows; as columns and rows."""
 
 
 def check_signal(signal: str, known: Sequence[str]) -> str:
@@ -172,16 +200,12 @@ def _with_unit(value: object, handler: Callable[[object], Any], info: Validation
     return handler(system.units.read(str(parameter), value))
 
 
-Value = Annotated[Number, WrapValidator(_with_unit)]
-"""A value of the parameter that is named beside it: a number, or a text with a unit where the system has units."""
+WITH_UNIT = WrapValidator(_with_unit)
+"""Reads texts with units where the parameter that is named beside a value has a unit."""
 
 
 class StudyPart(Part):
-    """What the schemas of all kinds of study have in common.
-
-    A new kind is a subclass with a literal `kind` of its own, its place in `gapwalk.studies.kinds`, and a dataclass of
-    options.
-    """
+    """What the tables of all kinds of study have in common; `gapwalk.studies.derive` makes the keys of each kind."""
 
     name: Text | None = Field(default=None, validate_default=True)
     title: Text = ""
@@ -203,138 +227,3 @@ class StudyPart(Part):
         ):  # on some disks they would be one file
             raise ValueError(f"is {given(name)}, which is taken already; choose another name")
         return name
-
-    @property
-    def unused(self) -> tuple[str, ...]:
-        """Names of tables that stand in it and change nothing."""
-        return ()
-
-    def system(self, system: System) -> System:
-        """The system at the beginning of the study."""
-        return system
-
-    def options(self, system: System) -> StudyOptions:
-        """The options of the study of this system."""
-        raise NotImplementedError
-
-
-class RangePart(StudyPart):
-    """What the schemas of the studies over one parameter have in common: its name, and its range."""
-
-    parameter: Text = Field(description='write what is walked, as in parameter = "frequency"')
-    begin: Value | None = Field(default=None, alias="from", validate_default=True)
-    end: Value = Field(alias="to", description="write the value at which the walk ends")
-
-    @field_validator("parameter")
-    @classmethod
-    def _exists(cls, parameter: str, info: ValidationInfo[Surroundings]) -> str:
-        return check_parameter(parameter, info.context)
-
-    @field_validator("begin", "end")
-    @classmethod
-    def _is_allowed(cls, value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-        parameter, surroundings = info.data.get("parameter"), info.context
-        if value is None:
-            if parameter in PACES and not surroundings.frequency_given:
-                raise ValueError("is missing; the file gives no frequency to start at either")
-            return None
-        return check_value(value, parameter, surroundings)
-
-    @field_validator("end")
-    @classmethod
-    def _differs_from_the_beginning(cls, end: float, info: ValidationInfo[Surroundings]) -> float:
-        begin, parameter, system = info.data.get("begin"), info.data.get("parameter"), info.context.system
-        if begin is None and "begin" in info.data and parameter and system and not info.context.guessed:
-            begin = system[parameter]
-        if begin == end:
-            raise ValueError(f"is {end:g}, where the walk begins; give it somewhere to go")
-        return end
-
-    def system(self, system: System) -> System:
-        """The system at the first value of the parameter."""
-        return system if self.begin is None else system.at({self.parameter: self.begin})
-
-
-class BranchPart(RangePart):
-    """What the schemas of the studies of branches have in common: a first orbit, and how it is walked."""
-
-    period: Annotated[Count, Field(le=MAX_PERIOD)] = 1
-    start: StartOrState = Start.SETTLE
-    measure: Text = ""
-    walk: WalkPart = Field(default_factory=WalkPart)
-    method: Annotated[str, BeforeValidator(method_name)] | None = None
-    shooting: ShootingPart = Field(default_factory=ShootingPart)  # both may stand, so that one word changes the method
-    balance: BalancePart = Field(default_factory=BalancePart, validate_default=True)
-    verify: bool = False
-
-    @field_validator("measure")
-    @classmethod
-    def _can_be_measured(cls, measure: str, info: ValidationInfo[Surroundings]) -> str:
-        kind, _, coordinate = measure.partition(".")
-        system = info.context.system
-        if kind not in MEASURES or not coordinate:
-            raise ValueError(
-                f"is {given(measure)}; it must be one of {', '.join(MEASURES)}, a dot and a coordinate, as in half.q1"
-            )
-        if system and coordinate not in system.coordinates:
-            hint = did_you_mean(coordinate, system.coordinates)
-            raise ValueError(f"is {given(measure)}, but {coordinate} is no coordinate; {hint}")
-        return measure
-
-    @field_validator("method")
-    @classmethod
-    def _has_contacts(cls, method: str | None, info: ValidationInfo[Surroundings]) -> str | None:
-        system, needs = info.context.system, Method.named(method).needs_contacts if method else ""
-        if needs and system and not system.structure.contacts:
-            raise ValueError(
-                f"is {given(method)}, which {needs}, and there is no contact; write {given(Shooting.name)}"
-            )
-        return method
-
-    @field_validator("balance", mode="before")
-    @classmethod
-    def _is_meant(cls, balance: object, info: ValidationInfo[Surroundings]) -> object:
-        if isinstance(balance, Mapping) and info.data.get("method", "") is None:
-            raise ValueError(
-                f"is for harmonic balance, but no method is named, which means {given(Shooting.name)}; "
-                f"write method = {given(Balance.name)} in the study, or leave the table out"
-            )
-        return balance
-
-    @field_validator("balance")
-    @classmethod
-    def _suits_the_excitation(cls, balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
-        if info.context.system and info.data.get("method") == Balance.name:
-            balance.options().pose(info.context.system)
-        return balance
-
-    @property
-    def unused(self) -> tuple[str, ...]:
-        """The tables of other methods, if there are any."""
-        return tuple(
-            f"study.{name}"
-            for name in ("shooting", "balance")
-            if name in self.model_fields_set and getattr(self, name).method.name != (self.method or Shooting.name)
-        )
-
-    def _options(self) -> Method:
-        """The method with its options: the defaults, where no table is for it."""
-        method = Method.named(self.method or Shooting.name)
-        return next((part.options() for part in (self.shooting, self.balance) if part.method is method), method())
-
-    def given(self, system: System) -> dict[str, Any]:
-        """The options that all kinds have, by name; keys that are not given have the defaults of `StudyOptions`."""
-        found: dict[str, Any] = {
-            "parameter": self.parameter,
-            "begin": self.system(system)[self.parameter],
-            "end": self.end,
-            "measure": self.measure or f"half.{system.coordinates[0]}",
-            "walk": self.walk.options(),
-            "verify": self.verify,
-            "method": self._options(),
-        }
-        if "period" in self.model_fields_set:
-            found["period"] = self.period
-        if "start" in self.model_fields_set:
-            found["start"] = tuple(self.start) if isinstance(self.start, list) else self.start
-        return found

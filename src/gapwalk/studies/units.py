@@ -7,13 +7,13 @@ from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_scales import NonDimensional, nondimensional
-from gapwalk.studies.basins.study_options import BasinStudyOptions
-from gapwalk.studies.file import Study
-from gapwalk.studies.options import SecondParameter, StudyOptions
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.options import SecondParameter
+from gapwalk.studies.study_file import Study
 
 
 def without_units(study: Study) -> Study:
-    """The same study in non-dimensional form; what its numbers stand for is told among its changes.
+    """The same study in non-dimensional form; its changes say what its numbers mean.
 
     Raises
     ------
@@ -25,8 +25,8 @@ def without_units(study: Study) -> Study:
     return replace(study, system=form.system, options=_options(study.options, form), changes=changes)
 
 
-def _options(options: StudyOptions, form: NonDimensional) -> StudyOptions:
-    if isinstance(options, BasinStudyOptions):
+def _options(options: StudyKind, form: NonDimensional) -> StudyKind:
+    if options.kind == "basins":
         raise ModelError(
             "basins are found in a plane of states, in the units of the file; leave --units none out for them"
         )

@@ -1,4 +1,4 @@
-"""Verify what was found: branches, diagrams, maps, families, and the results of their studies."""
+"""Verify what was found: branches, diagrams, maps, families and results; and check reduced systems by the full one."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from itertools import chain
 
 from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.diagram import Diagram
-from gapwalk.errors import ModelError
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.results.result_file import lock, seal_fault, write_more
-from gapwalk.studies.family.record import Family
-from gapwalk.studies.load import VERIFICATION, load_result
-from gapwalk.studies.map.chart import Map
-from gapwalk.studies.options import BranchOptions, StudyOptions
-from gapwalk.studies.result import Result
+from gapwalk.studies.family import Family
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.load import CHECKS, VERIFICATION, load_result
+from gapwalk.studies.map import Map
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.result import FullCheck, Result
 from gapwalk.verification import (
     Check,
     Ledger,
@@ -53,8 +54,8 @@ def verify(what: Verifiable | str | os.PathLike[str], *, report: Advance | None 
     ModelError
         If there is nothing that can be verified, as in the result of a sweep.
     StoreError
-        If a file is no result, or so damaged that it cannot be read. One that can be read, but was changed by something
-        else than gapwalk, is verified, and fails by its checksum.
+        If a file is not a result, or so damaged that it cannot be read. One that can be read, but was changed by
+        something else than gapwalk, is verified, and fails by its checksum.
 
     Examples
     --------
@@ -135,7 +136,7 @@ def _found(result: Result) -> Verifiable:
     return result.map or result.diagram or result.branches[0]
 
 
-def with_verification(result: Result, options: StudyOptions, output: str | os.PathLike[str] | None) -> Result:
+def with_verification(result: Result, options: StudyKind, output: str | os.PathLike[str] | None) -> Result:
     """A complete result with its verification, if the options of the study that was run want one.
 
     It is written to the result file too. A result that was resumed has the options of the run before.
@@ -156,3 +157,30 @@ def with_verification(result: Result, options: StudyOptions, output: str | os.Pa
         with lock(output):
             write_more(output, result.system, VERIFICATION.entry(found))
     return replace(result, verification=found)
+
+
+def with_checks(result: Result, output: str | os.PathLike[str] | None) -> Result:
+    """A complete result of branches with what the full system says of them; it is written to the result file too."""
+    origin = result.study.reduced
+    wanted = origin is not None and origin.reduction is not None and result.complete and result.map is None
+    if not wanted or result.checks or not result.branches:
+        return result
+    checks = tuple(_check(result, name, index) for index, name in enumerate(result.names))
+    if output is not None:
+        with lock(output):
+            write_more(output, result.system, CHECKS.entry(checks))
+    return replace(result, checks=checks)
+
+
+def _check(result: Result, name: str, index: int) -> FullCheck:
+    from gapwalk.reduction.reduction_error import BranchCheck  # only now: few studies need it
+
+    origin = result.study.reduced
+    assert origin is not None
+    assert origin.reduction is not None
+    try:
+        found = origin.reduction.check(result.branches[index])
+    except NumericalError as error:
+        return FullCheck(name, (), math.inf, 0, str(error))
+    assert isinstance(found, BranchCheck)
+    return FullCheck(name, tuple(each.error for each in found.special), found.motion, found.harmonics)

@@ -74,7 +74,7 @@ class Imbalance(NamedTuple):
 
 @singledispatch
 def imbalance(orbit: Orbit) -> Imbalance | None:
-    """How far the lines of an orbit are from satisfying the equations of motion; None for a class that has no lines."""
+    """Return the residual of an orbit's lines in the equations of motion; None for a class that has no lines."""
     return None
 
 

@@ -1,9 +1,9 @@
 """Integration of orbits over one period by another method: Dormand and Prince's of order 8, between contact events.
 
 All orbits of a branch are integrated together, with fixed steps (Hairer, Norsett and Wanner, Solving ODEs I, section
-II.10). The contact events are those stored with an orbit; it is checked that the motion passes its breakpoints there,
-and nowhere else. The events belong to an orbit about 1e-7 away, which costs digits of the closure. If that matters,
-they are located again on the motion itself.
+II.10) and the coefficients of `scipy.integrate.DOP853`. The contact events are those stored with an orbit; it is
+checked that the motion passes its breakpoints there, and nowhere else. The events belong to an orbit about 1e-7 away,
+which costs digits of the closure. If that matters, they are located again on the motion itself.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.independent_equations import Equations
-from gapwalk.verification.tableau import STAGES, tableau
 
+STAGES = 12
+"""Evaluations of the rates in a step, not counting the one at its end."""
 Array = NDArray[np.float64]
 
 _PERIOD = 2.0 * math.pi
@@ -32,6 +34,28 @@ _PASSES = 6  # number of times that they are: where the force jumps, moving an e
 _ASIDE = 1e-5  # largest angle by which an event may be moved: farther away there is another event
 _LANES = 2048  # number of orbits that are integrated at once
 _NUMBERS = 4_000_000  # of the matrices of so many orbits
+
+
+class Tableau(NamedTuple):
+    """Coefficients of a step.
+
+    Attributes
+    ----------
+    a : shape (STAGES, STAGES)
+        Weights of earlier stages in each stage.
+    b : shape (STAGES,)
+        Weights of the stages in the step.
+    c : shape (STAGES,)
+        Times of the stages, in steps.
+    fifth, third : shape (STAGES + 1,)
+        Weights in the two estimates of the error.
+    """
+
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    c: NDArray[np.float64]
+    fifth: NDArray[np.float64]
+    third: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -106,50 +130,6 @@ def _carry(orbits: Sequence[Orbit]) -> list[Round]:
     return rounds
 
 
-def _with_events_moved(orbit: Orbit, shifts: tuple[float, ...]) -> Orbit:
-    end = _PERIOD * orbit.period
-    events = [
-        event._replace(theta=min(max(event.theta + shift, 0.0), end))
-        for event, shift in zip(orbit.events, shifts, strict=True)
-    ]
-    return replace(orbit, events=tuple(sorted(events, key=lambda event: event.theta)))
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """Steps of one orbit: start and length of each, the stages that act in it, and the steps after which events are.
-
-    The latter are stored with their switches, in the order of the events.
-    """
-
-    theta: Array
-    length: Array
-    closed: Array
-    crossings: list[tuple[int, int]]
-
-
-def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
-    end = _PERIOD * orbit.period
-    step = end / max(8.0 * orbit.period, finer * orbit.steps)
-    closed = inside.copy()
-    for event in reversed(orbit.events):
-        closed[event.switch] = not event.enters  # before its first event a stage is in the opposite state
-    thetas, lengths, stages, crossings, start = [], [], [], [], 0.0
-    for theta, event in [*((event.theta, event) for event in orbit.events), (end, None)]:
-        if theta > start:
-            # contact with a stop lasts half a period of an oscillation that may be far faster than the rest
-            count = max(math.ceil((theta - start) / step), math.ceil(_IN_PIECE * finer))
-            length = (theta - start) / count
-            thetas += [start + k * length for k in range(count)]
-            lengths += [length] * count
-            stages += [closed.astype(float)] * count
-            start = theta
-        if event is not None:
-            closed[event.switch] = event.enters
-            crossings.append((len(thetas) - 1, event.switch))
-    return _Plan(np.array(thetas), np.array(lengths), np.array(stages), crossings)
-
-
 def _around(orbits: Sequence[Orbit], finer: float) -> list[Round]:
     states = np.array([orbit.state for orbit in orbits])
     n = orbits[0].system.size
@@ -176,6 +156,41 @@ def _around(orbits: Sequence[Orbit], finer: float) -> list[Round]:
         motions.cross(crossings.get(k, ()))
     found: list[Round] = [motions.round(lane) for lane in np.argsort(order).tolist()]
     return found
+
+
+def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
+    end = _PERIOD * orbit.period
+    step = end / max(8.0 * orbit.period, finer * orbit.steps)
+    closed = inside.copy()
+    for event in reversed(orbit.events):
+        closed[event.switch] = not event.enters  # before its first event a stage is in the opposite state
+    thetas, lengths, stages, crossings, start = [], [], [], [], 0.0
+    for theta, event in [*((event.theta, event) for event in orbit.events), (end, None)]:
+        if theta > start:
+            # contact with a stop lasts half a period of an oscillation that may be far faster than the rest
+            count = max(math.ceil((theta - start) / step), math.ceil(_IN_PIECE * finer))
+            length = (theta - start) / count
+            thetas += [start + k * length for k in range(count)]
+            lengths += [length] * count
+            stages += [closed.astype(float)] * count
+            start = theta
+        if event is not None:
+            closed[event.switch] = event.enters
+            crossings.append((len(thetas) - 1, event.switch))
+    return _Plan(np.array(thetas), np.array(lengths), np.array(stages), crossings)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Steps of one orbit: start and length of each, the stages that act in it, and the steps after which events are.
+
+    The latter are stored with their switches, in the order of the events.
+    """
+
+    theta: Array
+    length: Array
+    closed: Array
+    crossings: list[tuple[int, int]]
 
 
 class _Motions:
@@ -256,6 +271,15 @@ class _Motions:
         )
 
 
+@cache
+def tableau() -> Tableau:
+    """Return the coefficients."""
+    from scipy.integrate import DOP853  # takes a fifth of the start-up time of a command, and few commands verify
+
+    method: Any = DOP853
+    return Tableau(method.A[:STAGES, :STAGES], method.B, method.C[:STAGES], method.E5, method.E3)
+
+
 def _sum(weights: Array, rates: Array) -> Array:
     """Return the weighted sum of the rates of some stages."""
     total: Any = np.tensordot(weights, rates, axes=(0, 0))
@@ -286,3 +310,12 @@ def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
     bend = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
     s = np.where(turns, np.clip(s - np.divide(slope, bend, out=np.zeros_like(s), where=bend != 0.0), 0.0, 1.0), 0.0)
     return x0 + s * (r0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
+
+
+def _with_events_moved(orbit: Orbit, shifts: tuple[float, ...]) -> Orbit:
+    end = _PERIOD * orbit.period
+    events = [
+        event._replace(theta=min(max(event.theta + shift, 0.0), end))
+        for event, shift in zip(orbit.events, shifts, strict=True)
+    ]
+    return replace(orbit, events=tuple(sorted(events, key=lambda event: event.theta)))

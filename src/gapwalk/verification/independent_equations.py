@@ -1,20 +1,23 @@
 """Second, independent implementation of the equations of motion, from the named matrices, for many systems at once.
 
-Nothing here comes from `gapwalk.flow`, because code must not verify its own results.
+Nothing here comes from `gapwalk.flow`, because code must not verify its own results. The formulas of the force laws
+are those of `gapwalk.model.laws`, the only place where they stand, and are tested against closed forms; which stages
+act is decided here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.contact import DampingLaw
+from gapwalk.model.laws import Stages, StageTerms
 from gapwalk.model.system import System
 
 Array = NDArray[np.float64]
+
+_STEP = 1e-150  # of the complex step
 
 
 class Equations:
@@ -50,13 +53,22 @@ class Equations:
         push = vectors([f"{form.name}.{each}" for form, each in zip(contacts, which, strict=True)])
         mean, shapes = vectors(["mean"]), vectors([f"{harmonic.name}.acts_on" for harmonic in harmonics])
         solved = np.linalg.solve(mass, np.concatenate((stiffness, damping, push, mean, shapes), axis=2))
-        parts: list[Array] = [np.asarray(part, dtype=float) for part in _split(solved, [n, n, len(contacts), 1])]
+        columns = np.cumsum([n, n, len(contacts), 1])
+        parts: list[Array] = [np.asarray(part, dtype=float) for part in np.split(solved, columns, axis=2)]
         self._stiffness, self._damping, self._push, mean, self._shapes = parts
         self._mean = mean[:, :, 0]
         self._deflections = vectors([f"{form.name}.deflection" for form in contacts]).transpose(0, 2, 1)
-        self._orders = np.array([harmonic.order for harmonic in harmonics], dtype=float)
-        self._amplitudes = self._numbers(values, [f"{harmonic.name}.amplitude" for harmonic in harmonics], structure)
-        self._phases = self._numbers(values, [f"{harmonic.name}.phase" for harmonic in harmonics], structure)
+        places = [[structure.place(name) for name in load.parameters] for load in harmonics]
+        lines = [load.lines(self.frequency, values[:, where].T) for load, where in zip(harmonics, places, strict=True)]
+        self._orders = np.array([line.order for each in lines for line in each], dtype=float)
+        self._load_of = np.array([index for index, each in enumerate(lines) for _ in each], dtype=np.intp)
+        self._cosines, self._sines = (
+            np.stack([np.broadcast_to(part, len(systems)) for part in parts], axis=1) if parts else np.zeros((1, 0))
+            for parts in (
+                [line.cosine for each in lines for line in each],
+                [line.sine for each in lines for line in each],
+            )
+        )
         stages = [
             (index, sign, form.stage_prefix(stage))
             for index, form in enumerate(contacts)
@@ -65,15 +77,17 @@ class Equations:
         ]
         self.contact_of = np.array([index for index, _, _ in stages], dtype=np.intp)
         self.signs = np.array([sign for _, sign, _ in stages], dtype=float)
-        self._clearance, self._spring, self._cubic = (
-            self._numbers(values, [f"{prefix}.{name}" for _, _, prefix in stages], structure)
-            for name in ("clearance", "stiffness", "cubic")
-        )
-        self._sum = np.zeros((len(stages), len(contacts)))
-        self._sum[np.arange(len(stages)), self.contact_of] = 1.0
-        self._laws = [form.damping for form in contacts]
-        self._dampers = [
-            self._numbers(values, [f"{form.name}.{form.damping_name}"], structure)[:, 0] if form.damping_name else None
+        self._contacts = contacts
+        self._clearance = self._numbers(values, [f"{prefix}.clearance" for _, _, prefix in stages], structure)
+        self._of_stages = [
+            {
+                each.name: values[:, structure.place(f"{prefix}.{each.name}")]
+                for each in contacts[index].law.stage_parameters
+            }
+            for index, _, prefix in stages
+        ]
+        self._own = [
+            {each.name: values[:, structure.place(f"{form.name}.{each.name}")] for each in form.law.parameters}
             for form in contacts
         ]
         self._free = -np.trace(self._damping, axis1=1, axis2=2)
@@ -109,10 +123,12 @@ class Equations:
         q, v = state[:, :n], state[:, n : 2 * n]
         x, rate = self.deflections(q, lanes), self.deflections(v, lanes)
         force, by_rate = self._contact_forces(x, rate, closed, lanes)
-        angles = theta[:, None] * self._orders + self._of(self._phases, lanes)
+        angles = theta[:, None] * self._orders
+        cosines, sines = self._of(self._cosines, lanes), self._of(self._sines, lanes)
+        loads = cosines * np.cos(angles) + sines * np.sin(angles)
         acceleration = (
             self._of(self._mean, lanes)
-            + _times(self._of(self._shapes, lanes), self._of(self._amplitudes, lanes) * np.cos(angles))
+            + _times(self._of(self._shapes, lanes)[:, :, self._load_of], loads)
             - _times(self._of(self._stiffness, lanes), q)
             - _times(self._of(self._damping, lanes), v)
             - _times(self._of(self._push, lanes), force)
@@ -122,33 +138,25 @@ class Equations:
 
     def _contact_forces(self, x: Array, rate: Array, closed: Array, lanes: slice) -> tuple[Array, Array]:
         """Return the contact forces, and their derivatives by the deflection rates; shape (L, contacts) each."""
-        inside = self.depths(x, lanes)
-        spring = self._of(self._spring, lanes) * inside + self._of(self._cubic, lanes) * inside**3
-        force = (closed * self.signs * spring) @ self._sum
-        by_rate = np.zeros_like(force)
-        for index, (law, damper) in enumerate(zip(self._laws, self._dampers, strict=True)):
-            if damper is None:
-                continue
-            elastic, strength = force[:, index], self._of(damper, lanes)
-            match law:
-                case DampingLaw.VISCOUS:
-                    by_rate[:, index] = strength * ((closed @ self._sum)[:, index] > 0.0)
-                case DampingLaw.HUNT_CROSSLEY:
-                    by_rate[:, index] = strength * np.abs(elastic)
-                case DampingLaw.HUNT_CROSSLEY_AS_PRINTED:
-                    by_rate[:, index] = strength * elastic
-                case DampingLaw.NONE:
-                    pass
-        return force + by_rate * rate, by_rate
+        depths, found = self.signs * self.depths(x, lanes), np.zeros(x.shape, dtype=complex)
+        for index, form in enumerate(self._contacts):
+            switches = np.flatnonzero(self.contact_of == index).tolist()
+            stages = [
+                StageTerms(
+                    shape.sign, depths[:, k], closed[:, k], shape.innermost, self._named(self._of_stages[k], lanes)
+                )
+                for k, shape in zip(switches, form.shapes, strict=True)
+            ]
+            own = self._named(self._own[index], lanes)
+            found[:, index] = form.law.force(rate[:, index] + 1j * _STEP, Stages(stages), own)
+        return np.real(found), np.imag(found) / _STEP
+
+    def _named(self, numbers: Mapping[str, Array], lanes: slice) -> dict[str, Array]:
+        return {name: self._of(values, lanes) for name, values in numbers.items()}
 
     @staticmethod
     def _of(values: Array, lanes: slice) -> Array:
         return values if len(values) == 1 else values[lanes]
-
-
-def _split(matrices: Any, widths: list[int]) -> list[Any]:
-    """Split matrices that are joined side by side; the last one takes the remaining columns."""
-    return np.split(matrices, np.cumsum(widths), axis=2)
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

@@ -6,12 +6,15 @@ Method: docs/numerics/verification.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
 
+from gapwalk.summary import Table, remarks
+
 _NAMED = 5  # special points that a note names
+_LISTED = 20  # failed checks that a summary lists
 
 Advance = Callable[[str, int, int], object]
 """Function called with a word for what is verified, the number of completed pieces, and their total."""
@@ -173,6 +176,20 @@ class Verification:
         if self.ok:
             return f"{seen} verified: all {sum(summary.count for summary in self.summaries)} checks passed"
         return f"{seen} checked: {len(self.breaches)} of the checks failed, the first being {self.breaches[0]}"
+
+    def summary(self) -> Iterator[str | Table]:
+        """Return each check with its worst figure, the first failed checks, and notes, as the terminal shows them."""
+        rows = []
+        for summary in self.summaries:
+            worst = summary.worst
+            size, where = f"{worst.size:.1e}" if worst.size else "0", str(worst.spot) if worst.size > 0.0 else ""
+            rows.append([summary.check.word, str(summary.count), size, f"{summary.check.bound:g}", where])
+        yield Table(["check", ">places", ">worst", ">allowed", "where"], rows)
+        for figure in self.breaches[:_LISTED]:
+            yield f"failed: {figure.check.sentence}\n  {figure}"
+        if len(self.breaches) > _LISTED:
+            yield f"and {len(self.breaches) - _LISTED} more; --json lists them all"
+        yield from remarks(self.notes, ())
 
     def document(self) -> dict[str, Any]:
         """Return the record as plain JSON values."""

@@ -6,16 +6,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.loci import Locus, LocusPoint
 from gapwalk.errors import NumericalError
-from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.balanced import imbalance
 from gapwalk.verification.dop853 import Round, carry
-from gapwalk.verification.multipliers import distance, reshoot
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
+from gapwalk.verification.verify_special_points import distance, reshoot
 
 _MOST = 40  # number of points of a locus that are checked
 
@@ -52,24 +49,4 @@ def _verify_point(ledger: Ledger, spot: Spot, locus: Locus, point: LocusPoint, a
     ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth)
     ledger.enter(Check.STAGES, spot, around.astray / reshot.growth)
     ledger.enter(Check.MULTIPLIERS, spot, distance(reshot.multipliers, point.orbit.multipliers))
-    ledger.enter(Check.CONDITION, spot, _off(locus, point.orbit, reshot.multipliers))
-
-
-def _off(locus: Locus, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
-    """Return the distance of an orbit from the bifurcation of a locus.
-
-    It is a product over all multipliers. So a factor that is small for another reason, as at a point of codimension
-    two, does no harm.
-    """
-    match locus.kind:
-        case Kind.FOLD:
-            factors = multipliers - 1.0
-        case Kind.FLIP:
-            factors = multipliers + 1.0
-        case Kind.NEIMARK_SACKER:
-            first, second = np.triu_indices(len(multipliers), 1)
-            factors = multipliers[first] * multipliers[second] - 1.0
-        case _:
-            depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
-            return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
-    return float(np.prod(np.minimum(np.abs(factors), 1.0)))
+    ledger.enter(Check.CONDITION, spot, locus.kind.residual(point.orbit, reshot.multipliers))

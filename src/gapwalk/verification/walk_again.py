@@ -100,7 +100,7 @@ class Track:
         return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
     def _told(self, equation: Equation, orbit: Orbit) -> NDArray[np.float64]:
-        """The first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
+        """Return the first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
         return orbit.state if self.is_exact else equation.unknowns(orbit)
 
     def _corrector(self, count: int) -> Corrector:

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk import Contact, DampingLaw, Harmonic, Inertia, Shaft, Side, Stage, System, Train
+from gapwalk import Contact, Harmonic, Inertia, Shaft, Side, Stage, System, Train
 
 SHARED = 5  # neighbouring seeds with one structure: compiling takes as long as a walk
-_LAWS = (DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY, DampingLaw.HUNT_CROSSLEY, DampingLaw.VISCOUS)
+_LAWS = ("elastic", "hunt-crossley", "hunt-crossley", "viscous")
 _STIFFER = 30.0  # largest ratio of a stage's stiffness to the rest
 
 
@@ -73,8 +73,10 @@ def _contact(
         _stages(shape, numbers, unit),
         None,
         law,
-        numbers.uniform(0.01, 0.3) if law is DampingLaw.HUNT_CROSSLEY else 0.0,
-        numbers.uniform(0.01, 0.2) if law is DampingLaw.VISCOUS else 0.0,
+        {
+            "impact_damping": numbers.uniform(0.01, 0.3) if law == "hunt-crossley" else 0.0,
+            "viscous_damping": numbers.uniform(0.01, 0.2) if law == "viscous" else 0.0,
+        },
     )
 
 

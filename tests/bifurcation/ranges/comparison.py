@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gapwalk import Branch, SpecialPoint, System, WalkOptions, find_orbit, follow, verify
-from gapwalk.bifurcation.counts import unexplained_of
+from gapwalk.bifurcation.detector import unexplained_of
 from gapwalk.continuation.walk import EndReason
-from gapwalk.model import Contact, DampingLaw, Harmonic, Side, Stage
+from gapwalk.model import Contact, Harmonic, Side, Stage
 
 FROM, NARROW, WIDE = 0.3, 4.0, (30.0, 300.0, 1000.0)
 FINE = WalkOptions(initial_step=2e-4, largest_step=2e-3, max_points=40_000)
 SAME = 1e-7  # relative difference within which two values are the same
 _SHARED = 10  # neighbouring seeds with one structure, so that it is compiled once
-_LAWS = (DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY, DampingLaw.HUNT_CROSSLEY, DampingLaw.VISCOUS)
+_LAWS = ("elastic", "hunt-crossley", "hunt-crossley", "viscous")
 
 
 def random_system(seed: int) -> System:
@@ -33,8 +33,10 @@ def random_system(seed: int) -> System:
         (Stage(numbers.uniform(0.3, 1.2), 10.0 ** numbers.uniform(0.0, 1.7), side=side),),
         None,
         law,
-        numbers.uniform(0.01, 0.2) if law is DampingLaw.HUNT_CROSSLEY else 0.0,
-        numbers.uniform(0.01, 0.2) if law is DampingLaw.VISCOUS else 0.0,
+        {
+            "impact_damping": numbers.uniform(0.01, 0.2) if law == "hunt-crossley" else 0.0,
+            "viscous_damping": numbers.uniform(0.01, 0.2) if law == "viscous" else 0.0,
+        },
     )
     return System(
         names,

@@ -6,7 +6,7 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.model import ModelFileError
-from gapwalk.model.model_file import check_system, read_system
+from gapwalk.model.model_file import check_model, read_system
 from gapwalk.model.model_source import parse_source
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "train.toml"
@@ -59,8 +59,8 @@ LINES = GOOD.splitlines()
 
 
 def problems_of(text: str):
-    part, problems = check_system(parse_source(text, "m.toml"))
-    assert (part is None) == bool(problems)
+    model, problems = check_model(parse_source(text, "m.toml"))
+    assert (model is None) == bool(problems)
     return problems
 
 
@@ -98,7 +98,7 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ('between = ["hub", "load"]', 'between = ["hub", "engine"]', 'inertia "load" is joined to engine by nothing'),
         ("inertia = 0.05", "inertia = 0", 'm.toml:11: inertia "hub".inertia is 0; it must be > 0'),
         ("inertia = 0.05", 'inertia = "0.05"', 'inertia "hub".inertia is "0.05"; it must be a number, without quotes'),
-        ("inertia = 0.05", "inertia = 0.05\nmass = 1", 'm.toml:12: inertia "hub".mass is no key here'),
+        ("inertia = 0.05", "inertia = 0.05\nmass = 1", 'm.toml:12: inertia "hub".mass is not a key here'),
         ("ratio = 2.5", "ratio = 0.0", 'm.toml:34: gear "pair".ratio is 0; it must be the speed of the first'),
         ("ratio = 2.5", "", 'gear "pair".ratio is missing; it is the speed of the first inertia divided by that of'),
         ('name = "pair"', 'name = "clutch"', 'm.toml:31: gear "clutch" has the name of another part; give each a name'),
@@ -107,8 +107,8 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ("mean = { engine = 3.0 }", "mean = { motor = 3.0 }", "mean.motor names no inertia; they are engine, hub"),
         ("acts_on = { engine = 1.0 }", "acts_on = { q = 1.0 }", "acts_on.q names no inertia"),
         ('reaction = "load"', 'reaction = "road"', "m.toml:4: reaction is 'road', which is no inertia"),
-        ("frequency = 2.0", "coordinates = []", "m.toml:2: coordinates is no key here"),
-        ("frequency = 2.0", "stiffness = [[1]]", "stiffness is no key here; it belongs in shaft"),
+        ("frequency = 2.0", "coordinates = []", "m.toml:2: coordinates is not a key here"),
+        ("frequency = 2.0", "stiffness = [[1]]", "stiffness is not a key here; it belongs in shaft"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_told_with_its_line(line: str, instead: str, complaint: str) -> None:

@@ -173,8 +173,8 @@ def test_printed_dampers_that_no_three_inertias_have_are_refused() -> None:
     with pytest.raises(ModelError) as error:
         numbers.train(SCALES)
     assert str(error.value).splitlines() == [
-        "C11 is 0.04 beside C21 = 0.04, but of three inertias C11 / C21 is n1 / n2; write C11 = 0.06666666667",
-        "C22 is 0.06 beside C12 = 0.04, but of three inertias C22 / C12 is K22 / K12; write C22 = 0.07333333333",
+        "C11 is 0.04 and C21 is 0.04, but of three inertias C11 / C21 is n1 / n2; write C11 = 0.06666666667",
+        "C22 is 0.06 and C12 is 0.04, but of three inertias C22 / C12 is K22 / K12; write C22 = 0.07333333333",
     ]
 
 

@@ -35,8 +35,8 @@ def never(monkeypatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("it was computed again")
 
-    monkeypatch.setattr("gapwalk.studies.diagram.study._grow", fail)
-    monkeypatch.setattr("gapwalk.studies.settle.study.settle", fail)
+    monkeypatch.setattr("gapwalk.studies.diagram_study.Grower", fail)
+    monkeypatch.setattr("gapwalk.studies.settle_study.settle", fail)
 
 
 @pytest.mark.usefixtures("never")
@@ -70,7 +70,7 @@ def test_a_damaged_result_is_computed_again(folder, tmp_path) -> None:
 def test_a_file_that_is_no_result_is_not_touched(tmp_path) -> None:
     path = tmp_path / "17.gapwalk"
     path.write_text("the only copy of a letter, and longer than the head of a result file is")
-    with pytest.raises(gw.errors.StoreError, match="no result"):
+    with pytest.raises(gw.errors.StoreError, match="not a result"):
         done([JOB], tmp_path)
     assert path.read_text().startswith("the only copy")
 

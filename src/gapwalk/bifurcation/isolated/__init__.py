@@ -1,10 +1,8 @@
 """Search for isolated branches and other attractors, with many starts, settled transients, and Newton's method."""
 
-from gapwalk.bifurcation.isolated.coverage import coverage, next_is_new, unseen_share
-from gapwalk.bifurcation.isolated.isolated_branches import Isolated, isolated
-from gapwalk.bifurcation.isolated.search import Progress, search
+from gapwalk.bifurcation.isolated.search import Isolated, Progress, isolated, search
 from gapwalk.bifurcation.isolated.search_options import VALUES, SearchOptions, values_between
-from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally
+from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally, coverage, next_is_new, unseen_share
 
 __all__ = [
     "VALUES",

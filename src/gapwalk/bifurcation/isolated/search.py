@@ -1,26 +1,30 @@
 """Search for isolated branches and other attractors: orbits at several values of a parameter, from many starts.
 
+Each branch through an orbit found by a search is then followed once.
+
 Method: docs/numerics/isolated-branches.md
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.isolated.executor import PieceRunner, SerialRunner
+from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
-from gapwalk.bifurcation.isolated.search_options import SearchOptions
+from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, PieceRunner, SerialRunner, search_chunk
+from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
 from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally
-from gapwalk.bifurcation.isolated.search_starts import spread_starts, state_box
 from gapwalk.bifurcation.membership import Curve
-from gapwalk.errors import Interrupted, ModelError
+from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -31,6 +35,25 @@ class Progress(NamedTuple):
     total: int
     value: float
     catch: Catch
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """Result of following the orbits of a search.
+
+    Attributes
+    ----------
+    branches
+        The new branches, in the order in which they were followed.
+    lost
+        Orbits from which no branch could be followed, each with the reason.
+    complete
+        False if the work was stopped before its end.
+    """
+
+    branches: tuple[Branch, ...]
+    lost: tuple[tuple[Found, str], ...]
+    complete: bool
 
 
 def search(
@@ -95,20 +118,6 @@ def search(
     return _result(parameter, chunks, catches, curves, numbers)
 
 
-def _result(
-    parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
-) -> SearchResult:
-    """Return what the completed pieces of work have found."""
-    found: list[Found] = []
-    tallies: list[Tally] = []
-    for value in dict.fromkeys(chunk.value for chunk in chunks):
-        done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
-        if done:
-            tallies.append(_tally(value, done))
-            found += _merge(value, done, curves, numbers)
-    return SearchResult(parameter, tuple(found), tuple(tallies), len(catches) == len(chunks))
-
-
 def _chunks(
     system: System, parameter: str, value: float, curves: list[Curve], options: SearchOptions
 ) -> Iterator[Chunk]:
@@ -127,6 +136,20 @@ def _chunks(
 def _exact(orbit: Orbit) -> Orbit | None:
     """Return an orbit of a known branch as shooting finds it; None if there is none near an orbit that is not exact."""
     return orbit if orbit.is_exact else exact_orbit(orbit.system, orbit.period, orbit.state)
+
+
+def _result(
+    parameter: str, chunks: list[Chunk], catches: dict[int, Catch], curves: list[Curve], numbers: list[int]
+) -> SearchResult:
+    """Return what the completed pieces of work have found."""
+    found: list[Found] = []
+    tallies: list[Tally] = []
+    for value in dict.fromkeys(chunk.value for chunk in chunks):
+        done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
+        if done:
+            tallies.append(_tally(value, done))
+            found += _merge(value, done, curves, numbers)
+    return SearchResult(parameter, tuple(found), tuple(tallies), len(catches) == len(chunks))
 
 
 def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
@@ -153,3 +176,63 @@ def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], n
     for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
         branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
         yield Found(value, entry.orbit, entry.settled, entry.newton, branch)
+
+
+def isolated(
+    found: Iterable[Found],
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    known: Sequence[Branch] = (),
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    report: Callable[[Branch], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> Isolated:
+    """Follow each orbit of a search that lies on no known branch and on no branch followed before it.
+
+    Orbits on which most transients have settled come first.
+
+    Parameters
+    ----------
+    found
+        The orbits, as from `SearchResult.new`.
+    parameter
+        Name of the parameter.
+    to
+        The values between which the branches are followed, in both directions.
+    known
+        Branches along this parameter that have been followed already.
+    walk, method
+        Options of the walk and of the method.
+    report
+        Called with each new branch.
+    stop
+        Called before each new branch; True stops the work.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, or a range that does not contain an orbit.
+    """
+    curves = [Curve(branch) for branch in known if branch.parameter == parameter]
+    branches: list[Branch] = []
+    lost: list[tuple[Found, str]] = []
+    try:
+        for each in sorted(found, key=lambda f: (not f.orbit.stable, -f.hits_settled, f.orbit.period)):
+            if stop is not None and stop():
+                return Isolated(tuple(branches), tuple(lost), False)
+            if any(curve.holds(each.orbit) for curve in curves):
+                continue
+            try:
+                branch = follow(each.orbit, parameter, to, walk=walk, method=method)
+            except NumericalError as error:
+                lost.append((each, str(error)))
+                continue
+            curves.append(Curve(branch))
+            branches.append(branch)
+            if report is not None:
+                report(branch)
+    except KeyboardInterrupt:
+        raise Interrupted(Isolated(tuple(branches), tuple(lost), False)) from None
+    return Isolated(tuple(branches), tuple(lost), True)

@@ -7,7 +7,7 @@ import reprlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gapwalk.bifurcation.kind import Kind
+from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.errors import ModelError
 from gapwalk.orbit.orbit import Orbit

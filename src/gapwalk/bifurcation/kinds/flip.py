@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart
 from gapwalk.bifurcation.criticality import with_nature
-from gapwalk.bifurcation.kind import Kind, Symbol
-from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
-from gapwalk.bifurcation.kinds.product import bounded_product, nearest
+from gapwalk.bifurcation.kinds.condition import Criticality, bounded_product, nearest, smallest_singular_value
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.bifurcation.switch import from_flip
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.parameter_range import Range
+from gapwalk.continuation.walk_options import Range
 from gapwalk.orbit.method import Method
 
 

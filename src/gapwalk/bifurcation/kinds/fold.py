@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kind import Kind, Symbol
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
-from gapwalk.bifurcation.kinds.zero_search import Search, Zero
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.step_interval import Search, Zero
 from gapwalk.continuation.branch_point import BranchPoint
 
 _VERTEX = 1e-6  # arclength from a crossing within which a fold is its vertex

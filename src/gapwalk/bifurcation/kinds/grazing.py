@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.error_estimate import ErrorEstimator, location_error
-from gapwalk.bifurcation.kind import Kind, Symbol
-from gapwalk.bifurcation.kinds.zero_search import Search, Zero
-from gapwalk.bifurcation.step_interval import StepInterval
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.motion import switch_names
+from gapwalk.orbit.measures import Turns, apart
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.survey import Turns, apart
 
 _EPS = float(np.finfo(float).eps)
 _SMALLEST = 1e-11  # arclength below which two changes of the pattern count as one
@@ -44,6 +45,11 @@ class Grazing(Kind):
     def no_locus(self) -> str:
         """Empty string, since it has a locus: the depth of the extremum that grazes is zero along it."""
         return ""
+
+    def residual(self, orbit: Orbit, multipliers: NDArray[np.complex128]) -> float:
+        """Return the least depth of an extremum beyond its breakpoint, relative to the size of the motion."""
+        depths = [abs(depth) for turns in orbit.turning_depths for depth in turns.values]
+        return min(depths, default=math.inf) / max(float(np.abs(orbit.extremes[:, :2]).max()), np.finfo(float).tiny)
 
     def points_in(self, search: Search) -> list[Zero]:
         """Return all grazing points of a step; see `find_grazing`."""

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.kind import Kind, Symbol
-from gapwalk.bifurcation.kinds.condition import Criticality, critical_pair, pair_on_circle
-from gapwalk.bifurcation.kinds.product import bounded_product, pair_factors
+from gapwalk.bifurcation.kinds.condition import (
+    Criticality,
+    bounded_product,
+    critical_pair,
+    pair_factors,
+    pair_on_circle,
+)
+from gapwalk.bifurcation.special_point_kind import Kind, Symbol
 from gapwalk.continuation.branch_point import BranchPoint
 
 _COMPLEX = 1e-6  # relative imaginary part beyond which multipliers count as a complex pair

@@ -9,19 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.criticality import flip_coefficient
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
 from gapwalk.bifurcation.loci.orbit_plane import STEP, Place, Turning
-from gapwalk.bifurcation.normal_form import flip_coefficient
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, layout_of
 from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence
-from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of
-from gapwalk.orbit.harmonic_balance.fourier_lines import waves
+from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
 from gapwalk.orbit.harmonic_balance.kernels import from_real_form
-from gapwalk.orbit.harmonic_balance.laws import laws_of
-from gapwalk.orbit.harmonic_balance.linearised import Linearised
+from gapwalk.orbit.harmonic_balance.monodromy import Linearised
+from gapwalk.orbit.harmonic_balance.series import waves
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 
@@ -155,12 +154,12 @@ class BalancedPlane:
         """See `OrbitPlane.mean_of_halves`: a shift by half a period reverses the odd lines."""
         return self.unknowns(orbit)[self.shared()]
 
-    def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
-        """See `OrbitPlane.doubt`."""
+    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
+        """See `OrbitPlane.inaccuracy`."""
         if share == 1.0:
-            return self._equation.doubt(orbit)
+            return self._equation.inaccuracy(orbit)
         stricter = replace(self.options, error=max(_LEAST_ERROR, share * self.options.error))
-        return replace(self._equation, options=stricter).doubt(orbit)
+        return replace(self._equation, options=stricter).inaccuracy(orbit)
 
     def finer(self) -> BalancedPlane | None:
         """See `OrbitPlane.finer`."""

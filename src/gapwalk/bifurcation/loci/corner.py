@@ -1,15 +1,19 @@
 """Corners: where a contact grazes at a bifurcation, the locus turns sharply, and the walk needs a special step.
 
-The monodromy matrix changes like the square root of the depth of a touch. With depth d and the condition
-``g = s + c sqrt(d)``, where s is smooth, the locus crosses the grazing locus on the side without the touch. On the
-other side it leaves it tangentially, like the parabola ``d = (s / c)^2``. So two smooth arcs meet at an angle. Seen
-from the grazing locus both are smooth curves, over d on one side and over its square root on the other
-(see `NearGrazing`).
+A touch adds two events: the deflection turns slightly beyond its breakpoint, at a depth d, and returns. The monodromy
+matrix changes like the square root of d. With the condition ``g = s + c sqrt(d)``, where s is smooth, the locus crosses
+the grazing locus on the side without the touch. On the other side it leaves it tangentially, like the parabola
+``d = (s / c)^2``. So two smooth arcs meet at an angle. Seen from the grazing locus both are smooth curves, over d on
+one side and over its square root on the other (see `NearGrazing`), so a locus is measured in that length there.
+
+The turning points of deflections, and their changes along the locus, give the arclength to the next graze, and show
+steps that have missed one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,12 +23,16 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.loci.codimension_two import Finding
 from gapwalk.bifurcation.loci.locus import Codim2
-from gapwalk.bifurcation.loci.near_grazing import NearGrazing, is_highest, on_locus
-from gapwalk.bifurcation.loci.touch_changes import Approach, Turning, turnings
+from gapwalk.bifurcation.loci.locus_equations import MARGIN, GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.errors import NumericalError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.orbit.orbit import Orbit
 
+_SECANT = Secant()
+_SAME = 0.3  # radians by which a turning point may move between two points
+_LEAP = 0.5  # largest error of a predicted touch, as a share of the square root of its depth
 _NEAR = 1e-3  # distance from a breakpoint, in units of the state, within which a turning point may form the corner
 _STRAIGHT = 0.9  # smallest cosine of the angle between the tangent and the direction of the corner
 _HALVINGS = 4  # number of times that the depth is reduced to check that the locus leads to the corner
@@ -45,6 +53,27 @@ class Corner(NamedTuple):
 
     finding: Finding
     beyond: BranchPoint
+
+
+class Turning(NamedTuple):
+    """Turning point of a deflection: switch, angle, depth beyond the breakpoint, and whether it is a touch."""
+
+    switch: int
+    theta: float
+    depth: float
+    is_touch: bool
+
+    @property
+    def distance(self) -> float:
+        """Distance from the breakpoint, in a measure in which a locus is smooth."""
+        return math.sqrt(abs(self.depth)) if self.is_touch else abs(self.depth)
+
+
+class Approach(NamedTuple):
+    """Turning point that approaches its breakpoint, with the arclength after which it will reach it."""
+
+    reach: float
+    turning: Turning
 
 
 def turn_corner(
@@ -77,6 +106,24 @@ def turn_corner(
     return None
 
 
+def turnings(point: BranchPoint) -> list[Turning]:
+    """Return all turning points of all deflections of an orbit."""
+    found = point.memo.get("turnings")
+    if found is None:
+        found = []
+        for switch, (thetas, depths) in enumerate(point.orbit.turning_depths):
+            for index, (theta, depth) in enumerate(zip(thetas, depths, strict=True)):
+                is_highest = depth >= depths[index - 1]
+                found.append(Turning(switch, theta, depth, (depth > 0.0) is is_highest))
+        point.memo["turnings"] = found  # stored only when complete: another thread may read it
+    return found
+
+
+def is_highest(correction: Correction) -> bool:
+    """Return whether the deflection has a maximum on the orbit of a correction."""
+    return bool(correction.evaluation.by_unknowns[-1, -2] < 0.0)  # the derivative of its rate by the angle
+
+
 def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turning) -> Corner | None:
     """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
     near = NearGrazing(corrector, turning.switch)
@@ -100,6 +147,55 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
     arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
     finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
     return Corner(finding, replace(beyond, arclength=arclength))
+
+
+class NearGrazing:
+    """Orbits of a locus of multipliers on which one deflection turns at a given depth beyond its breakpoint.
+
+    The condition on the multipliers changes like the square root of that depth. The orbits of a given depth, however,
+    form a smooth curve close to the grazing locus, and the condition is smooth along it. So the orbits are found by
+    following that curve to the point where the condition holds.
+
+    Parameters
+    ----------
+    corrector
+        Corrector for the locus of multipliers.
+    switch
+        Stage and side, as an index into `Equations.switches`.
+    """
+
+    def __init__(self, corrector: Corrector, switch: int) -> None:
+        equation = corrector.equation
+        assert isinstance(equation, MultiplierEquation)
+        self.equation, self.unit = equation, float(corrector.scales[0])
+        self.margin = MARGIN * self.unit
+        self._touch = GrazingEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
+        self._scales = np.insert(corrector.scales, -2, PERIOD)
+
+    def beside(self, point: BranchPoint, theta: float) -> NDArray[np.float64]:
+        """Return the initial variables for orbits near a point of the locus, with the turning point at `theta`."""
+        return np.insert(point.x, -2, theta / PERIOD)
+
+    def turns_highest(self, start: NDArray[np.float64]) -> bool:
+        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
+        evaluation = self._touch.evaluate(start[:-1] * self._scales[:-1], float(start[-1] * self._scales[-1]))
+        return evaluation.by_unknowns[-1, -2] < 0.0
+
+    def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
+        """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
+        corrector = Corrector(replace(self._touch, depth=depth), self._scales)
+        criticality = self.equation.criticality
+        return zero_along(corrector, start, lambda found: criticality(found.evaluation.evidence).value, _SECANT)
+
+    def orbit(self, correction: Correction) -> Orbit:
+        """Return the orbit of a correction."""
+        x = correction.x * self._scales
+        return self._touch.orbit(x[:-1], float(x[-1]), correction.evaluation)
+
+
+def on_locus(correction: Correction) -> NDArray[np.float64]:
+    """Return the locus variables of the orbit of a correction: all except the angle of the turning point."""
+    return np.delete(correction.x, -3)
 
 
 def _leads_there(near: NearGrazing, start: NDArray[np.float64], corner: Correction, turning: Turning) -> bool:
@@ -150,14 +246,6 @@ def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning
     return corrector.point(correction, way, 0.0)
 
 
-def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]) -> bool:
-    """Return whether an orbit deviates so far from its prediction that it belongs to another arc."""
-    if len(places) == 1:
-        return False
-    foretold = float(np.linalg.norm(guess - places[-1].x))
-    return float(np.linalg.norm(at.x - guess)) > max(_STRAYED * foretold, _TINY)
-
-
 def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], measure: float) -> NDArray[np.float64]:
     """Return the place at a measure by the parabola through the last three places, or a lower order with fewer."""
     nodes, known = measures[-3:], places[-3:]
@@ -166,3 +254,51 @@ def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], meas
         others = [node for j, node in enumerate(nodes) if j != i]
         result += place * float(np.prod([(measure - node) / (nodes[i] - node) for node in others]))
     return result
+
+
+def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]) -> bool:
+    """Return whether an orbit deviates so far from its prediction that it belongs to another arc."""
+    if len(places) == 1:
+        return False
+    foretold = float(np.linalg.norm(guess - places[-1].x))
+    return float(np.linalg.norm(at.x - guess)) > max(_STRAYED * foretold, _TINY)
+
+
+def approaches(before: BranchPoint | None, point: BranchPoint) -> list[Approach]:
+    """Return the turning points that approach their breakpoints, the first to arrive first."""
+    if before is None:
+        return []
+    found, length = [], point.arclength - before.arclength
+    for past, now in _pairs(before, point):
+        if past.is_touch is now.is_touch and past.depth * now.depth > 0.0 and now.distance < past.distance:
+            found.append(Approach(length * now.distance / (past.distance - now.distance), now))
+    return sorted(found)
+
+
+def _pairs(first: BranchPoint, last: BranchPoint) -> Iterator[tuple[Turning, Turning]]:
+    """Yield the turning points of one orbit, each with the nearby one of the other orbit that it has become."""
+    full = PERIOD * first.orbit.period
+    for turning in turnings(last):
+        others = [other for other in turnings(first) if other.switch == turning.switch]
+        if others:
+            apart = [abs((other.theta - turning.theta + full / 2) % full - full / 2) for other in others]
+            nearest = int(np.argmin(apart))
+            if apart[nearest] < _SAME:
+                yield others[nearest], turning
+
+
+def leaps(before: BranchPoint | None, first: BranchPoint, last: BranchPoint) -> bool:
+    """Return whether a step changes a touch in a way that the points before it do not predict.
+
+    Arcs of a locus that differ only by a touch are close to each other, and a step may jump from one to the other.
+    """
+    rates: dict[tuple[int, float], float] = {}
+    if before is not None:
+        for past, now in _pairs(before, first):
+            rates[now.switch, now.theta] = (now.distance - past.distance) / (first.arclength - before.arclength)
+    for now, following in _pairs(first, last):
+        if now.is_touch and following.is_touch:
+            change = rates.get((now.switch, now.theta), 0.0) * (last.arclength - first.arclength)
+            if abs(following.distance - now.distance - change) > _LEAP * now.distance:
+                return True
+    return False

@@ -88,14 +88,16 @@ def join_locus(tracers: list[LocusTracer], walked: list[list[LocusStep]]) -> Loc
     """Join one or two tracers and the steps that they yielded into one locus with one direction of travel."""
     beginning, start = tracers[0].beginning, tracers[-1].first
     ends = [
-        tracer.end or LocusEnd(LocusEndReason.STOPPED, _last(tracer, steps))
+        tracer.end or LocusEnd(LocusEndReason.STOPPED, (steps[-1].point if steps else tracer.first).values)
         for tracer, steps in zip(tracers, walked, strict=True)
     ]
     points: list[LocusPoint] = [start]
     codim2: list[Codim2Point] = []
     if len(tracers) == 2:
         points = [_reversed(step.point) for step in reversed(walked[0])] + [start]
-        codim2 = [_turned(point) for step in reversed(walked[0]) for point in reversed(step.codim2)]
+        codim2 = [
+            replace(each, point=_reversed(each.point)) for step in reversed(walked[0]) for each in reversed(step.codim2)
+        ]
     else:
         ends = ends * 2
     points += [step.point for step in walked[-1]]
@@ -113,13 +115,5 @@ def join_locus(tracers: list[LocusTracer], walked: list[list[LocusStep]]) -> Loc
     )
 
 
-def _last(tracer: LocusTracer, steps: list[LocusStep]) -> tuple[float, float]:
-    return steps[-1].point.values if steps else tracer.first.values
-
-
 def _reversed(point: LocusPoint) -> LocusPoint:
     return replace(point, tangent=-point.tangent, arclength=-point.arclength)
-
-
-def _turned(codim2: Codim2Point) -> Codim2Point:
-    return replace(codim2, point=_reversed(codim2.point))

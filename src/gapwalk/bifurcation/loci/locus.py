@@ -49,6 +49,11 @@ class LocusEnd:
     values: tuple[float, float]
     detail: str = ""
 
+    @property
+    def reason_words(self) -> str:
+        """Reason with its details, as a sentence."""
+        return f"{self.reason.value} ({self.detail})" if self.detail else self.reason.value
+
     def __str__(self) -> str:
         first, second = self.values
         text = f"{self.reason.value}, at ({first:.8g}, {second:.8g})"
@@ -84,7 +89,7 @@ class LocusPoint:
     arclength: float
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         if self.x.ndim != 1 or len(self.x) < 2 or self.tangent.shape != self.x.shape:
             raise ValueError("the unknowns of a point are not as many as the components of its tangent")
 
@@ -196,7 +201,7 @@ class Locus:
     contact: str = ""
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts do not fit together."""
         points = (*self.points, *(codim2.point for codim2 in self.codim2_points))
         if not self.points or self.period < 1 or any(point.orbit.period != self.period for point in points):
             raise ValueError("a locus has no points, or points of another period")

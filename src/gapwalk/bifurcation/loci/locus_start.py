@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.loci.grazing_equation import MARGIN, TouchEquation
-from gapwalk.bifurcation.loci.multiplier_equation import MultiplierEquation
-from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane
-from gapwalk.bifurcation.loci.shot_plane import ShotPlane
-from gapwalk.bifurcation.loci.solution_curve import onto_curve
+from gapwalk.bifurcation.loci.locus_equations import MARGIN, GrazingEquation, MultiplierEquation, onto_curve
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
-from gapwalk.continuation.parameter_range import Range
+from gapwalk.continuation.walk_options import Range
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.flow import PERIOD
@@ -62,10 +59,10 @@ class LocusStart:
     contact: str = ""
 
     @property
-    def equation(self) -> MultiplierEquation | TouchEquation:
+    def equation(self) -> MultiplierEquation | GrazingEquation:
         """Equation whose solutions form the locus."""
         equation = self.corrector.equation
-        assert isinstance(equation, MultiplierEquation | TouchEquation)
+        assert isinstance(equation, MultiplierEquation | GrazingEquation)
         return equation
 
     @property
@@ -112,9 +109,9 @@ def refined(beginning: LocusStart) -> LocusStart | None:
 def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     """Return a point of a locus, posed by a finer equation of the same locus; None if Newton's method fails."""
     equation = corrector.equation
-    assert isinstance(equation, MultiplierEquation | TouchEquation)
+    assert isinstance(equation, MultiplierEquation | GrazingEquation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
-    if isinstance(equation, TouchEquation):
+    if isinstance(equation, GrazingEquation):
         x[-3] = point.x[-3]  # the orbit itself does not determine which turning point grazes
     correction, tangent = onto_curve(corrector, x)
     if correction is None or correction.distance > _COARSE:
@@ -131,25 +128,26 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
     corrector, start = make(plane, special, within)
     orbit, finer = _uncorrected(corrector, start), plane.finer()
-    doubt = plane.doubt(orbit)
-    if doubt and finer is not None:
+    inaccuracy = plane.inaccuracy(orbit)
+    if inaccuracy and finer is not None:
         return _started(finer, special, within)
     correction, tangent = onto_curve(corrector, start)
     if correction is None or correction.distance > (_FAR if isinstance(plane, ShotPlane) else _COARSE):
-        if finer is not None and plane.doubt(orbit, _LITTLE):
+        if finer is not None and plane.inaccuracy(orbit, _LITTLE):
             return _started(finer, special, within)
-        raise ConvergenceError(doubt or f"the start is not a {special.kind.value} at {_place(special, names)}")
+        place = ", ".join(f"{name} = {special.orbit.system[name]:.10g}" for name in names)
+        raise ConvergenceError(inaccuracy or f"the start is not a {special.kind.value} at {place}")
     held = corrector.at_value(correction.x, value)
     if held is not None and held.distance <= _FAR:  # the same point at the exact second parameter: it may be a limit
         correction = held
     if tangent[-2] < 0.0 or (tangent[-2] == 0.0 and tangent[-1] < 0.0):
         tangent = -tangent
     there = corrector.point(correction, tangent, 0.0)
-    doubt = plane.doubt(there.orbit)
-    if not doubt:
+    inaccuracy = plane.inaccuracy(there.orbit)
+    if not inaccuracy:
         return corrector, there
     if finer is None:
-        raise ConvergenceError(doubt)
+        raise ConvergenceError(inaccuracy)
     return _started(finer, special, within)
 
 
@@ -195,7 +193,7 @@ def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Ran
     )
     units = plane.scales(special.orbit)
     margin = MARGIN * float(units[0])
-    equation = TouchEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
+    equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
     value = special.orbit.system[plane.names[1]]
     unknowns = equation.unknowns(special.orbit)
     equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
@@ -244,7 +242,3 @@ def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tupl
     for corner in product(*pairs):
         system.at(dict(zip((first, second), corner, strict=True)))
     return ranges[0], ranges[1]
-
-
-def _place(special: SpecialPoint, names: tuple[str, str]) -> str:
-    return ", ".join(f"{name} = {special.orbit.system[name]:.10g}" for name in names)

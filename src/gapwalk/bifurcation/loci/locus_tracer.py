@@ -11,14 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.loci.codimension_two import Finding, find_codim2
-from gapwalk.bifurcation.loci.corner import AWAY, Corner, turn_corner
-from gapwalk.bifurcation.loci.grazing_equation import TouchEquation
+from gapwalk.bifurcation.loci.codimension_two import Finding, distance_to_merging, ends_locus, find_codim2, find_merging
+from gapwalk.bifurcation.loci.corner import AWAY, Approach, Corner, approaches, leaps, turn_corner
 from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, LocusEnd, LocusEndReason, LocusPoint
+from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
 from gapwalk.bifurcation.loci.locus_start import LocusStart, lift, refined
-from gapwalk.bifurcation.loci.merging import distance_to_merging, find_merging
-from gapwalk.bifurcation.loci.test_functions import ends_locus
-from gapwalk.bifurcation.loci.touch_changes import Approach, approaches, leaps
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import EndReason, Walk, WalkState
 from gapwalk.continuation.walk_options import WalkOptions
@@ -61,7 +58,7 @@ class LocusTracer(Iterator[LocusStep]):
     Parameters
     ----------
     beginning
-        Where it begins, and in which direction.
+        First point and direction of the tracer.
     walk
         Options of the walk.
     resume
@@ -110,20 +107,21 @@ class LocusTracer(Iterator[LocusStep]):
             try:
                 point = next(self.walk)
             except StopIteration:
-                assert self.walk.end is not None
-                if self.walk.end.reason is not EndReason.STEP or not is_coarse:
-                    self._end_with_walk()
+                end = self.walk.end
+                assert end is not None
+                if end.reason is not EndReason.STEP or not is_coarse:
+                    self.end = LocusEnd(_REASONS[end.reason], self._values(self.walk.point), end.detail)
                     raise
                 step = self._around_corner(_AT * _CORNER, [])
                 if step is not None:
                     return step
                 self.walk = self._walk_from(self.walk.state)
                 continue
-            doubt = self.beginning.plane.doubt(point.orbit)
-            if doubt:
+            inaccuracy = self.beginning.plane.inaccuracy(point.orbit)
+            if inaccuracy:
                 if self._go_on_more_finely(state):
                     continue
-                self.end = LocusEnd(LocusEndReason.COARSE, self._values(state.point), doubt)
+                self.end = LocusEnd(LocusEndReason.COARSE, self._values(state.point), inaccuracy)
                 raise StopIteration
             step = None
             try:
@@ -284,12 +282,6 @@ class LocusTracer(Iterator[LocusStep]):
                 return True
         return False
 
-    def _end_with_walk(self) -> None:
-        """Set the end to that of the walk."""
-        end = self.walk.end
-        assert end is not None
-        self.end = LocusEnd(_REASONS[end.reason], self._values(self.walk.point), end.detail)
-
     def _first_value(self, point: BranchPoint) -> float:
         return float(point.x[-2] * self.beginning.corrector.scales[-2])
 
@@ -303,7 +295,7 @@ class LocusTracer(Iterator[LocusStep]):
         return Codim2Point(finding.kind, self._point(finding.point), finding.contact)
 
     def _angle(self, point: BranchPoint) -> float:
-        if isinstance(self.beginning.equation, TouchEquation):
+        if isinstance(self.beginning.equation, GrazingEquation):
             return float(point.x[-3] * self.beginning.corrector.scales[-3]) % (PERIOD * self.beginning.plane.period)
         return self.beginning.kind.angle(point.orbit.multipliers)
 

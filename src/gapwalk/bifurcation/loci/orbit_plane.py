@@ -1,18 +1,29 @@
-"""Orbits of one system in the plane of two parameters: the interface that the equations of all loci use."""
+"""Orbits of one system in the plane of two parameters: the interface that the equations of all loci use.
+
+`ShotPlane` implements it by shooting, with orbits from their exact state at theta = 0.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.criticality import flip_coefficient
 from gapwalk.bifurcation.kinds.condition import Criticality
+from gapwalk.continuation.walk_scales import unknown_scales
+from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.forces import accelerations
+from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, coefficients_of, layout_of
 from gapwalk.model.system import System
+from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
+from gapwalk.orbit.shooting import Shooting
 
 STEP = 1e-9
 """Step of forward differences of exact matrices, in units of the unknowns.
@@ -20,36 +31,6 @@ STEP = 1e-9
 At this step rounding leaves about 1e-7 of the derivative, and so does curvature. Larger steps would reach beyond a
 grazing contact nearby, where the derivative of the monodromy matrix grows like one over the square root of the depth.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """Unknowns at a point of the plane, and the equations of an orbit there.
-
-    Attributes
-    ----------
-    unknowns : shape (N,)
-        Unknowns of the orbit.
-    coefficients
-        Coefficients of the flow.
-    slopes : shape (2, coefficients)
-        Their derivatives with respect to both parameters.
-    residual : shape (N,)
-        Zero on an orbit.
-    jacobian : shape (N, N + 2)
-        Its derivatives with respect to the unknowns and both parameters.
-    evidence
-        Data that the plane needs to construct the orbit later.
-    """
-
-    unknowns: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    jacobian: NDArray[np.float64]
-    evidence: Any
-
-
 Turning = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Depth beyond a breakpoint and its rate at an angle; derivatives by unknowns, angle, parameters, shape (2, N + 3)."""
 
@@ -129,10 +110,205 @@ class OrbitPlane(Protocol):
         """Return the unknowns of the motion of half the period that is the mean of the two halves of an orbit."""
         ...
 
-    def doubt(self, orbit: Orbit, share: float = 1.0) -> str:
+    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
         """Return why an orbit does not satisfy a share of the allowed error; empty if it does."""
         ...
 
     def finer(self) -> OrbitPlane | None:
         """Return the plane with a finer resolution of its orbits, or None if there is none."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Unknowns at a point of the plane, and the equations of an orbit there.
+
+    Attributes
+    ----------
+    unknowns : shape (N,)
+        Unknowns of the orbit.
+    coefficients
+        Coefficients of the flow.
+    slopes : shape (2, coefficients)
+        Their derivatives with respect to both parameters.
+    residual : shape (N,)
+        Zero on an orbit.
+    jacobian : shape (N, N + 2)
+        Its derivatives with respect to the unknowns and both parameters.
+    evidence
+        Data that the plane needs to construct the orbit later.
+    """
+
+    unknowns: NDArray[np.float64]
+    coefficients: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    evidence: Any
+
+
+@dataclass(frozen=True)
+class ShotPlane:
+    """Equation of shooting in one segment, ``Phi(u; a, b) - u = 0``; see `OrbitPlane`.
+
+    The derivatives of Phi are exact. Those of the multipliers need second derivatives of Phi, but only along the
+    critical vectors. Since second derivatives are symmetric, differences of the first ones along each vector suffice.
+
+    Parameters
+    ----------
+    system
+        The system at the start.
+    names
+        The two parameters.
+    period
+        m, number of forcing periods.
+    options
+        Options of shooting.
+    """
+
+    system: System
+    names: tuple[str, str]
+    period: int
+    options: Shooting = Shooting()
+
+    @property
+    def tolerance(self) -> float:
+        """See `OrbitPlane.tolerance`."""
+        return self.options.tolerance
+
+    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
+        """See `OrbitPlane.place`. Errors as in `Flow.integrate`."""
+        coefficients, slopes = self._parameters.coefficients(first, second)
+        arc = self._turn(coefficients, unknowns, slopes)
+        jacobian, size = _derivatives(arc), len(unknowns)
+        jacobian[:, :size].flat[:: size + 1] -= 1.0
+        return Place(unknowns, coefficients, slopes, arc.state - unknowns, jacobian, arc)
+
+    def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
+        """See `OrbitPlane.orbit`."""
+        arc: Arc = evaluation.evidence.evidence
+        return Orbit(
+            self._parameters.system_at(first, second),
+            self.period,
+            unknowns.copy(),
+            multipliers([_transition(arc)]),
+            tuple(arc.contacts),
+            float(np.abs(evaluation.residual).max()),
+            arc.steps,
+        )
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the state at theta = 0."""
+        return orbit.state.copy()
+
+    def scales(self, orbit: Orbit) -> NDArray[np.float64]:
+        """See `OrbitPlane.scales`."""
+        return unknown_scales(self.options.pose(orbit.system), orbit)
+
+    def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
+        """See `OrbitPlane.criticality`; from the monodromy matrix in units of the state."""
+        return kind.condition(self._scaled(place.evidence, scales))
+
+    def gradient(
+        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """See `OrbitPlane.gradient`."""
+        units = scales[: len(place.unknowns)]
+        by_all, here = np.zeros(len(units) + 2), _derivatives(place.evidence)
+        for direction, covector in zip(critical.directions, critical.covectors, strict=True):
+            beside = self._turn(place.coefficients, place.unknowns + STEP * units * direction, place.slopes)
+            by_all += (covector / units) @ (_derivatives(beside) - here)
+        return by_all / STEP
+
+    def turning(self, switch: int, place: Place, theta: float) -> Turning:
+        """See `OrbitPlane.turning`; the rate is over time."""
+        contact, number = self._flow.equations.switches[switch]
+        slots = self._layout.contacts[contact]
+        stage, coefficients, slopes = slots.stages[number], place.coefficients, place.slopes
+        n, size = len(place.unknowns) // 2, len(place.unknowns)
+        angle = theta % (PERIOD * self.period)
+        there, by_all = place.unknowns, np.eye(size, size + 2)
+        if angle > 0.0:
+            arc = self._flow.integrate(coefficients, place.unknowns, 0.0, angle, slopes)
+            there, by_all = arc.state, _derivatives(arc)
+        q, v = there[:n], there[n:]
+        vector, vector_slopes = coefficients[slots.deflection], slopes[:, slots.deflection]
+        acceleration = accelerations(self._layout, coefficients, angle, q, v)
+        derivatives = np.empty((2, size + 3))
+        by_all = np.stack((vector @ by_all[:n], vector @ by_all[n:]))
+        by_all[:, size:] += np.stack((vector_slopes @ q, vector_slopes @ v))
+        derivatives[:, :size], derivatives[:, size + 1 :] = by_all[:, :size], by_all[:, size:]
+        derivatives[:, size] = coefficients[0] * vector @ v, coefficients[0] * vector @ acceleration
+        derivatives *= stage.sign
+        derivatives[0, size + 1 :] -= slopes[:, stage.clearance]
+        depth = stage.sign * float(vector @ q) - float(coefficients[stage.clearance])
+        return np.array([depth, stage.sign * float(vector @ v)]), derivatives
+
+    def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
+        """See `OrbitPlane.flip_coefficient`."""
+        units = scales[: len(place.unknowns)]
+
+        def monodromy(unknowns: NDArray[np.float64]):
+            arc = self._turn(place.coefficients, unknowns, place.slopes)
+            return self._scaled(arc, scales), arc.contacts
+
+        here = self._scaled(place.evidence, scales), place.evidence.contacts
+        critical = self.criticality(Kind.FLIP, place, scales)
+        bordering = np.eye(len(units)) - here[0]
+        vectors = critical.directions[0], critical.covectors[0]
+        return flip_coefficient(monodromy, here, place.unknowns, units, vectors, bordering).value
+
+    def halved(self) -> ShotPlane:
+        """See `OrbitPlane.halved`."""
+        return replace(self, period=self.period // 2)
+
+    def shared(self) -> NDArray[np.bool_]:
+        """Return a mask of all unknowns, since they form the state."""
+        return np.ones(2 * self.system.size, dtype=bool)
+
+    def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
+        """See `OrbitPlane.mean_of_halves`."""
+        flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
+        return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
+
+    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
+        """Return an empty string: an orbit by shooting is as accurate as the flow."""
+        return ""
+
+    def finer(self) -> None:
+        """Return None: the flow is already accurate to rounding."""
+        return None
+
+    def _turn(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], slopes: NDArray[np.float64]) -> Arc:
+        """Integrate the motion from a state over the whole period, with all sensitivities."""
+        return self._flow.integrate(coefficients, state, 0.0, PERIOD * self.period, slopes)
+
+    @staticmethod
+    def _scaled(arc: Arc, scales: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the monodromy matrix of an arc, in units of the state."""
+        matrix = _transition(arc)
+        units = scales[: len(matrix)]
+        return matrix * units / units[:, None]
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return flow_of(self.system, *self.names, transition=True)
+
+    @cached_property
+    def _parameters(self) -> ParameterPlane:
+        return ParameterPlane(self.system, self.names)
+
+    @cached_property
+    def _layout(self) -> CoefficientLayout:
+        return layout_of(self.system.structure)
+
+
+def _derivatives(arc: Arc) -> NDArray[np.float64]:
+    """Return the derivatives of the final state by initial state and both parameters, shape (2n, 2n + 2)."""
+    assert arc.sensitivity is not None
+    return np.concatenate((_transition(arc), arc.sensitivity), axis=1)
+
+
+def _transition(arc: Arc) -> NDArray[np.float64]:
+    assert arc.transition is not None
+    return arc.transition

@@ -1,21 +1,21 @@
-// What the page asks of the server. Every error becomes a sentence.
+// Requests to the server. Every error becomes a sentence.
 
-import { save } from "./save.js";
+import { save } from "./dom.js";
 
 export class Refused extends Error {}
 
-/** The answer to a question; `signal` cancels it. */
+/** Send a request; `signal` cancels it. */
 export async function get(path, query = {}, signal = undefined) {
   return answer(await reach(`${path}?${new URLSearchParams(query)}`, { signal }));
 }
 
-/** What the server says to something that is to be done. */
+/** Send a command. */
 export async function post(path, body) {
   const headers = { "content-type": "application/json" };
   return answer(await reach(path, { method: "POST", headers, body: JSON.stringify(body) }));
 }
 
-/** Have the browser save a file of the server; a refusal is told, not saved. */
+/** Save a file of the server; an error is shown, not saved. */
 export async function download(path, query) {
   const response = await reach(`${path}?${new URLSearchParams(query)}`);
   if (!response.ok) await answer(response);
@@ -29,7 +29,7 @@ async function reach(path, options) {
     return await fetch(path, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused("The server does not answer. Is `gapwalk explore` still running? Start it again; this page goes on by itself.");
+    throw new Refused("The server does not answer. Is `gapwalk explore` still running? Start it again; this page then reconnects by itself.");
   }
 }
 

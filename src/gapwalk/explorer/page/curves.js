@@ -1,13 +1,25 @@
 // The branches that the page holds: typed arrays, merged as they grow, thinned to what the screen can show.
 
 import { get } from "./api.js";
-import { STABILITY } from "./kinds.js";
+
+/** Kinds of lines: the stability of the motions on a branch. */
+export const STABILITY = ["stable", "below", "above", "pair"];
+const LOCI = ["fold", "flip", "neimark-sacker", "grazing"];
+
+/** All kinds in the order of the labels that the server sends. */
+export const KINDS = [...STABILITY, ...LOCI];
+
+/** Show the kinds of loci in the legend that are on the diagram. */
+export function showLegend(legend, curves) {
+  const there = new Set([...curves].flatMap(({ label }) => (label.length ? KINDS[label[0]] : [])));
+  for (const line of legend.querySelectorAll(".of-plane")) line.hidden = !there.has(line.dataset.kind);
+}
 
 const TOLERANCE = 0.2; // pixels by which a thinned line may be off
 
 /** A branch as the server sends it. */
 function unpack(packed) {
-  if (packed.x instanceof Float64Array) return packed; // of a kept page
+  if (packed.x instanceof Float64Array) return packed; // of a saved page
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   return {
     count: packed.count, name: packed.name, period: packed.period, special: packed.special,
@@ -32,18 +44,18 @@ export class Curves {
     this.generation = 0;
   }
 
-  /** Whether loci are shown: then the picture is about them. */
+  /** True if loci are shown. */
   get hasLoci() {
     return this.subject().some(({ label }) => label[0] >= STABILITY.length);
   }
 
-  /** The curves that the whole picture is to show: the loci, or where there are none, all. */
+  /** The curves that determine the window: the loci, or all curves if there are none. */
   subject() {
     const all = [...this.all.values()], loci = all.filter(({ label }) => label[0] >= STABILITY.length);
     return loci.length ? loci : all;
   }
 
-  /** Forget everything: another file, or other axes. */
+  /** Remove all curves, for another file or other axes. */
   clear() {
     this.all.clear();
     this.settled.clear();
@@ -51,7 +63,7 @@ export class Curves {
     this.generation += 1;
   }
 
-  /** Fetch what has changed in the results; whether anything did. Loci are wanted where both axes are parameters. */
+  /** Fetch changed results; return true if there were any. Loci are shown where both axes are parameters. */
   async update(file, axes, plane, results) {
     const generation = this.generation, wanted = [], there = new Set(results.map(({ key }) => key));
     for (const [key, { result }] of this.all) if (!there.has(result)) this.all.delete(key);
@@ -83,7 +95,7 @@ export class Curves {
     return wanted.length > 0 && generation === this.generation;
   }
 
-  /** The nearest node of all branches to a place on the screen: { curve, index }, or null. */
+  /** Return the node of all branches nearest to a place on the screen: { curve, index }, or null. */
   nearest(px, py, toX, toY, reach) {
     let best = reach * reach, found = null;
     for (const curve of this.all.values()) {
@@ -119,7 +131,7 @@ export function thinned(curves, kinds, window, scaleX, scaleY) {
   return lines;
 }
 
-/** One piece: parts outside of the window are left out, the rest is thinned (Douglas and Peucker). */
+/** Thin one piece (Douglas and Peucker); parts outside of the window are left out. */
 function piece(x, y, first, last, [xs, ys], [low, high], scaleX, scaleY) {
   let i = first;
   while (i < last) {

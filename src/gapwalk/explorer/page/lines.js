@@ -1,7 +1,6 @@
 // The lines of the branches, on a canvas under Plotly's axes: they follow a drag frame by frame, however many they are.
 
-import { thinned } from "./curves.js";
-import { KINDS } from "./kinds.js";
+import { KINDS, thinned } from "./curves.js";
 
 const MANY = 5000; // vertices beyond which a drag shows the last picture, moved, and a new one now and then
 const NOW_AND_THEN = 250; // milliseconds

@@ -1,15 +1,13 @@
-// The page: which file, which axes, which point; everything else is asked of the server, which remembers it.
+// The page: the chosen file, axes and point; the server holds everything else.
 
 import { download, get, post } from "./api.js";
-import { choiceAt, fill } from "./choice.js";
-import { Curves } from "./curves.js";
+import { Keyboard, choiceAt } from "./choice.js";
+import { Curves, showLegend } from "./curves.js";
 import { Diagram } from "./diagram.js";
-import { showLegend } from "./kinds.js";
+import { fill, save } from "./dom.js";
 import { MotionView } from "./motion.js";
 import { Parameters } from "./parameters.js";
 import { isEarlier, showResults } from "./results.js";
-import { save } from "./save.js";
-import { Walker } from "./walker.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -18,7 +16,7 @@ const curves = new Curves();
 const diagram = new Diagram($("diagram"), curves, choose);
 const motion = new MotionView(tell);
 const parameters = new Parameters($("parameters"), $("filter"));
-const walker = new Walker($("diagram"), curves, choose, {
+const keyboard = new Keyboard($("diagram"), curves, choose, {
   w: walk, b: switchBranch, t: settle, l: followLocus, o: search, "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
 });
 
@@ -66,7 +64,7 @@ async function open(file) {
   await show(about.results);
 }
 
-/** The file was edited, or another server answers: take in what is new; what is shown and chosen stays. */
+/** Read the file again after an edit or a restart of the server; what is shown and chosen stays. */
 async function refresh() {
   const { file, server } = page.about;
   const about = await get("/api/about", { file });
@@ -83,10 +81,10 @@ async function refresh() {
   await show(about.results);
 }
 
-/** What is wrong with the file, whole, as long as it is wrong. */
+/** Show the errors of the file as long as it has any. */
 function showProblem() {
   const { problem } = page.about;
-  if (problem) tell(new Error(`${problem}\n\nWhat was computed before is shown; mend the file to compute more.`));
+  if (problem) tell(new Error(`${problem}\n\nEarlier results are shown; correct the file to compute more.`));
   else hideError();
 }
 
@@ -102,7 +100,7 @@ function chooseNothing() {
   enable();
 }
 
-/** Show what the server says of the results; curves are fetched where they have changed. */
+/** Show the results; fetch the curves that have changed. */
 async function show(results) {
   page.results = results;
   showResults($("results"), results, actOn, page.about?.model ?? "");
@@ -130,7 +128,7 @@ async function show(results) {
   enable();
 }
 
-/** Mark the curves that belong to an earlier model; whether that has changed for one of them. */
+/** Mark the curves that belong to an earlier model; return true if a mark has changed. */
 function markEarlier() {
   const { model } = page.about, earlier = new Set(page.results.filter((r) => isEarlier(r, model)).map(({ key }) => key));
   const turned = [...curves.all.values()].filter((curve) => Boolean(curve.earlier) !== earlier.has(curve.result));
@@ -147,7 +145,7 @@ function drawDiagram() {
   document.body.dataset.branches = curves.all.size;
 }
 
-/** Say why there is nothing to see, where there is nothing. */
+/** Explain an empty diagram. */
 function showEmpty() {
   $("empty").hidden = curves.all.size + curves.settled.size > 0;
   if (!$("empty").hidden) $("empty").replaceChildren(...whyEmpty());
@@ -164,7 +162,7 @@ function whyEmpty() {
 const axes = () => ({ x: $("x").value, y: $("y").value });
 const isPlane = () => Boolean(page.names?.has($("x").value) && page.names.has($("y").value));
 
-/** A point was chosen: { curve, index }, or { settled: result }. */
+/** Choose a point: { curve, index }, or { settled: result }. */
 function choose(found) {
   if (!page.about) return;
   const file = page.about.file;
@@ -174,7 +172,7 @@ function choose(found) {
     diagram.choose(null, 0, place ?? null);
   } else {
     page.chosen = choiceAt(found, $("x").value);
-    walker.stand(found.curve, found.index);
+    keyboard.select(found.curve, found.index);
     diagram.choose(found.curve, found.index);
   }
   $("chosen").textContent = page.chosen.title;
@@ -188,7 +186,7 @@ function choose(found) {
   });
 }
 
-/** Buttons can be pressed where they make sense. */
+/** Enable the buttons that apply to the chosen point. */
 function enable() {
   const { chosen } = page, start = chosen?.start;
   const over = start && ["done", "stopped", "failed"].includes(page.results.find((r) => r.key === start.result)?.state);
@@ -217,7 +215,7 @@ function compute(values = {}) {
   return act({ do: "compute", study: $("study").value, values });
 }
 
-/** The parameters that the chosen study walks: their values are those of its range. */
+/** The parameters along which the chosen study runs: their values follow from its range. */
 function walks() {
   return page.about.studies.find(({ name }) => name === $("study").value)?.walks ?? [];
 }
@@ -225,7 +223,7 @@ function walks() {
 function walk() {
   if ($("walk").disabled) return;
   const to = $("walk-to").valueAsNumber;
-  if (!Number.isFinite(to)) return tell(new Error("Write the value to which to walk into the field “to”, as in 0.5."));
+  if (!Number.isFinite(to)) return tell(new Error("Enter the last value of the branch in the field “to”, as in 0.5."));
   act({ do: "walk", start: page.chosen.start, parameter: $("walk-parameter").value, to });
 }
 
@@ -236,7 +234,7 @@ function switchBranch() {
   act({ do: "switch", start, low, high });
 }
 
-/** Where to search, or to follow a locus: the range of the branch of the chosen point, or of the file. */
+/** The range of a search or a locus: that of the branch of the chosen point, or of the file. */
 function rangeAround() {
   const start = page.chosen?.start, branch = start && page.results.find((r) => r.key === start.result)?.branches[start.branch];
   const [parameter, range] = branch ? [branch.parameter, branch.range] : [page.about.x, page.about.range];
@@ -247,7 +245,7 @@ function rangeAround() {
 function search() {
   if ($("search").disabled) return;
   const count = $("search-count").valueAsNumber, { parameter, low, high } = rangeAround();
-  if (!Number.isInteger(count)) return tell(new Error("Write into the field “at … values” at how many values to search, as in 60."));
+  if (!Number.isInteger(count)) return tell(new Error("Enter the number of values at which to search in the field “at … values”, as in 60."));
   if (!Number.isFinite(low)) return tell(new Error("Choose a point of a branch first: the search covers the range of its parameter."));
   const known = page.results.filter((r) => r.branches.length && ["done", "stopped", "failed"].includes(r.state)).map((r) => r.key);
   act({ do: "search", start: page.chosen?.start ?? null, parameter, low, high, count, known });
@@ -257,7 +255,7 @@ async function followLocus() {
   if ($("locus").disabled) return;
   const second = $("locus-parameter").value, { parameter, low, high } = rangeAround();
   const [from, to] = [$("locus-low").valueAsNumber, $("locus-high").valueAsNumber];
-  if (!Number.isFinite(from + to)) return tell(new Error("Write the range of the second parameter into the fields “from” and “to”."));
+  if (!Number.isFinite(from + to)) return tell(new Error("Enter the range of the second parameter in the fields “from” and “to”."));
   const key = await act({ do: "locus", start: page.chosen.start, low, high, second, second_low: from, second_high: to });
   if (key !== undefined) await showAxes(parameter, second);
 }
@@ -299,7 +297,7 @@ function connect() {
     const { server, explorations } = JSON.parse(event.data), { about } = page;
     if (!about) return;
     const exploration = explorations[about.file];
-    // a server that was started again does not know the file yet
+    // after a restart the server does not know the file yet
     if (server !== about.server || (exploration && exploration.stamp !== about.stamp)) refreshOnce();
     else if (exploration) show(exploration.results);
   };
@@ -325,7 +323,7 @@ function hideError() {
   $("error").hidden = true;
 }
 
-/** Show a result where it belongs: the plane of its locus, or its parameter and the measure of the file. */
+/** Show a result over its own axes: the plane of its locus, or its parameter and the measure of the file. */
 async function showResult(result) {
   if (result.settled) return choose({ settled: result.key });
   const locus = result.branches.find(({ second }) => second), shown = locus ?? result.branches[0];

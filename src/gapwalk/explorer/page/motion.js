@@ -1,9 +1,8 @@
-// The motion at the chosen point: it is asked for, shown panel by panel, and dropped when another is chosen.
+// The motion at the chosen point, panel by panel; it is dropped when another point is chosen.
 
 import { get } from "./api.js";
 import { Bodies } from "./bodies.js";
 import { chart } from "./chart.js";
-import { Sound } from "./sound.js";
 
 const $ = (id) => document.getElementById(id);
 const TAB = crypto.randomUUID?.() ?? String(Math.random()); // the former only where the address is safe
@@ -49,7 +48,7 @@ export class MotionView {
     $("motion-text").textContent = "It is shown here once a point is chosen.";
   }
 
-  /** Show the motion at a place; the one before is given up if it is still on its way. */
+  /** Show the motion at a place; cancel an earlier request. */
   async show(place, title) {
     const started = performance.now();
     this.request?.abort();
@@ -108,7 +107,7 @@ export class MotionView {
   drawDetails(details) {
     const { section } = details;
     this.details = details;
-    // the mean would dwarf what vibrates; lines that stand close are a curve
+    // the mean would hide the vibration; close lines are drawn as a curve
     const lines = [details.orders.slice(1), details.amplitudes.slice(1)], many = lines[0].length > 90;
     chart($("spectrum"), { [many ? "curves" : "bars"]: many ? [lines] : lines, x: details.across, y: details.signal, height: 140 });
     chart($("section"), { dots: section.q.map((q, i) => [q, section.v[i]]), x: `${section.of}, each period`, y: `${section.of}'` });
@@ -147,4 +146,45 @@ function table(log) {
   row(["periods", "contact", "", "rate"], "th");
   for (const e of log) row([e.periods.toFixed(4), `${e.contact} ${e.side}`, e.closes ? "closes" : "opens", e.velocity.toPrecision(3)], "td");
   return made;
+}
+
+const PITCH = 90; // forcing periods per second
+
+/** The acceleration of an orbit as a sound, one period again and again: rattle can be heard. */
+export class Sound {
+  on = false;
+
+  /** Start or stop; return true if it plays now. */
+  toggle(motion, coordinate) {
+    this.on = !this.on;
+    if (this.on) this.play(motion, coordinate);
+    else this.stop();
+    return this.on;
+  }
+
+  play(motion, coordinate) {
+    if (!this.on || !motion) return;
+    this.context ??= new AudioContext();
+    const values = motion.a[coordinate], last = values.length - 1;
+    const periods = motion.theta[last] - motion.theta[0];
+    const count = Math.max(64, Math.round((this.context.sampleRate / PITCH) * periods));
+    const buffer = this.context.createBuffer(1, count, this.context.sampleRate), wave = buffer.getChannelData(0);
+    const mean = values.reduce((sum, v) => sum + v, 0) / values.length;
+    const size = Math.max(1e-300, ...values.map((v) => Math.abs(v - mean)));
+    for (let i = 0; i < count; i++) {
+      const at = (i / count) * last, k = Math.floor(at), part = at - k;
+      wave[i] = (0.25 * (values[k] * (1 - part) + values[Math.min(k + 1, last)] * part - mean)) / size;
+    }
+    this.stop();
+    this.source = this.context.createBufferSource();
+    this.source.buffer = buffer;
+    this.source.loop = true;
+    this.source.connect(this.context.destination);
+    this.source.start();
+  }
+
+  stop() {
+    this.source?.stop();
+    this.source = null;
+  }
 }

@@ -1,6 +1,6 @@
-// The list of results: how far each has come, what can be done with it, and what it can be saved as.
+// The list of results: state of each, its buttons, and its files.
 
-const WORDS = { queued: "waits", running: "is being computed", paused: "is held", done: "", stopped: "was stopped", failed: "failed" };
+const WORDS = { queued: "waits", running: "is being computed", paused: "is paused", done: "", stopped: "was stopped", failed: "failed" };
 const SAVES = [
   ["table", "CSV", "Save the points as a table"],
   ["script", "Python", "Save the Python script that repeats it"],
@@ -15,7 +15,7 @@ export function showResults(list, results, act, model) {
   if (focused) list.querySelector(`[data-action="${CSS.escape(focused)}"]`)?.focus();
 }
 
-/** Whether a result belongs to an earlier state of the file. */
+/** True if a result belongs to an earlier state of the file. */
 export function isEarlier(result, model) {
   return Boolean(model && result.model && result.model !== model);
 }
@@ -50,10 +50,10 @@ function item(result, act, model) {
     button.addEventListener("click", () => act(word, result));
     buttons.append(button);
   };
-  if (result.state === "running") add("pause", "Pause", "Hold it; it goes on where it is");
-  if (result.state === "paused") add("continue", "Continue", "Let it go on");
-  if (["running", "paused", "queued"].includes(result.state)) add("stop", "Stop", "Stop it; what it has found is kept");
-  if (result.can_go_on && result.state === "stopped") add("resume", "Go on", "Go on where it was stopped");
+  if (result.state === "running") add("pause", "Pause", "Pause it; it can continue later");
+  if (result.state === "paused") add("continue", "Continue", "Continue it");
+  if (["running", "paused", "queued"].includes(result.state)) add("stop", "Stop", "Stop it; what it has found is stored");
+  if (result.can_resume && result.state === "stopped") add("resume", "Resume", "Continue where it was stopped");
   if (["done", "stopped"].includes(result.state)) {
     if (result.settled || result.branches.length) add("show", "Show", result.settled ? "Show the settled motion" : "Show the diagram, or the plane, of this result");
     for (const [word, ...labels] of SAVES) if (result.saves.includes(word)) add(word, ...labels);

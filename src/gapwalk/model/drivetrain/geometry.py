@@ -1,4 +1,4 @@
-"""How the inertias of a train move with the deflections of its links, and the other way round.
+"""Kinematics of a train: motions of its inertias from deflections of its links, and the reverse.
 
 All functions take the form of the train and the ratios of its links, real or complex.
 """
@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from gapwalk.model.drivetrain.link_tree import Step
-from gapwalk.model.drivetrain.train_form import TrainForm
+from gapwalk.model.drivetrain.train_form import Step, TrainForm
 
 
 def speeds(form: TrainForm, ratios: NDArray[Any]) -> NDArray[Any]:
@@ -26,7 +25,7 @@ def speeds(form: TrainForm, ratios: NDArray[Any]) -> NDArray[Any]:
 
 
 def angles(form: TrainForm, ratios: NDArray[Any]) -> NDArray[Any]:
-    """Angles of the inertias by the coordinates while the root of the tree stands still, shape (inertias + 1, n).
+    """Angles of the inertias by the coordinates while the root of the tree is at rest, shape (inertias + 1, n).
 
     The last row is the ground.
     """

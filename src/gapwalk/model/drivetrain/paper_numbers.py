@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import DampingLaw, Stage
+from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train import Train
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.drivetrain.train_parts import Inertia, Shaft
 from gapwalk.model.drivetrain.train_scales import Scales, nondimensional
-from gapwalk.model.excitation import Harmonic
+from gapwalk.model.loads import Harmonic
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Unit, Units
 
@@ -106,7 +106,7 @@ class PaperNumbers:
             a, b = getattr(self, first), getattr(self, second)
             if abs(a - wanted * b) > _CONSISTENT * max(abs(a), abs(wanted * b)):
                 yield (
-                    f"{first} is {a:g} beside {second} = {b:g}, but of three inertias {first} / {second} is {why}; "
+                    f"{first} is {a:g} and {second} is {b:g}, but of three inertias {first} / {second} is {why}; "
                     f"write {first} = {wanted * b:.10g}"
                 )
         r = self.length_ratio()
@@ -133,7 +133,7 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
         Its first shaft joins the first two inertias and has one clearance, its second one the last two and has none;
         torques act on the first inertia, and the mean one is taken by the last.
     scales
-        What the numbers stand for; by default `gapwalk.model.drivetrain.train_scales.scales_of` the system.
+        Physical values of the numbers; by default `gapwalk.model.drivetrain.train_scales.scales_of` the system.
     length_ratio
         bc3 / bc1.
 
@@ -148,19 +148,19 @@ def paper_numbers(system: System, scales: Scales | None = None, length_ratio: fl
     form, values = assembly.form, assembly.consistent(plain.values)
     first = form.links[0].contact
     ends = [link.ends for link in form.links]
-    laws = (DampingLaw.NONE, DampingLaw.HUNT_CROSSLEY)
+    laws = ("elastic", "hunt-crossley")
     if ends != [(0, 1), (1, 2)] or not first or form.links[1].contact or len(first.stages) > 1:
         raise ModelError(
             "the paper has three inertias in line, the first shaft with one clearance and the second with none; "
             "use nondimensional(system) for other trains"
         )
-    torques = [form.shape(values, torque) * form.size_and_phase(values, torque)[0] for torque in form.torques]
+    torques = [form.shape(values, torque) * form.parameters(values, torque)[0] for torque in form.torques]
     loads = [assembly.mean(plain.values), *torques]
-    phases = [form.size_and_phase(values, torque)[1] for torque in form.torques]
+    phases = [form.parameters(values, torque)[1] for torque in form.torques]
     orders = [torque.harmonic.order for torque in form.torques]
     if orders[:1] not in ([], [1]) or len(orders) > 2 or any(phases[:1]):
         raise ModelError("the paper has one or two terms of the excitation, the first of order 1 and phase 0")
-    if first.damping not in laws or any(load[1] for load in loads) or any(load[2] for load in torques):
+    if first.law.name not in laws or any(load[1] for load in loads) or any(load[2] for load in torques):
         raise ModelError("the paper has impact damping, and torques on the first and the last inertia only")
     (i1, i2, i3), r = form.inertia(values), length_ratio
     (k1, k2), (c1, c2) = form.stiffnesses(values), form.dampings(values)

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact
-from gapwalk.model.drivetrain.link_tree import Edge, tree_of
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.drivetrain.train_form import LinkForm, TorqueForm, TrainForm
+from gapwalk.model.drivetrain.train_form import Edge, LinkForm, TorqueForm, TrainForm, tree_of
 from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Inertia, Link, Shaft
 from gapwalk.model.drivetrain.train_quantities import Contents, without_units
-from gapwalk.model.excitation import Harmonic
+from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.problems import did_you_mean
-from gapwalk.model.structure import ContactForm, HarmonicForm, StageForm
+from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, checked
 from gapwalk.model.units import Quantity, Units, has_unit
 
@@ -73,7 +72,7 @@ class Train:
     shafts: Sequence[Shaft] = ()
     gears: Sequence[Gear] = ()
     mean: Mapping[str, float] = field(default_factory=dict, hash=False)
-    harmonics: Sequence[Harmonic] = ()
+    harmonics: Sequence[Load] = ()
     frequency: float = 1.0
     reaction: str | None = None
     speed: str | Quantity | None = None
@@ -164,8 +163,7 @@ class Train:
                 for number, (link, edge, contact) in enumerate(zip(self.links, edges, contacts, strict=True))
             ),
             tuple(
-                TorqueForm(HarmonicForm(each.name, each.order), tuple(numbers[name] for name in each.acts_on))
-                for each in self.harmonics
+                TorqueForm(LoadForm.of(each), tuple(numbers[name] for name in each.acts_on)) for each in self.harmonics
             ),
             None if self.reaction is None else numbers[self.reaction],
         )
@@ -184,12 +182,9 @@ class Train:
             if not of_link.rigid:
                 yield link.damping
             if contact and of_link.contact:
-                for stage in contact.stages:
-                    yield from (stage.clearance, stage.stiffness, stage.cubic)
-                if of_link.contact.damping_name:
-                    yield getattr(contact, of_link.contact.damping_name)
+                yield from contact.values()
         for harmonic in self.harmonics:
-            yield from (harmonic.amplitude, harmonic.phase, *harmonic.acts_on.values())
+            yield from (*harmonic.values(), *harmonic.acts_on.values())
 
 
 def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *, held: bool = False) -> Train:
@@ -217,10 +212,7 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
 
 def _link_form(link: Link, edge: Edge, contact: Contact | None, *, fixed: bool) -> LinkForm:
     ratio = link.ratio if isinstance(link, Gear) else None
-    form = None
-    if contact:
-        stages = tuple(StageForm(stage.name, stage.side) for stage in contact.stages)
-        form = ContactForm(contact.name, stages, contact.damping, True)
+    form = None if contact is None else ContactForm.of(contact, reciprocal=True)
     always = link.stiffness is not None and link.clearance is None
     return LinkForm(link.name, edge.ends, ratio is not None, ratio if fixed else None, edge.rigid, always, form)
 
@@ -239,11 +231,11 @@ def _name_problems(train: Train) -> Iterator[str]:
 
 
 def _number_problems(train: Train) -> Iterator[str]:
-    """What is no number, but should be one."""
+    """List the values that should be numbers, but are not."""
     for part in (*train.inertias, *train.links):
         for each in fields(part):
             value = getattr(part, each.name)
-            if each.name in ("name", "between", "stages") or (value is None and each.default is None):
+            if each.name in ("name", "between", "stages", "law", "numbers") or (value is None and each.default is None):
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 yield f"{part.name}.{each.name} is {value!r}; it must be a number"
@@ -283,7 +275,7 @@ def _part_problems(train: Train) -> Iterator[str]:
         if train.reaction not in inertias:
             yield f"reaction is {train.reaction!r}, which is no inertia; {did_you_mean(train.reaction, inertias)}"
         elif train.mean.get(train.reaction):
-            yield f"mean.{train.reaction} stands beside reaction = {train.reaction!r}; leave one of the two out"
+            yield f"mean.{train.reaction} and reaction = {train.reaction!r} are both given; leave one of the two out"
 
 
 def _joints(train: Train) -> tuple[dict[str, int], list[Edge]]:

@@ -1,4 +1,4 @@
-"""From the numbers of a train's parts to its equations of motion, without the turning of the train as a whole.
+"""Equations of motion of a train from the numbers of its parts, without the rotation of the train as a whole.
 
 The coordinates ``x`` are the deflections of the springs along a tree of links. With the angles ``theta`` of the
 inertias, ``theta = T x + r psi``: `r` holds the speeds at which a free train turns as a whole, and the columns of `T`
@@ -48,7 +48,7 @@ _CONSISTENT = 1e-9  # relative error of the ratios around a loop
 
 @dataclass(frozen=True)
 class TrainAssembly:
-    """How the equations of motion come from the numbers of a train of this form.
+    """Computes the equations of motion from the numbers of a train of this form.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class TrainAssembly:
             damping, stiffness = damping + mass * leaks, stiffness + damping * leaks
         parts = [values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ self._mean(values)]
         for torque in form.torques:
-            parts += [form.size_and_phase(values, torque), turned.T @ form.shape(values, torque)]
+            parts += [form.parameters(values, torque), turned.T @ form.shape(values, torque)]
         for number, contact in form.contacts:
             parts += [deflections[number], form.springs_and_law(values, contact)]
         return np.concatenate(parts)
@@ -133,7 +133,7 @@ class TrainAssembly:
             deflections = geometry.deflections(form, form.ratios(values))
             for place in form.slips:
                 column = deflections[:, place]
-                drag = column @ (form.dampings(values) * column)  # with that of other drags beside it
+                drag = column @ (form.dampings(values) * column)  # with that of other drags in parallel
                 found[place] = 2.0 * inverse[place, form.springs[place]] * drag
         return found
 
@@ -157,7 +157,7 @@ class TrainAssembly:
         return turned - np.outer(speeds, momentum / np.sum(inertia * speeds * speeds))
 
     def links(self, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Of all links stiffness and damping that act always, and deflections by the coordinates, shape (links, n)."""
+        """Return stiffness and damping of the links that always act, and deflections, shape (links, n)."""
         values, form = self.consistent(values), self.form
         return form.stiffnesses(values), form.dampings(values), geometry.deflections(form, form.ratios(values))
 
@@ -197,7 +197,7 @@ class TrainAssembly:
         return np.ones(1) if self.units is None else self.units.factors(self.names)
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
-        """What is wrong with the numbers, one sentence each."""
+        """List the errors of the numbers, one sentence each."""
         for name, value in zip(self.names, values.tolist(), strict=True):
             what = name.rsplit(".", 1)[-1]
             if what == "inertia" and not value > 0:
@@ -218,7 +218,7 @@ class TrainAssembly:
                 )
 
     def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
-        """What is wrong with closed loops; the ratios on them are no parameters, so once is enough."""
+        """List the errors of closed loops, once only: the ratios on them are not parameters."""
         form, ratios = self.form, self.form.ratios(values)
         speeds, body = geometry.speeds(form, ratios), geometry.bodies(form, ratios).indices
         for number in form.tree.chords:
@@ -237,7 +237,7 @@ class TrainAssembly:
                     continue
                 yield (
                     f"{link.name} closes a loop, and {here}, but by the other way round it is {wanted:.10g}: the train "
-                    "is locked; mend one of the ratios on the loop"
+                    "is locked; correct one of the ratios on the loop"
                 )
             elif not link.rigid and body[first] == body[second]:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"

@@ -1,8 +1,12 @@
-"""A train without its numbers: its parts, how they are connected, and the place of each of its numbers."""
+"""A train without its numbers: its parts, how they are connected, and the place of each of its numbers.
+
+The connections of the parts of a train: a tree of links that reaches all of them, and the links that close loops.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,9 +14,116 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.drivetrain.link_tree import Edge, Tree, tree_of
+from gapwalk.model.loads import LoadForm
 from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import ContactForm, HarmonicForm
+from gapwalk.model.structure import ContactForm
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A link as the tree sees it: its two ends as numbers (the ground has one of its own), and what it does.
+
+    A rigid one holds its ends together, a drag damps their relative motion and holds nothing.
+    """
+
+    ends: tuple[int, int]
+    rigid: bool
+    drag: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step through the tree: the link, and its two ends in the direction of the step."""
+
+    link: int
+    parent: int
+    child: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """The steps from a root to all inertias that are connected to it.
+
+    Parameters
+    ----------
+    root
+        The ground where there is one, or else the first inertia.
+    steps
+        In an order in which each begins where another has ended.
+    chords
+        The links that are not in the tree: each closes a loop.
+    looped
+        The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
+    """
+
+    root: int
+    steps: tuple[Step, ...]
+    chords: tuple[int, ...]
+    looped: frozenset[int]
+
+
+def tree_of(edges: Sequence[Edge], ground: int) -> Tree:
+    """The tree; rigid links are in it wherever they can, and links to the ground only where nothing else will do.
+
+    Drags close loops: they are in the tree only where nothing else holds what they join.
+    """
+    chosen = _spanning(edges, ground)
+    root = ground if any(ground in edge.ends and not edge.drag for edge in edges) else 0
+    steps = _walk(edges, chosen, root)
+    chords = tuple(number for number in range(len(edges)) if number not in chosen)
+    parents = {step.child: step for step in steps}
+    loops = [_loop(edges, parents, chord) for chord in chords]
+    inner = [loop for loop in loops if not any(ground in edges[link].ends for link in loop)]
+    return Tree(root, steps, chords, frozenset(link for loop in inner for link in loop))
+
+
+def _spanning(edges: Sequence[Edge], ground: int) -> set[int]:
+    """The links of the tree (Kruskal)."""
+    leaders: dict[int, int] = {}
+
+    def leader(node: int) -> int:
+        while (above := leaders.get(node, node)) != node:
+            leaders[node] = leaders.get(above, above)
+            node = above
+        return node
+
+    chosen = set()
+    for number in sorted(range(len(edges)), key=lambda k: (edges[k].drag, ground in edges[k].ends, not edges[k].rigid)):
+        first, second = map(leader, edges[number].ends)
+        if first != second:
+            leaders[first] = second
+            chosen.add(number)
+    return chosen
+
+
+def _walk(edges: Sequence[Edge], chosen: set[int], root: int) -> tuple[Step, ...]:
+    links_at: dict[int, list[int]] = {}
+    for number in sorted(chosen):
+        for end in edges[number].ends:
+            links_at.setdefault(end, []).append(number)
+    steps, seen, waiting = [], {root}, deque([root])
+    while waiting:
+        node = waiting.popleft()
+        for number in links_at.get(node, ()):
+            first, second = edges[number].ends
+            other = second if node == first else first
+            if other not in seen:
+                seen.add(other)
+                waiting.append(other)
+                steps.append(Step(number, node, other))
+    return tuple(steps)
+
+
+def _loop(edges: Sequence[Edge], parents: dict[int, Step], chord: int) -> set[int]:
+    """The links of the loop that a chord closes."""
+    found = {chord}
+    for end in edges[chord].ends:  # what both ways to the root share is not on the loop
+        way, node = set(), end
+        while node in parents:
+            way.add(parents[node].link)
+            node = parents[node].parent
+        found ^= way
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +158,12 @@ class LinkForm:
 
     @property
     def drag(self) -> bool:
-        """Whether it damps, and holds nothing."""
+        """True for a damper without any spring."""
         return not (self.rigid or self.always or self.contact)
 
     @property
     def has_ratio(self) -> bool:
-        """Whether its ratio is a parameter."""
+        """True if its ratio is a parameter."""
         return self.geared and self.fixed is None
 
 
@@ -60,7 +171,7 @@ class LinkForm:
 class TorqueForm:
     """A term of the excitation without its numbers: its name, its order, and on which inertias it acts."""
 
-    harmonic: HarmonicForm
+    harmonic: LoadForm
     acts_on: tuple[int, ...]
 
 
@@ -86,7 +197,7 @@ class TrainForm:
     reaction: int | None = None
 
     def _check_read(self) -> None:
-        """A ValueError if its parts do not fit together."""
+        """Raise a ValueError if its parts are inconsistent."""
         ends = [end for link in self.links for end in link.ends]
         inertias = [number for torque in self.torques for number in torque.acts_on]
         if not all(0 <= end <= self.ground for end in ends):
@@ -113,7 +224,7 @@ class TrainForm:
 
     @property
     def is_free(self) -> bool:
-        """Whether the train can turn as a whole."""
+        """True if the train can rotate as a whole."""
         return self.tree.root != self.ground
 
     @cached_property
@@ -159,16 +270,20 @@ class TrainForm:
         return mean
 
     def shape(self, values: NDArray[Any], torque: TorqueForm) -> NDArray[Any]:
-        """How a term of the excitation is spread over the inertias, shape (inertias,)."""
+        """Return the distribution of a term of the excitation over the inertias, shape (inertias,)."""
         shape = np.zeros(len(self.inertias), dtype=values.dtype)
-        first = self.names.start(f"{torque.harmonic.name}.amplitude") + 2
+        first = self._first(torque) + len(torque.harmonic.parameters)
         shape[list(torque.acts_on)] = values[first : first + len(torque.acts_on)]
         return shape
 
-    def size_and_phase(self, values: NDArray[Any], torque: TorqueForm) -> NDArray[Any]:
-        """Amplitude and phase of a term of the excitation."""
-        first = self.names.start(f"{torque.harmonic.name}.amplitude")
-        return values[first : first + 2]
+    def parameters(self, values: NDArray[Any], torque: TorqueForm) -> NDArray[Any]:
+        """The parameters of a term of the excitation: amplitude and phase of a harmonic."""
+        first = self._first(torque)
+        return values[first : first + len(torque.harmonic.parameters)]
+
+    def _first(self, torque: TorqueForm) -> int:
+        names = (*torque.harmonic.parameters, *(f"{torque.harmonic.shape}.{self.inertias[k]}" for k in torque.acts_on))
+        return self.names.start(names[0])
 
     def ratios(self, values: NDArray[Any]) -> NDArray[Any]:
         """The ratios of all links, shape (links,); that of a shaft is 1."""
@@ -183,9 +298,10 @@ class TrainForm:
         return self._numbers(values, "damping", [0.0] * len(self.links))
 
     def springs_and_law(self, values: NDArray[Any], contact: ContactForm) -> NDArray[Any]:
-        """The numbers of the stages of a contact, then that of its damping law."""
-        first = self.names.start(f"{contact.stage_prefix(contact.stages[0])}.clearance")
-        return values[first : first + 3 * len(contact.stages) + bool(contact.damping_name)]
+        """The numbers of the stages of a contact, then those of its own."""
+        names = contact.parameters
+        first = self.names.start(names[0])
+        return values[first : first + len(names)]
 
     def _numbers(self, values: NDArray[Any], what: str, otherwise: list[float]) -> NDArray[Any]:
         which, places = self._places[what]
@@ -195,7 +311,7 @@ class TrainForm:
 
     @cached_property
     def _places(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Which links have a ratio, a spring that acts always, a damper; and where those numbers stand."""
+        """Links with a ratio, a spring or a damper that always acts, and the places of those numbers."""
         having = {
             "ratio": [link.has_ratio for link in self.links],
             "stiffness": [link.always for link in self.links],
@@ -214,11 +330,10 @@ class TrainForm:
         yield from (f"mean.{self.inertias[number]}" for number in self.loaded)
         for link in self.links:
             yield from (f"{link.name}.{what}" for what in _own_numbers(link))
-            yield from _contact_names(link.contact) if link.contact else ()
+            yield from link.contact.parameters if link.contact else ()
         for torque in self.torques:
-            name = torque.harmonic.name
-            yield from (f"{name}.amplitude", f"{name}.phase")
-            yield from (f"{name}.acts_on.{self.inertias[number]}" for number in torque.acts_on)
+            yield from torque.harmonic.parameters
+            yield from (f"{torque.harmonic.shape}.{self.inertias[number]}" for number in torque.acts_on)
 
 
 def _own_numbers(link: LinkForm) -> Iterator[str]:
@@ -228,10 +343,3 @@ def _own_numbers(link: LinkForm) -> Iterator[str]:
         yield "stiffness"
     if not link.rigid:
         yield "damping"
-
-
-def _contact_names(contact: ContactForm) -> Iterator[str]:
-    for stage in contact.stages:
-        yield from (f"{contact.stage_prefix(stage)}.{what}" for what in ("clearance", "stiffness", "cubic"))
-    if contact.damping_name:
-        yield f"{contact.name}.{contact.damping_name}"

@@ -6,14 +6,16 @@ A number may also be a text with a unit, which `Train` reads: ``Inertia("hub", "
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, DampingLaw, Stage
+from gapwalk.model.contact import Contact, Stage
+from gapwalk.model.laws import Law, law_with
 
 GROUND = "ground"
-"""The name of what never moves; a shaft may end there."""
+"""The name of the ground, which does not move; a shaft may end there."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,9 @@ class Inertia:
     inertia: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Link(ABC):
-    """What joins two inertias: springs with and without clearances, and a damper, all of them optional.
+    """A connection of two inertias: springs with and without clearances, and a damper, all of them optional.
 
     Parameters
     ----------
@@ -54,9 +56,13 @@ class Link(ABC):
         Further springs, from the inside out; names are made up for those that have none.
     cubic
         Coefficient of the cubic term of the spring beyond the clearance; there is none without a clearance.
+    law
+        The force law of the contact of the springs that have a clearance, or its name; by default the first that has
+        the parameters which are given.
     impact_damping, viscous_damping
-        Of the contact of the springs that have a clearance: the coefficient of Hunt and Crossley's law, or that of a
-        damper which acts while they touch. One of the two at most.
+        The parameter of Hunt and Crossley's law, or of a damper which acts while they touch. One of the two at most.
+    numbers
+        Parameters of any law by name; they may also be given as arguments.
     """
 
     name: str
@@ -67,33 +73,50 @@ class Link(ABC):
     clearance: float | None = None
     stages: tuple[Stage, ...] = ()
     cubic: float = 0.0
-    impact_damping: float | None = None
-    viscous_damping: float | None = None
+    law: Law | str | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict, hash=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", tuple(self.stages))
+    def __init__(
+        self,
+        name: str,
+        between: tuple[str, str],
+        *,
+        stiffness: float | None = None,
+        damping: float = 0.0,
+        clearance: float | None = None,
+        stages: Sequence[Stage] = (),
+        cubic: float = 0.0,
+        law: Law | str | None = None,
+        numbers: Mapping[str, float] | None = None,
+        **more: float | None,
+    ) -> None:
+        given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
+        parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
+        names = ("name", "between", "stiffness", "damping", "clearance", "stages", "cubic", "law", "numbers")
+        for what, value in zip(names, parts, strict=True):
+            object.__setattr__(self, what, value)
 
     @property
     @abstractmethod
     def is_rigid(self) -> bool:
-        """Whether it holds its two inertias together without any spring."""
+        """True if it connects its two inertias rigidly."""
 
     @abstractmethod
     def problems(self) -> Iterator[str]:
-        """What is wrong with its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, without its name."""
 
     @property
     def is_drag(self) -> bool:
-        """Whether it damps, and holds nothing."""
+        """True for a damper without any spring."""
         return not (self.is_rigid or self.has_springs)
 
     @property
     def has_springs(self) -> bool:
-        """Whether anything of it is elastic."""
+        """True if any of its springs is elastic."""
         return self.stiffness is not None or bool(self.stages)
 
     def contact(self) -> Contact | None:
-        """Its springs with clearances; None if there are none.
+        """Return its springs with clearances as a contact; None if there are none.
 
         Raises
         ------
@@ -108,22 +131,23 @@ class Link(ABC):
             stages.append(replace(stage, name=stage.name or ("" if alone else f"stage{number}")))
         if not stages:
             return None
-        law = DampingLaw.HUNT_CROSSLEY if self.impact_damping is not None else DampingLaw.NONE
-        law = DampingLaw.VISCOUS if self.viscous_damping is not None else law
-        coefficients = (self.impact_damping or 0.0, self.viscous_damping or 0.0)
-        return Contact(self.name, {self.name: 1.0}, tuple(stages), None, law, *coefficients)
+        law = law_with(self.numbers) if self.law is None else self.law
+        return Contact(self.name, {self.name: 1.0}, tuple(stages), None, law, self.numbers)
 
     def spring_problems(self) -> Iterator[str]:
-        """What is wrong with its springs and dampers, one sentence each, without its name."""
+        """List the errors of its springs and dampers, one sentence each, without its name."""
         if self.stiffness is None and self.clearance is not None:
             yield "has a clearance, but no stiffness beyond it; write stiffness = ..."
         if self.cubic and self.clearance is None:
             yield "has a cubic term, but no clearance; put it into a stage with clearance = 0.0"
-        if self.impact_damping is not None and self.viscous_damping is not None:
-            yield "has impact_damping and viscous_damping; leave one of the two out"
-            return
-        for what in ("impact_damping", "viscous_damping"):
-            if getattr(self, what) is not None and self.clearance is None and not self.stages:
+        if self.law is None:
+            try:
+                law_with(self.numbers)
+            except ModelError as error:
+                yield f"has {' and '.join(self.numbers)}; {error}: leave one of the two out"
+                return
+        for what in ("law", *self.numbers):
+            if (what != "law" or self.law is not None) and self.clearance is None and not self.stages:
                 yield f"has {what}, but no clearance; write damping = ... for a damper that acts always"
         try:
             self.contact()
@@ -131,7 +155,7 @@ class Link(ABC):
             yield f"is refused: {str(error).removeprefix(f'contact {self.name!r}: ')}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Shaft(Link):
     """A spring with a damper between two inertias, or between one and the ground, with or without clearance.
 
@@ -142,11 +166,11 @@ class Shaft(Link):
 
     @property
     def is_rigid(self) -> bool:
-        """Whether it holds its two inertias together without any spring."""
+        """True if it connects its two inertias rigidly."""
         return False
 
     def problems(self) -> Iterator[str]:
-        """What is wrong with its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, without its name."""
         if not self.has_springs and self.clearance is None and not self.damping:
             yield (
                 "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each, or "
@@ -155,7 +179,7 @@ class Shaft(Link):
         yield from self.spring_problems()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Gear(Link):
     """A gear mesh (or belt, or chain drive) between two inertias: rigid, or with the stiffness of its teeth.
 
@@ -174,13 +198,17 @@ class Gear(Link):
 
     ratio: float
 
+    def __init__(self, name: str, between: tuple[str, str], ratio: float, **springs: Any) -> None:
+        super().__init__(name, between, **springs)
+        object.__setattr__(self, "ratio", ratio)
+
     @property
     def is_rigid(self) -> bool:
-        """Whether it holds its two inertias together without any spring."""
+        """True if it connects its two inertias rigidly."""
         return not self.has_springs
 
     def problems(self) -> Iterator[str]:
-        """What is wrong with its numbers, one sentence each, without its name."""
+        """List the errors of its numbers, one sentence each, without its name."""
         if self.is_rigid and self.damping:
             yield "has damping, but no stiffness, so it is rigid; leave damping out, or write stiffness = ..."
         if GROUND in self.between:

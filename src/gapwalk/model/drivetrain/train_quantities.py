@@ -1,4 +1,4 @@
-"""The quantities of a drive train that have units: found, checked, and put as numbers into its parts."""
+"""Quantities with units in a drive train: search, checks, and conversion to numbers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from gapwalk.model.contact import Stage
 from gapwalk.model.drivetrain.train_parts import Gear, Inertia, Link, Shaft
-from gapwalk.model.excitation import Harmonic
+from gapwalk.model.loads import Load
 from gapwalk.model.units import Quantity, QuantityKind, Units, has_unit, kind_of, read_quantity, units_of
 
-_OF_LINKS = ("stiffness", "damping", "clearance", "cubic", "impact_damping", "viscous_damping")
+_OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
 _OF_STAGES = ("clearance", "stiffness", "cubic")
 
 Change = Callable[[str, Any], Any]
@@ -29,22 +29,18 @@ class Contents:
     shafts: Sequence[Shaft]
     gears: Sequence[Gear]
     mean: Mapping[str, Any]
-    harmonics: Sequence[Harmonic]
+    harmonics: Sequence[Load]
     pace: Any
 
     def changed(self, change: Change, pace: str) -> Contents:
-        """The same with other values of its quantities; `pace` is the name of the frequency or the speed."""
+        """Return the parts with other values of their quantities; `pace` is the name of the frequency or the speed."""
         return Contents(
             tuple(replace(each, inertia=change(f"{each.name}.inertia", each.inertia)) for each in self.inertias),
             tuple(_link(each, change) for each in self.shafts),
             tuple(_link(each, change) for each in self.gears),
             {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
             tuple(
-                replace(
-                    each,
-                    amplitude=change(f"{each.name}.amplitude", each.amplitude),
-                    phase=change(f"{each.name}.phase", each.phase),
-                )
+                replace(each, **_numbers(each.name, {p.name: getattr(each, p.name) for p in each.parameters}, change))
                 for each in self.harmonics
             ),
             change(pace, self.pace),
@@ -73,7 +69,9 @@ def without_units(contents: Contents, units: Units | None, pace: str) -> tuple[C
     found, problems = _collected(contents, pace, mixed=units is not None)
     if problems or not found:
         return contents, units, problems
-    known = units or units_of(found, _turns(contents.harmonics) if pace == "speed" else None)
+    # periods of the excitation per turn: orders 2, 4 and 6 of a shaft repeat twice in each of its turns
+    turns = math.gcd(*(each.order for each in contents.harmonics)) or 1
+    known = units or units_of(found, turns if pace == "speed" else None)
 
     def numbered(name: str, value: Any) -> Any:
         return known.number(value, value.kind) if isinstance(value, Quantity) else value
@@ -109,17 +107,17 @@ def _collected(contents: Contents, pace: str, *, mixed: bool) -> tuple[list[Quan
     return found, problems
 
 
-def _turns(harmonics: Sequence[Harmonic]) -> int:
-    """Periods of the excitation in a turn: orders 2, 4 and 6 of a shaft repeat twice in each of its turns."""
-    return math.gcd(*(each.order for each in harmonics)) or 1
-
-
 def _link(link: L, change: Change) -> L:
     values = {what: change(f"{link.name}.{what}", getattr(link, what)) for what in _OF_LINKS}
     stages = tuple(_stage(link, number, stage, change) for number, stage in enumerate(link.stages))
-    return replace(link, stages=stages, **values)
+    return replace(link, stages=stages, numbers=_numbers(link.name, link.numbers, change), **values)
 
 
 def _stage(link: Link, number: int, stage: Stage, change: Change) -> Stage:
     prefix = f"{link.name}.{stage.name or f'stage[{number}]'}"
-    return replace(stage, **{what: change(f"{prefix}.{what}", getattr(stage, what)) for what in _OF_STAGES})
+    values = {what: change(f"{prefix}.{what}", getattr(stage, what)) for what in _OF_STAGES}
+    return replace(stage, numbers=_numbers(prefix, stage.numbers, change), **values)
+
+
+def _numbers(prefix: str, numbers: Mapping[str, Any], change: Change) -> dict[str, Any]:
+    return {what: change(f"{prefix}.{what}", value) for what, value in numbers.items()}

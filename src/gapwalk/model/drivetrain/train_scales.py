@@ -22,7 +22,7 @@ from gapwalk.model.units import QuantityKind, Units, kind_of
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """What the number 1 of a non-dimensional drive train stands for.
+    """The physical values of the number 1 in a non-dimensional drive train.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ class Scales:
 
     @property
     def torque(self) -> float:
-        """In N m."""
+        """Scale of torques, in N m."""
         return self.inertia * self.frequency**2 * self.angle
 
     def of(self, kind: QuantityKind | None) -> float:
-        """What the number 1 of a kind stands for, in SI units with rad."""
+        """Return the physical value of the number 1 of a kind, in SI units with rad."""
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
         powers = kind.value
@@ -63,16 +63,16 @@ class Scales:
 
     @property
     def words(self) -> str:
-        """What they are, in a line."""
+        """Write the scales in one line."""
         return (
-            f"1 stands for an angle of {math.degrees(self.angle):.6g} deg, a frequency of {self.frequency:.6g} rad/s, "
+            f"1 means an angle of {math.degrees(self.angle):.6g} deg, a frequency of {self.frequency:.6g} rad/s, "
             f"an inertia of {self.inertia:.6g} kg m^2, a torque of {self.torque:.6g} N m"
         )
 
 
 @dataclass(frozen=True)
 class NonDimensional:
-    """A drive train without units beside the one that it stands for.
+    """A drive train without units, with the physical one that it represents.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class NonDimensional:
     system
         The same without; its parameters have the same names, but ``frequency`` for a ``speed``.
     scales
-        What its numbers stand for.
+        Physical values of its numbers.
     """
 
     physical: System
@@ -89,23 +89,23 @@ class NonDimensional:
     scales: Scales
 
     def name(self, parameter: str) -> str:
-        """The name in the non-dimensional system of a parameter of the physical one."""
+        """Return the name in the non-dimensional system of a parameter of the physical one."""
         return "frequency" if parameter == self.physical.structure.pace else parameter
 
     def value(self, parameter: str, value: float) -> float:
-        """The non-dimensional value of a parameter (by its physical name) from a value in its unit."""
+        """Return the non-dimensional value of a parameter (by its physical name) from a value in its unit."""
         return value * self._factor(parameter)
 
     def physical_value(self, parameter: str, value: float) -> float:
-        """The value in its unit of a parameter (by its physical name) from the non-dimensional one."""
+        """Return the value in its unit of a parameter (by its physical name) from the non-dimensional one."""
         return value / self._factor(parameter)
 
     def state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """A non-dimensional state from a physical one (angles, then angles a second), shape (..., 2n)."""
+        """Make a non-dimensional state from a physical one (angles, then angles per second), shape (..., 2n)."""
         return np.asarray(state, dtype=float) * self._states
 
     def physical_state(self, state: ArrayLike) -> NDArray[np.float64]:
-        """A physical state from a non-dimensional one, shape (..., 2n)."""
+        """Make a physical state from a non-dimensional one, shape (..., 2n)."""
         return np.asarray(state, dtype=float) / self._states
 
     def _factor(self, parameter: str) -> float:
@@ -122,14 +122,14 @@ class NonDimensional:
 
 
 def nondimensional(system: System, scales: Scales | None = None) -> NonDimensional:
-    """The non-dimensional form of a drive train with units.
+    """Make the non-dimensional form of a drive train with units.
 
     Parameters
     ----------
     system
         The system of a train with units.
     scales
-        What its numbers are to stand for; by default `scales_of` the system.
+        Physical values of its numbers; by default `scales_of` the system.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def nondimensional(system: System, scales: Scales | None = None) -> NonDimension
 
 
 def scales_of(system: System) -> Scales:
-    """Scales at which the numbers of a train are about 1.
+    """Choose scales at which the numbers of a train are about 1.
 
     They are those of the paper: of the first link that has a clearance, the innermost clearance that is not 0; the
     inertia with which its deflection vibrates alone; and its frequency with the first stage closed, so that stiffnesses

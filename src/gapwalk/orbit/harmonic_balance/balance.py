@@ -1,20 +1,29 @@
-"""How to balance harmonics."""
+"""Options of harmonic balance, and the orbits that it finds: their motion is evaluated from their Fourier series."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gapwalk.errors import ModelError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.flow.motion import Motion
 from gapwalk.model.system import System
+from gapwalk.orbit.harmonic_balance.series import Series
+from gapwalk.orbit.measures import Turns
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
     from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 
-_FIRST = 10  # harmonics to begin with, where the number is left open
+
+_FIRST = 10  # initial number of harmonics, if it is chosen automatically
 STABILITIES = ("variational", "hill")
 
 
@@ -26,12 +35,12 @@ class Balance(Method):
     ----------
     harmonics
         H, the highest harmonic of the forcing frequency; an orbit of m forcing periods has H m lines. None: as many
-        as the stated `error` needs, and more where a branch needs more.
+        as `error` requires, and more where a branch requires more.
     error
-        Largest sum of the amplitudes in the neglected harmonics (those from H to 2 H, as the exact contact force
-        drives them), relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
+        Largest sum of the amplitudes in the neglected harmonics (from H to 2 H, as excited by the exact contact
+        force), relative to the largest amplitude of the deflections. A motion that exceeds it is refused.
     stability
-        ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over a period.
+        ``"variational"``: multipliers of the motion linearised about the balanced one, by one pass over the period.
         ``"hill"``: by the projected exponential of Hill's matrix (Bayer and Leine 2023).
     tolerance
         Largest residual of an orbit, relative to the size of its lines.
@@ -60,7 +69,7 @@ class Balance(Method):
             raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-14 and 1e-3")
 
     def pose(self, system: System, parameter: str | None = None, period: int = 1) -> BalanceEquation:
-        """The equation of the orbits of a system, by harmonic balance."""
+        """Pose the orbits of a system as a harmonic balance equation."""
         from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
 
         first = max(_FIRST, 2 * max((harmonic.order for harmonic in system.structure.harmonics), default=1))
@@ -68,7 +77,7 @@ class Balance(Method):
 
     @classmethod
     def resolving(cls, orbit: Orbit, count: int) -> Balance:
-        """With as many harmonics as the orbit has."""
+        """Return the method with as many harmonics as the orbit has."""
         return cls(orbit.harmonics)
 
     @staticmethod
@@ -80,3 +89,74 @@ class Balance(Method):
             f"by harmonic balance with {count} harmonics; the omitted ones amount to at most "
             f"{max(orbit.truncation for orbit in orbits):.2g} of a motion"
         )
+
+
+_AMPLIFIED = 30.0  # largest error of multipliers, in multiples of the truncation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BalancedOrbit(Orbit):
+    """An orbit given by its Fourier series.
+
+    It satisfies the equations of motion except for the neglected harmonics. An integration from its state would
+    leave an unstable orbit, so everything is evaluated from the series.
+
+    Attributes
+    ----------
+    series
+        The lines of all coordinates.
+    deflections
+        The lines of the deflections of all contacts.
+    truncation
+        Sum of the amplitudes of the neglected harmonics, as excited by the exact contact force, relative to the
+        largest amplitude of the deflections.
+    """
+
+    found_by: ClassVar[str] = "harmonic-balance"
+    is_exact: ClassVar[bool] = False
+
+    series: Series
+    deflections: Series
+    truncation: float = field()
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        super()._check_read()
+        series = (self.series, self.deflections)
+        rows, widths = zip(*(each.lines.shape for each in series), strict=True)
+        if rows != (self.system.size, len(self.system.structure.contacts)) or not 0 < min(widths) == max(widths):
+            raise ValueError("the lines of an orbit are not those of its coordinates and contacts")
+        if any(each.period != self.period for each in series):
+            raise ValueError("the lines of an orbit are those of another period")
+
+    @property
+    def harmonics(self) -> int:
+        """H, the highest harmonic of the forcing frequency."""
+        return (self.series.lines.shape[1] - 1) // self.period
+
+    @property
+    def multiplier_error(self) -> float:
+        """Approximate error of the multipliers due to truncation: thirty times the truncation."""
+        return _AMPLIFIED * self.truncation
+
+    def motion(self, samples: int | None = None) -> Motion:
+        """Sample one full period evenly, with `samples` per forcing period."""
+        count = (samples or self.samples) * self.period
+        theta = PERIOD * self.period * np.arange(count + 1) / count
+        states = self.series.states(theta)
+        n = self.system.size
+        return Motion(self.system, theta, states[:, :n], states[:, n:], self.events)
+
+    def strobes(self, count: int, apart: float = PERIOD) -> NDArray[np.float64]:
+        """Return the first `count` states at intervals of `apart` radians of theta, shape (count, 2n)."""
+        return self.series.states(apart * np.arange(count, dtype=float))
+
+    @cached_property
+    def turns(self) -> tuple[Turns, ...]:
+        """For each contact the angles at which its deflection turns, and its values there."""
+        return tuple(Turns(*found[:, np.argsort(found[0])].tolist()) for found in self.deflections.turns())
+
+    @cached_property
+    def extremes(self) -> NDArray[np.float64]:
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        return self.series.extremes()

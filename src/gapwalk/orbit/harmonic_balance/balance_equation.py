@@ -1,5 +1,7 @@
 """Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections.
 
+The equation is built from parts of the system (`Parts`), some of which stay the same along a parameter.
+
 Method: docs/numerics/harmonic-balance.md
 """
 
@@ -15,52 +17,31 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.motion import integrate
 from gapwalk.flow.switching import ContactEvent
-from gapwalk.model.coefficients import coefficients_of
+from gapwalk.model.coefficients import CoefficientLayout, ParameterLine, coefficients_of, layout_of, period_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
-from gapwalk.orbit.harmonic_balance.balance import Balance
-from gapwalk.orbit.harmonic_balance.balance_parts import Parts
-from gapwalk.orbit.harmonic_balance.balanced_orbit import BalancedOrbit
-from gapwalk.orbit.harmonic_balance.compliance import DirectCompliance, PoleCompliance
-from gapwalk.orbit.harmonic_balance.contact_forces import Forces, contact_forces_of
-from gapwalk.orbit.harmonic_balance.hill_monodromy import projected_monodromy
-from gapwalk.orbit.harmonic_balance.kernels import from_real_form, real_form
-from gapwalk.orbit.harmonic_balance.laws import Laws
-from gapwalk.orbit.harmonic_balance.linear_part import linear_of
-from gapwalk.orbit.harmonic_balance.linearised import Linearised
-from gapwalk.orbit.harmonic_balance.magnus_monodromy import monodromy
-from gapwalk.orbit.harmonic_balance.modal_monodromy import modal_monodromy
-from gapwalk.orbit.harmonic_balance.residual import balance, beyond, changed, share
+from gapwalk.orbit.harmonic_balance.balance import Balance, BalancedOrbit
+from gapwalk.orbit.harmonic_balance.compliance import (
+    DirectCompliance,
+    Lines,
+    PoleCompliance,
+    Poles,
+    pole_compliance,
+    poles_of,
+)
+from gapwalk.orbit.harmonic_balance.contact_forces import Forces, Laws, contact_forces_of, laws_of
+from gapwalk.orbit.harmonic_balance.kernels import balance, beyond, changed, from_real_form, real_form, share
+from gapwalk.orbit.harmonic_balance.linear_part import Linear, linear_of
+from gapwalk.orbit.harmonic_balance.monodromy import Linearised, modal_monodromy, monodromy, projected_monodromy
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, check_period
 
-_MOST = 1000  # harmonics beyond which an automatic choice gives up
+_LOOSE = 1e10  # condition number of the stiffness beyond which only contacts restrain the system
+_SHARE = 0.5  # share of each contact's stiffness that then belongs to the linear system
+_MOST = 1000  # largest automatically chosen number of harmonics
 _MANY = 16  # degrees of freedom from which stability is computed in eigenvectors
-_FASTEST = 2.0  # eigenvalues that are kept for stability, in highest lines
-
-
-class Evidence(NamedTuple):
-    """What an evaluation knows of the motion: its lines, the linear part, the forces, and their sum.
-
-    Attributes
-    ----------
-    coefficients
-        Of the flow.
-    lines : shape (contacts, K + 1)
-        Of the deflections.
-    total : shape (K + 1, contacts)
-        Lines of the contact forces less the linear shares.
-    compliance, laws, forces
-        The parts.
-    """
-
-    coefficients: NDArray[np.float64]
-    lines: NDArray[np.complex128]
-    total: NDArray[np.complex128]
-    compliance: PoleCompliance | DirectCompliance
-    laws: Laws
-    forces: Forces
+_FASTEST = 2.0  # largest eigenvalue used for stability, in multiples of the highest line
 
 
 @dataclass(frozen=True)
@@ -79,7 +60,7 @@ class BalanceEquation:
     period
         m, forcing periods.
     options
-        How to balance.
+        Options of harmonic balance.
     harmonics
         H, the highest harmonic of the forcing frequency.
     others
@@ -108,7 +89,7 @@ class BalanceEquation:
 
     @property
     def by_touches(self) -> None:
-        """None: no time of a contact is among its unknowns."""
+        """None, because no instant of a contact is among its unknowns."""
         return None
 
     @property
@@ -122,7 +103,7 @@ class BalanceEquation:
         return self.harmonics * self.period
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Residual and derivatives; see `Equation.evaluate`.
+        """Compute residual and derivatives; see `Equation.evaluate`.
 
         Raises
         ------
@@ -134,7 +115,7 @@ class BalanceEquation:
     def evaluate_at(
         self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> Evaluation:
-        """Residual and derivatives for coefficients of the flow, and for their derivatives by any of the parameters.
+        """Compute residual and derivatives from coefficients of the flow and their derivatives by any parameter.
 
         Raises
         ------
@@ -161,12 +142,12 @@ class BalanceEquation:
         return Evaluation(residual, jacobian, by_parameter, evidence)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
-        """The orbit of a solution."""
+        """Return the orbit of a solution."""
         system = self.system if self.parameter is None else self._parts.line.system_at(value)
         return self.orbit_at(system, unknowns, evaluation)
 
     def orbit_at(self, system: System, unknowns: NDArray[np.float64], evaluation: Evaluation) -> BalancedOrbit:
-        """The orbit of a solution, which is a motion of `system`."""
+        """Return the orbit of a solution, which is a motion of `system`."""
         evidence: Evidence = evaluation.evidence
         # the unknowns may be one Newton step past the evaluation
         lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
@@ -187,7 +168,7 @@ class BalanceEquation:
         )
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """The real forms of the deflections of an orbit that was found in whatever way."""
+        """Return the real forms of the deflections of an orbit found by any method."""
         if not isinstance(orbit, BalancedOrbit):
             samples = max(orbit.samples, 1 << (16 * self.harmonics - 1).bit_length())
             return self._from_positions(orbit.motion(samples).q)
@@ -198,18 +179,18 @@ class BalanceEquation:
         return real_form(lines).ravel()
 
     def _from_positions(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
+        """Return the unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
         lines = 2.0 * np.fft.rfft(q[:-1], axis=0).T[:, : self.count + 1] / (len(q) - 1)
         lines[:, 0] *= 0.5
         return real_form(linear_of(self._parts.layout, coefficients_of(self.system)).deflections @ lines).ravel()
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
-        """How much of each unknown counts as one length."""
+        """Return the amount of each unknown that counts as one length."""
         contacts = len(self._parts.layout.contacts)
         return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
 
-    def doubt(self, orbit: Orbit) -> str:
-        """Why a solution is no motion that can be trusted, and what to change; empty if it is one."""
+    def inaccuracy(self, orbit: Orbit) -> str:
+        """Return why a solution cannot be trusted, and what to change; empty if it can."""
         if orbit.truncation <= self.options.error:
             return ""
         text = (
@@ -224,18 +205,18 @@ class BalanceEquation:
         )
 
     def finer(self) -> BalanceEquation | None:
-        """The same with half as many harmonics again, if their number is left open."""
+        """Return the equation with 50 % more harmonics, if the options leave their number open."""
         more = self.harmonics + max(2, self.harmonics // 2)
         if self.options.harmonics is not None or more > _MOST:
             return None
         return replace(self, harmonics=more)
 
     def otherwise(self) -> BalanceEquation:
-        """The same with half as many harmonics again: what is neglected then tells in the difference."""
+        """Return the equation with 50 % more harmonics: the difference of solutions shows the truncation error."""
         return replace(self, harmonics=self.harmonics + max(2, self.harmonics // 2))
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
-        """The same lines, and none beyond."""
+        """Return the unknowns with the same lines, and zeros beyond."""
         contacts = len(self._parts.layout.contacts)
         known = from_real_form(direction.reshape(contacts, -1))
         lines = np.zeros((contacts, (len(other.scales(1.0)) // contacts + 1) // 2), dtype=complex)
@@ -243,26 +224,26 @@ class BalanceEquation:
         return real_form(lines).ravel()
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The lines of the motion from a state over the orbit's period; of no motion at all for the state zero."""
+        """Return the lines of the motion from a state over the orbit's period; zeros for the state zero."""
         if not state.any():  # a system of a thousand degrees of freedom has no flow
             return np.zeros(len(self._parts.layout.contacts) * (2 * self.count + 1))
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
     def linearised(self, evidence: Evidence) -> Linearised:
-        """The linearised equations of all motions with the coefficients and the laws of one."""
+        """Return the linearised equations for the coefficients and the laws of an evaluation."""
         return self._parts.linearised(evidence.coefficients, evidence.laws)
 
     def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
-        """How changes of a motion are mapped over its period, in the unknowns in which `options.stability` has them.
+        """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names.
 
-        Where `linearised` is known already, that saves time.
+        Passing a known `linearised` saves time.
         """
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, breaks = evidence.forces, evidence.forces.crossings[0]
         poles, shift = self._parts.poles, self._parts.shift
         if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
-            # eigenvectors that are faster than every line, by far, follow at once
+            # eigenvectors that are much faster than every line respond statically
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
             return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
         linearised = linearised or self.linearised(evidence)
@@ -272,13 +253,13 @@ class BalanceEquation:
         return monodromy(linearised, evidence.lines, breaks, length)
 
     def _truncation(self, evidence: Evidence) -> float:
-        """Amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
+        """Return the amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
         frequencies = self._parts.orders[self.count + 1 :] / evidence.coefficients[0]
         neglected = evidence.compliance.answer(frequencies, beyond(evidence.forces.parts, frequencies))
         return share(neglected, evidence.lines)
 
     def events(self, evidence: Evidence) -> tuple[ContactEvent, ...]:
-        """The crossings of breakpoints in one period."""
+        """Return the crossings of breakpoints in one period."""
         rate = float(evidence.compliance.lines.frequencies[1])
         return tuple(
             ContactEvent(self.period * phi, int(switch), closes > 0.0, rate * slope)
@@ -288,3 +269,153 @@ class BalanceEquation:
     @cached_property
     def _parts(self) -> Parts:
         return Parts(self.system, self.parameter, self.period, self.count, self.others)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The linear part and the contact laws of a system along a parameter, for motions of K lines.
+
+    Parameters
+    ----------
+    system, parameter, period
+        As of the equation.
+    count
+        K.
+    others
+        Names of other parameters that may vary.
+    """
+
+    system: System
+    parameter: str | None
+    period: int
+    count: int
+    others: tuple[str, ...] = ()
+
+    @cached_property
+    def layout(self) -> CoefficientLayout:
+        """Positions of the coefficients in their array."""
+        return layout_of(self.system.structure)
+
+    @cached_property
+    def line(self) -> ParameterLine:
+        """The systems along the parameter."""
+        return ParameterLine(self.system, self.parameter or self._pace)
+
+    def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """Return the coefficients at a value of the parameter, and their derivatives."""
+        if self.parameter is None:
+            return coefficients_of(self.system), None
+        if self._only_period:  # only the first coefficient changes, and only it is used
+            first, slope = period_of(self.system, value)
+            return np.array([first]), np.array([slope])
+        return self.line.coefficients(value)
+
+    def compliance(
+        self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
+    ) -> PoleCompliance | DirectCompliance:
+        """Return the linear part on the lines of the motion."""
+        frequencies = self.orders[: self.count + 1] / coefficients[0]
+        slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
+        lines = Lines(frequencies, slopes, self._load_lines)
+        if self.poles is not None:
+            return pole_compliance(self.poles, lines)
+        if self._fixed is not None:
+            return DirectCompliance(self._fixed, None, lines, self.shift)
+        change = None if slope is None else linear_of(self.layout, slope)
+        return DirectCompliance(linear_of(self.layout, coefficients), change, lines, self.shift)
+
+    def laws(self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None) -> Laws:
+        """Return the contact laws and their derivatives."""
+        return laws_of(self.layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
+
+    def linearised(self, coefficients: NDArray[np.float64], laws: Laws) -> Linearised:
+        """Return the linearised equations."""
+        if self._fixed_linearised is not None:
+            return self._fixed_linearised
+        return Linearised(self._fixed or linear_of(self.layout, coefficients), laws)
+
+    @cached_property
+    def poles(self) -> Poles | None:
+        """The eigenvalues of a constant linear part; None if it varies, or has too few eigenvectors."""
+        return None if self._fixed is None else poles_of(self._fixed, self.shift)
+
+    @cached_property
+    def shift(self) -> NDArray[np.float64]:
+        """Stiffness of each contact that belongs to the linear system; zero if that is restrained without contacts."""
+        coefficients = coefficients_of(self.system)
+        if np.linalg.cond(linear_of(self.layout, coefficients).stiffness, 1) < _LOOSE:
+            return np.zeros(len(self.layout.contacts))
+        laws = laws_of(self.layout, coefficients)
+        springs, count = laws.stiffness, len(self.layout.contacts)
+        total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
+        return _SHARE * total / np.maximum(number, 1.0)
+
+    @property
+    def _pace(self) -> str:
+        return self.system.structure.pace
+
+    @cached_property
+    def _fixed(self) -> Linear | None:
+        """The linear part, if no parameter changes it."""
+        for name in self._varying:
+            slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
+            if not linear_of(self.layout, slope).is_zero:
+                return None
+        return linear_of(self.layout, coefficients_of(self.system))
+
+    @cached_property
+    def _fixed_laws(self) -> Laws | None:
+        """The laws, if no parameter changes them."""
+        return None if self._varying else laws_of(self.layout, coefficients_of(self.system))
+
+    @property
+    def _varying(self) -> tuple[str, ...]:
+        """The parameters that may change the matrices or the laws."""
+        return tuple(name for name in (self.parameter, *self.others) if name is not None and self._varies(name))
+
+    @cached_property
+    def _only_period(self) -> bool:
+        """True if the parameter changes 1/W alone."""
+        return self.parameter is not None and not self._varies(self.parameter)
+
+    def _varies(self, name: str) -> bool:
+        """Return whether a parameter may change more than 1/W."""
+        return name != self._pace or self.layout.frequency_in_loads
+
+    @cached_property
+    def _fixed_linearised(self) -> Linearised | None:
+        if self._fixed is None or self._fixed_laws is None:
+            return None
+        return Linearised(self._fixed, self._fixed_laws)
+
+    @cached_property
+    def orders(self) -> NDArray[np.float64]:
+        """Lines from 0 to 2K in multiples of the forcing frequency: those beyond K measure the truncation."""
+        return np.arange(2 * self.count + 1) / self.period
+
+    @cached_property
+    def _load_lines(self) -> NDArray[np.intp]:
+        return np.array([0, *self.layout.orders], dtype=np.intp) * self.period
+
+
+class Evidence(NamedTuple):
+    """Data of an evaluation: the lines of the motion, the linear part, the forces, and their sum.
+
+    Attributes
+    ----------
+    coefficients
+        Coefficients of the flow.
+    lines : shape (contacts, K + 1)
+        Lines of the deflections.
+    total : shape (K + 1, contacts)
+        Lines of the contact forces less the linear shares.
+    compliance, laws, forces
+        The parts.
+    """
+
+    coefficients: NDArray[np.float64]
+    lines: NDArray[np.complex128]
+    total: NDArray[np.complex128]
+    compliance: PoleCompliance | DirectCompliance
+    laws: Laws
+    forces: Forces

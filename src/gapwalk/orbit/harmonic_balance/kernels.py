@@ -1,10 +1,50 @@
-"""Kernels of contact forces: real forms, zeros and turns of functions that are given by their lines, and the forces."""
+"""Compiled kernels of harmonic balance: zeros and turning points of series, contact forces, residual and Jacobian.
+
+At every point harmonic balance computes with a few hundred numbers: the overhead of NumPy calls would cost many times
+as much as the arithmetic. Machine code is stored next to the file of each kernel, or in numba's folder of the user, so
+that a process loads it in a fraction of a second; only the first one compiles it, in about 20 seconds.
+
+Three rules. Kernels are in one file with the parts that they call: numba compiles again when the file of a kernel
+changes, but does not look at other files. They are written in numbers, not in whole arrays: each expression of arrays
+brings in code for shapes, broadcasting and error messages, which takes longer to compile than the kernel. And parts are
+inlined: otherwise the process that compiles a kernel would call parts that were compiled one by one, a process that
+loads it parts that were optimised with it, and the two might round differently.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import numba
 import numpy as np
 
-from gapwalk.orbit.harmonic_balance.compiled import kernel, part
+# NaN must be allowed, so that a divergent motion is noticed. Division follows NumPy's rules.
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz"},
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+}
+_PART: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True, "forceinline": True}
+
+
+def kernel(signature: str) -> Callable[[Any], Any]:
+    """Compile a function for one signature, and store the machine code if there is a folder for it."""
+
+    def compiled(function: Any) -> Any:
+        try:
+            return numba.njit(signature, cache=True, **_OPTIONS)(function)
+        except RuntimeError:  # neither the package nor the user has a folder that can be written
+            return numba.njit(signature, **_OPTIONS)(function)
+
+    return compiled
+
+
+def part(function: Any) -> Any:
+    """Compile a function with the kernels that call it."""
+    return numba.njit(**_PART)(function)
+
 
 _ITERATIONS = 60  # bisection alone would need about 50; Newton's method takes 4
 _QUICK = 6
@@ -15,7 +55,7 @@ _TINY = 1e-300
 
 @part
 def _at(lines, phi):
-    """Value, slope and bend at an angle of the function with some lines."""
+    """Evaluate a function with given lines at an angle: value, slope and second derivative."""
     wave, turn = 1.0 + 0.0j, complex(np.cos(phi), np.sin(phi))
     value, slope, bend = lines[0].real, 0.0, 0.0
     for k in range(1, len(lines)):
@@ -29,7 +69,7 @@ def _at(lines, phi):
 
 @part
 def _zero(lines, low, high, at_low, at_high):
-    """One zero by Halley's method; by Newton's with bisection where that leaves the bracket."""
+    """Find one zero by Halley's method; by bisection where that leaves the bracket."""
     phi = low + (high - low) * (at_low / (at_low - at_high))
     for _ in range(_QUICK):
         value, slope, bend = _at(lines, phi)
@@ -57,7 +97,7 @@ def _zero(lines, low, high, at_low, at_high):
 
 @part
 def _rate(lines):
-    """Lines of the derivative by phi."""
+    """Return the lines of the derivative by phi."""
     result = np.empty(len(lines), np.complex128)
     for k in range(len(lines)):
         result[k] = complex(-k * lines[k].imag, k * lines[k].real)
@@ -66,7 +106,7 @@ def _rate(lines):
 
 @part
 def _sampled(lines, table):
-    """Values of a function on a grid; the table takes its real form there."""
+    """Evaluate a function on a grid; the table maps its real form to the values."""
     result, count = np.zeros(table.shape[1]), len(lines) - 1
     for row in range(2 * count + 1):
         part = lines[row].real if row <= count else -lines[row - count].imag
@@ -77,7 +117,7 @@ def _sampled(lines, table):
 
 @kernel("c16[:, ::1](f8[:, :])")
 def from_real_form(real):
-    """Lines, shape (functions, K + 1), of real forms of shape (functions, 2K + 1)."""
+    """Return lines, shape (functions, K + 1), of real forms of shape (functions, 2K + 1)."""
     count = real.shape[1] // 2
     result = np.empty((len(real), count + 1), np.complex128)
     for row in range(len(real)):
@@ -89,7 +129,7 @@ def from_real_form(real):
 
 @kernel("f8[:, ::1](c16[:, :])")
 def real_form(lines):
-    """Real forms, shape (functions, 2K + 1), of lines of shape (functions, K + 1)."""
+    """Return real forms, shape (functions, 2K + 1), of lines of shape (functions, K + 1)."""
     count = lines.shape[1] - 1
     result = np.empty((len(lines), 2 * count + 1))
     for row in range(len(lines)):
@@ -101,7 +141,7 @@ def real_form(lines):
 
 @part
 def _first(rows, number):
-    """The first columns of an array."""
+    """Return the first columns of an array."""
     result = np.empty((len(rows), number))
     for row in range(len(rows)):
         for index in range(number):
@@ -111,9 +151,9 @@ def _first(rows, number):
 
 @kernel("f8[:, ::1](c16[::1], f8[::1], f8[:, ::1])")
 def turns(lines, phi, slopes):
-    """Angles at which a function turns, and its values there, shape (2, turns), from its lines.
+    """Find the angles at which a function turns, and its values there, shape (2, turns), from its lines.
 
-    Turns are looked for on a grid (see `grid`), then found by Halley's method.
+    Turning points are bracketed on a grid (see `grid`), then found by Halley's method.
     """
     speeds, rates, number = _sampled(lines, slopes), _rate(lines), np.int64(0)
     found = np.empty((2, len(phi)))
@@ -127,7 +167,7 @@ def turns(lines, phi, slopes):
 
 @part
 def _enter(found, number, switch, function, low, high, at_low, at_high):
-    """Enter one crossing of a breakpoint in a list of angles, slopes, whether the slope is positive, and switches."""
+    """Append one crossing of a breakpoint to a list of angles, slopes, whether the slope is positive, and switches."""
     found[0, number] = _zero(function, low, high, at_low, at_high)
     found[1, number] = _at(function, found[0, number])[1]
     found[2, number] = 1.0 if at_high > at_low else 0.0
@@ -137,13 +177,13 @@ def _enter(found, number, switch, function, low, high, at_low, at_high):
 
 @part
 def _crossings(switch, function, depths, speeds, phi, found, number):
-    """Enter every zero of a function, given by its lines and its values on a grid, after a number of others."""
+    """Append every zero of a function, given by its lines and its values on a grid, to a list."""
     for cell in range(len(phi) - 1):
         low, high, now, then = phi[cell], phi[cell + 1], depths[cell], depths[cell + 1]
         if (now > 0.0) != (then > 0.0):
             number = _enter(found, number, switch, function, low, high, now, then)
             continue
-        # two zeros beside an extremum in the cell, which is so near to zero that the slopes may lead there?
+        # two zeros on both sides of an extremum in the cell, so near to zero that the slopes may point there?
         speed, after = speeds[cell], speeds[cell + 1]
         if (now > 0.0) != (speed < 0.0) or (now > 0.0) == (after < 0.0):
             continue
@@ -158,7 +198,7 @@ def _crossings(switch, function, depths, speeds, phi, found, number):
 
 @part
 def _indicator(found, first, last, starts, longest):
-    """Spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
+    """Return the spectrum, k = 0 ... longest, of the function that is 1 while a stage is closed.
 
     In closed form: ``(exp(-i k enters) - exp(-i k leaves)) / (2 pi i k)`` summed over the visits.
     """
@@ -179,7 +219,7 @@ def _indicator(found, first, last, starts, longest):
 
 @part
 def _powers(indicator, function, degree, kept):
-    """Spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi is the function with some lines."""
+    """Return the spectra, k = 0 ... kept, of an indicator times 1, xi ... xi^degree; xi has the given lines."""
     longest, count = len(indicator) - 1, len(function) - 1
     result = np.empty((degree + 1, kept + 1), np.complex128)
     # real and imaginary parts, from k = -K on, lie apart: so the loops over k fill the registers
@@ -220,7 +260,7 @@ def _add(table, powers, result):
 
 @part
 def _sort(rows, number):
-    """Sort the first columns by the first row: few, and nearly in order."""
+    """Sort the first columns by the first row, by insertion: they are few, and nearly in order."""
     for last in range(1, number):
         place = last
         while place > 0 and rows[0, place] < rows[0, place - 1]:
@@ -234,7 +274,7 @@ def _sort(rows, number):
     "(c16[:, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, ::1])"
 )
 def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, values, slopes):
-    """Forces along deflections with some lines; see `Forces`.
+    """Compute the forces along deflections with given lines; see `Forces`.
 
     Returns lines of g, the spectrum of g', and the same of P, shape (contacts, 4, 2K + 1); lines of the derivatives of
     g and P by the parameter, shape (contacts, 2, K + 1); and, by angle, the crossings of breakpoints in rows of angles,
@@ -268,3 +308,106 @@ def contact_forces(lines, contact, sign, clearance, table, slope_table, phi, val
             moved[c, 1, k] *= 2.0
     _sort(found, number)
     return forces, moved, _first(found, number)
+
+
+@part
+def _tangent(forces, shift, w, k, j):
+    """Return the lines k of the change of a force with the cosine and with the sine j of its deflection.
+
+    With the spectrum u of the tangent, ``u cos j`` has the line ``u_(k-j) + u_(k+j)`` and ``u sin j`` the line
+    ``i (u_(k+j) - u_(k-j))``; half of that for k = 0.
+    """
+    iw = complex(0.0, w)
+    far = forces[1, k + j] + iw * forces[3, k + j]
+    if k >= j:
+        near = forces[1, k - j] + iw * forces[3, k - j]
+    else:
+        near = forces[1, j - k].conjugate() + iw * forces[3, j - k].conjugate()
+    if k == j:
+        near -= shift
+        if k == 0:
+            far -= shift
+    half = 0.5 if k == 0 else 1.0
+    return half * (far + near), half * (far - near)
+
+
+@kernel(
+    "Tuple((f8[::1], f8[:, ::1], c16[:, ::1], c16[:, ::1]))"
+    "(c16[:, ::1], c16[:, :, ::1], c16[:, :, ::1], f8[::1], f8[::1], f8[::1], c16[:, ::1], c16[:, :, ::1])"
+)
+def balance(lines, forces, moved, shift, frequencies, slopes, free, flexibility):
+    """Compute residual and Jacobian in real forms; forces and derivatives by the parameter, shape (K + 1, contacts).
+
+    `free` and `flexibility` have the lines first, as have the forces that are returned.
+    """
+    contacts, count = len(lines), lines.shape[1] - 1
+    size = 2 * count + 1
+    total, change = np.empty((count + 1, contacts), np.complex128), np.empty((count + 1, contacts), np.complex128)
+    for c in range(contacts):
+        for k in range(count + 1):
+            iw = complex(0.0, frequencies[k])
+            total[k, c] = forces[c, 0, k] - shift[c] * lines[c, k] + iw * forces[c, 2, k]
+            change[k, c] = moved[c, 0, k] + iw * moved[c, 1, k] + complex(0.0, slopes[k]) * forces[c, 2, k]
+    residual, jacobian = np.empty(contacts * size), np.empty((contacts * size, contacts * size))
+    for c in range(contacts):
+        for k in range(count + 1):
+            rest = lines[c, k] - free[k, c]
+            for d in range(contacts):
+                rest += flexibility[k, c, d] * total[k, d]
+            # of line 0 the imaginary part is zero and has no place: the real part of line K is written over it
+            residual[c * size + count + k] = -rest.imag
+            residual[c * size + k] = rest.real
+    for d in range(contacts):
+        for k in range(count + 1):
+            for j in range(count + 1):
+                cosine, sine = _tangent(forces[d], shift[d], frequencies[k], k, j)
+                for c in range(contacts):
+                    row, column = c * size + k, d * size + j
+                    # again, what has no place is written over
+                    by_cosine, by_sine = flexibility[k, c, d] * cosine, flexibility[k, c, d] * sine
+                    jacobian[row + count, column + count] = -by_sine.real
+                    jacobian[row, column + count] = -by_sine.imag
+                    jacobian[row + count, column] = -by_cosine.imag
+                    jacobian[row, column] = by_cosine.real
+    for index in range(contacts * size):
+        jacobian[index, index] += 1.0
+    return residual, jacobian, total, change
+
+
+@kernel("c16[:, ::1](c16[:, ::1], c16[:, :, ::1], f8[::1], f8[::1])")
+def changed(step, forces, shift, frequencies):
+    """Compute the change of the forces with that of the deflections, shapes (K + 1, contacts), (contacts, K + 1)."""
+    contacts, count = step.shape[0], step.shape[1] - 1
+    result = np.zeros((count + 1, contacts), np.complex128)
+    for c in range(contacts):
+        for k in range(count + 1):
+            for j in range(count + 1):
+                cosine, sine = _tangent(forces[c], shift[c], frequencies[k], k, j)
+                result[k, c] += cosine * step[c, j].real
+                if j:
+                    result[k, c] -= complex(0.0, 1.0) * sine * step[c, j].imag
+    return result
+
+
+@kernel("c16[:, ::1](c16[:, :, ::1], f8[::1])")
+def beyond(forces, frequencies):
+    """Compute the forces on the lines from K + 1 to 2K, whose frequencies are given, shape (K, contacts)."""
+    count = len(frequencies)
+    result = np.empty((count, len(forces)), np.complex128)
+    for c in range(len(forces)):
+        for k in range(count):
+            result[k, c] = forces[c, 0, count + 1 + k] + complex(0.0, frequencies[k]) * forces[c, 2, count + 1 + k]
+    return result
+
+
+@kernel("f8(c16[:, ::1], c16[:, ::1])")
+def share(neglected, lines):
+    """Return the largest sum of amplitudes in neglected lines, shape (K, contacts), relative to the other lines."""
+    largest, kept = 0.0, 0.0
+    for c in range(len(lines)):
+        some, others = 0.0, 0.0
+        for k in range(len(neglected)):
+            some += abs(neglected[k, c])
+            others += abs(lines[c, k + 1])
+        largest, kept = max(largest, some), max(kept, others)
+    return largest / kept if kept > 0.0 else 0.0

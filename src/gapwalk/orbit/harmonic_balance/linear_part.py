@@ -33,19 +33,19 @@ class Linear:
     deflections: NDArray[np.float64]
 
     def shifted(self, shift: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The stiffness with a share of that of each contact added, shape (n, n)."""
+        """Add a share of the stiffness of each contact to the stiffness matrix, shape (n, n)."""
         return self.stiffness + (self.contacts * shift) @ self.deflections
 
     @property
     def is_zero(self) -> bool:
-        """Whether nothing of it changes with the parameter, where these are derivatives."""
+        """True if all entries are zero: as derivatives, nothing changes with the parameter."""
         return not any(
             part.any() for part in (self.stiffness, self.damping, self.contacts, self.loads, self.deflections)
         )
 
 
 def linear_of(layout: CoefficientLayout, coefficients: NDArray[np.float64]) -> Linear:
-    """The matrices that stand in a vector of coefficients (or of their derivatives)."""
+    """Read the matrices from a vector of coefficients (or of their derivatives)."""
     n, contacts, orders = layout.structure.size, len(layout.contacts), len(layout.orders)
     table = coefficients[layout.accelerations]
     mean = 2 * n + contacts

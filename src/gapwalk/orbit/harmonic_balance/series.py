@@ -1,15 +1,22 @@
-"""A periodic motion as a finite Fourier series: its values, its turning points, and its means, all in closed form."""
+"""A periodic motion as a finite Fourier series: its values, its turning points, and its means, all in closed form.
+
+A function of ``phi`` with K lines is ``x = Re sum_k c_k exp(i k phi)``, k = 0 ... K, with real ``c_0``. *Lines* are the
+``c_k``. Its *real form* is ``[c_0, Re c_1 ... Re c_K, -Im c_1 ... -Im c_K]``, coefficients of 1, cosines and sines.
+Its *spectrum* is two-sided: ``x = sum_k s_k exp(i k phi)``, k = -K ... K, so that products become convolutions.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.harmonic_balance.fourier_lines import differentiated, grid, waves
+
+_MANY = 32  # angles from which products are faster than exponentials
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +38,19 @@ class Series:
     frequency: float
 
     def states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions and velocities (over time) at angles of the excitation, shape (samples, 2n)."""
+        """Return positions and velocities (over time) at angles of the excitation, shape (samples, 2n)."""
         wave = waves(np.asarray(theta) / self.period, self.lines.shape[1] - 1)
         rates = (self.frequency / self.period) * differentiated(self.lines)
         return np.hstack(((wave @ self.lines.T).real, (wave @ rates.T).real))
 
     def start(self) -> NDArray[np.float64]:
-        """The state at theta = 0, shape (2n,)."""
+        """Return the state at theta = 0, shape (2n,)."""
         state = (self.lines @ _first_values(self.lines.shape[1])).real.T.ravel()
         state[len(self.lines) :] *= self.frequency / self.period
         return state
 
     def turns(self) -> list[NDArray[np.float64]]:
-        """For each coordinate the angles theta at which it turns, and its values there; shape (2, turns) each."""
+        """Return the angles theta at which each coordinate turns, and its values there; shape (2, turns) each."""
         from gapwalk.orbit.harmonic_balance.kernels import turns  # numba takes longer to load than all the rest
 
         phi, _, slopes = grid(self.lines.shape[1] - 1)
@@ -53,7 +60,7 @@ class Series:
         return found
 
     def extremes(self) -> NDArray[np.float64]:
-        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
+        """Return maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
         mean = self.lines[:, 0].real
         square = mean**2 + 0.5 * (np.abs(self.lines[:, 1:]) ** 2).sum(axis=1)
         largest, smallest = mean.copy(), mean.copy()
@@ -63,9 +70,62 @@ class Series:
         return np.column_stack((largest, smallest, mean, np.sqrt(square)))
 
 
+class Grid(NamedTuple):
+    """A grid that resolves K lines.
+
+    Attributes
+    ----------
+    phi : shape (samples + 1,)
+        Angles, evenly from 0 to 2 pi, both included.
+    values, slopes : shape (2K + 1, samples + 1)
+        Matrices from a real form to the values and to the derivatives by phi on the grid.
+    """
+
+    phi: NDArray[np.float64]
+    values: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+
+
+def two_sided(half: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the two-sided spectrum, given its half k = 0 ... K."""
+    return np.concatenate((half[..., :0:-1].conj(), half), axis=-1)
+
+
+def waves(phi: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+    """Return ``exp(i k phi)`` for k = 0 ... count, shape (..., count + 1)."""
+    if phi.size < _MANY:
+        return np.exp(phi[..., None] * _exponents(count))
+    powers = np.empty((*phi.shape, count + 1), dtype=complex)
+    powers[..., 0] = 1.0
+    powers[..., 1:] = np.exp(1j * phi)[..., None]
+    return np.multiply.accumulate(powers, axis=-1, out=powers)
+
+
+@lru_cache(maxsize=64)
+def _exponents(count: int) -> NDArray[np.complex128]:
+    return 1j * np.arange(count + 1, dtype=np.complex128)
+
+
+def differentiated(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the lines of the derivative by phi."""
+    return _exponents(lines.shape[-1] - 1) * lines
+
+
 @lru_cache(maxsize=32)
 def _first_values(count: int) -> NDArray[np.complex128]:
-    """From lines to the value at 0 and the derivative by phi there, shape (count, 2)."""
+    """Return the matrix from lines to the value and the derivative by phi at 0, shape (count, 2)."""
     values = np.ones((count, 2), dtype=np.complex128)
     values[:, 1] = 1j * np.arange(count)
     return values
+
+
+@lru_cache(maxsize=32)
+def grid(count: int) -> Grid:
+    """Return the grid for K lines: eight cells per shortest wave."""
+    samples = 8 * max(8, count)
+    phi = 2.0 * np.pi * np.arange(samples + 1) / samples
+    phi[-1] = 2.0 * np.pi
+    wave, k = waves(phi % (2.0 * np.pi), count), np.arange(count + 1)
+    values = np.hstack((wave.real, wave.imag[:, 1:]))
+    slopes = np.hstack((-k * wave.imag, k[1:] * wave.real[:, 1:]))
+    return Grid(phi, np.ascontiguousarray(values.T), np.ascontiguousarray(slopes.T))

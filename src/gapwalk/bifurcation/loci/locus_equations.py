@@ -1,0 +1,224 @@
+"""Equations of loci in two parameters, and moves along their solution curves.
+
+`GrazingEquation` poses a periodic orbit on which a contact just touches a breakpoint, `MultiplierEquation` an orbit
+with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a place near the solution curve,
+`onto_curve` moves onto it, and `zero_along` to the zero of a function on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.kinds.condition import Criticality
+from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, Place
+from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.orbit_equation import Evaluation
+
+MARGIN = 1e-11
+"""Distance, in units of the state, of a grazing orbit from the breakpoint, on the side without the extra event.
+
+It is very small, and yet so large that the touch itself causes no event and does not affect the multipliers, which
+change like the square root of its depth.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class LocusEquation:
+    """Common part of the equations of loci: an orbit in the plane of two parameters, of which the second is followed.
+
+    Parameters
+    ----------
+    plane
+        The plane of orbits.
+    """
+
+    plane: OrbitPlane
+
+    @property
+    def system(self):
+        """System at the start."""
+        return self.plane.system
+
+    @property
+    def parameter(self) -> str:
+        """Name of the second parameter."""
+        return self.plane.names[1]
+
+    @property
+    def period(self) -> int:
+        """m, number of forcing periods of the orbits."""
+        return self.plane.period
+
+
+@dataclass(frozen=True, eq=False)
+class GrazingEquation(LocusEquation):
+    """Equation of an orbit whose deflection turns at ``theta*``, at a given `depth` beyond a breakpoint.
+
+    The unknowns are those of the orbit, ``theta*`` and the first parameter; the second parameter is followed.
+
+    Parameters
+    ----------
+    plane
+        The plane of orbits.
+    switch
+        Stage and side, as an index into `Equations.switches`.
+    depth
+        Depth beyond the breakpoint at which the deflection turns.
+    tolerance
+        Largest residual, relative to the size of the unknowns.
+    """
+
+    switch: int
+    depth: float
+    tolerance: float
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
+        place, size = self._place(unknowns, value), len(unknowns) - 2
+        jacobian = np.zeros((size + 2, size + 3))
+        jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
+        turning, jacobian[size:] = self.plane.turning(self.switch, place, float(unknowns[-2]))
+        turning[0] -= self.depth
+        residual = np.concatenate((place.residual, turning))
+        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """Return the orbit of a solution."""
+        return self.plane.orbit(unknowns[:-2], float(unknowns[-1]), value, evaluation)
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns of an orbit, with the angle of the turning point nearest to the breakpoint."""
+        thetas, depths = orbit.turning_depths[self.switch]
+        theta = thetas[int(np.argmin(np.abs(depths)))]
+        return np.concatenate((self.plane.unknowns(orbit), [theta, orbit.system[self.plane.names[0]]]))
+
+    def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
+        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
+        _, derivatives = self.plane.turning(self.switch, self._place(unknowns, value), float(unknowns[-2]))
+        return bool(derivatives[1, -3] < 0.0)
+
+    def _place(self, unknowns: NDArray[np.float64], value: float) -> Place:
+        return self.plane.place(unknowns[:-2], float(unknowns[-1]), value)
+
+
+@dataclass(frozen=True, eq=False)
+class MultiplierEquation(LocusEquation):
+    """Equation of an orbit and of ``g = 0``, where g is a smooth condition for a critical multiplier.
+
+    The unknowns are those of the orbit and the first parameter; the second parameter is followed.
+
+    Parameters
+    ----------
+    plane
+        The plane of orbits.
+    kind
+        The bifurcation: a fold, a flip or a Neimark-Sacker point.
+    scales : shape (N + 2,)
+        Scales of the orbit's unknowns and of both parameters; they make the condition independent of the user's units.
+    tolerance
+        Largest residual, relative to the size of the unknowns.
+    """
+
+    kind: Kind
+    scales: NDArray[np.float64]
+    tolerance: float
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
+        size = len(unknowns) - 1
+        place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
+        critical = self.criticality(place)
+        by_all = self.plane.gradient(self.kind, critical, place, self.scales)
+        # near a grazing contact g is so steep that rounding alone would exceed the tolerance; g over its slope is not
+        slope = max(1.0, float(np.linalg.norm(by_all[:size] * self.scales[:size])))
+        jacobian = np.vstack((place.jacobian, by_all / slope))
+        residual = np.append(place.residual, critical.value / slope)
+        return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
+
+    def criticality(self, place: Place) -> Criticality:
+        """Return the criticality of an orbit with respect to this bifurcation."""
+        return self.plane.criticality(self.kind, place, self.scales)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """Return the orbit of a solution."""
+        return self.plane.orbit(unknowns[:-1], float(unknowns[-1]), value, evaluation)
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns and the first parameter of an orbit."""
+        return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
+
+    def flip_coefficient(self, unknowns: NDArray[np.float64], value: float) -> float:
+        """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.criticality.flip_coefficient`."""
+        place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
+        return self.plane.flip_coefficient(place, self.scales)
+
+
+@dataclass(frozen=True, slots=True)
+class Secant:
+    """Options of the secant method along a curve; all lengths are scaled.
+
+    Parameters
+    ----------
+    first
+        The first step.
+    longest
+        The longest step.
+    farthest
+        Largest distance from the start.
+    exact
+        Step below which it has converged.
+    noise
+        Step below which it has also converged if steps no longer shrink, because of rounding.
+    steps
+        Largest number of steps.
+    """
+
+    first: float = 1e-4
+    longest: float = 1e-2
+    farthest: float = 0.1
+    exact: float = 1e-12
+    noise: float = 1e-7
+    steps: int = 25
+
+
+def zero_along(
+    corrector: Corrector, start: NDArray[np.float64], function: Callable[[Correction], float], secant: Secant
+) -> Correction | None:
+    """Locate a zero of a function on a curve near a start by the secant method; None if none is found."""
+    correction, tangent = onto_curve(corrector, start)
+    if correction is None:
+        return None
+    origin, s, s_before, last = correction.x, 0.0, -secant.first, np.inf
+    before = corrector.correct(origin + s_before * tangent, tangent)
+    if before is None:
+        return None
+    f_before = function(before)
+    for _ in range(secant.steps):
+        f = function(correction)
+        if f == f_before or not np.isfinite(f):
+            return None
+        step = -f * (s - s_before) / (f - f_before)
+        if abs(step) <= secant.exact or last < abs(step) < secant.noise:
+            return correction
+        s_before, f_before, last = s, f, abs(step)
+        s += max(-secant.longest, min(secant.longest, step))
+        correction = corrector.correct(origin + s * tangent, tangent) if abs(s) < secant.farthest else None
+        if correction is None:
+            return None
+    return None
+
+
+def onto_curve(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correction | None, NDArray[np.float64]]:
+    """Return the point of a curve nearest to a start in scaled variables, or None, and the tangent near there."""
+    x = start * corrector.scales
+    evaluation = corrector.equation.evaluate(x[:-1], float(x[-1]))
+    assert evaluation.by_parameter is not None
+    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
+    tangent = np.linalg.svd(jacobian)[2][-1]
+    return corrector.correct(start, tangent), tangent

@@ -1,0 +1,369 @@
+"""The commands and their options; their code is imported only when one of them runs, so that help appears at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from gapwalk.cli.output import DONE, guard
+
+app = App(
+    name="gapwalk",
+    help="Numerical continuation for vibrating systems with gaps.",
+    help_format="plaintext",
+    version=lambda: __import__("gapwalk").__version__,
+)
+
+Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
+Changes = Annotated[list[str] | None, Parameter(name="--set", negative=())]
+
+
+@app.command(sort_key=1)
+def new(file: Path, /, *, debug: Flag = False) -> int:
+    """Write a template of a model file; its comments explain every key.
+
+    Parameters
+    ----------
+    file
+        The file to write, such as model.toml.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.file_commands import new_file
+
+        return new_file(file)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=2)
+def check(file: Path, /, *, changes: Changes = None, json: Flag = False, debug: Flag = False) -> int:
+    """Check a model file; print a summary, or everything that is wrong with it.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    changes
+        A changed value, as in --set stage2.clearance=0.5 or --set study.to=0.3; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.file_commands import check_file
+
+        return check_file(file, changes or [], json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=3)
+def modes(
+    file: Path,
+    /,
+    *,
+    changes: Changes = None,
+    picture: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Show the static equilibria of a system under its mean load, its open clearances there, and its natural modes.
+
+    Parameters
+    ----------
+    file
+        The model file; a study in it is ignored.
+    changes
+        A changed value, as in --set stage2.clearance=0.5; may be repeated.
+    picture
+        Draw the modes of the lowest frequencies into this file, PNG, SVG or PDF.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.modes_command import show_modes
+
+        return show_modes(file, changes or [], picture, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=4)
+def run(
+    file: Path,
+    /,
+    *,
+    output: Path | None = None,
+    study: Annotated[list[str] | None, Parameter(negative=())] = None,
+    changes: Changes = None,
+    units: Literal["none"] | None = None,
+    resume: Flag = False,
+    force: Flag = False,
+    scheduler: str | None = None,
+    json: Flag = False,
+    quiet: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Run the studies of a model file: write their results, pictures (PNG and SVG) and tables (CSV).
+
+    Ctrl-C stops the run with everything stored; --resume continues as if it had not been interrupted.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    output
+        The result file, by default named after the model file, ending in .gapwalk; names of several studies are added.
+        Picture and tables are written next to it and replace earlier ones.
+    study
+        Run only the study of this name; may be repeated.
+    changes
+        A changed value: --set stage2.clearance=0.5, --set study.to=0.3, --set study.light.to=0.3; may be repeated.
+    units
+        none: run a drive train that has units in non-dimensional form; its tables and pictures are then in that form.
+    resume
+        Continue an interrupted run; parts that are complete are not computed again.
+    force
+        Overwrite an existing result.
+    scheduler
+        Scheduler of a Dask cluster (gapwalk[cluster]) for the work, such as tcp://node7:8786, or its scheduler file.
+    json
+        Print one JSON document.
+    quiet
+        Print only errors.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.run_command import run_file
+
+        how = {"resume": resume, "force": force, "json": json, "quiet": quiet, "plain": units == "none"}
+        return run_file(file, output, changes or [], study or [], **how, scheduler=scheduler)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=5)
+def show(result: Path, /, *, points: Flag = False, json: Flag = False, debug: Flag = False) -> int:
+    """Show the contents of a result file: branches, reasons for their ends, special points, and other findings.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    points
+        Also show the special points of a diagram or a map.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.file_commands import show_result
+
+        return show_result(result, points=points, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=6)
+def export(
+    result: Path,
+    /,
+    *,
+    format: Literal["csv", "png", "svg", "pdf", "html"] | None = None,
+    output: Path | None = None,
+    measure: str | None = None,
+    size: Literal["screen", "column", "page", "slide"] | None = None,
+    debug: Flag = False,
+) -> int:
+    """Write the tables or the picture of a result file, or a web page with its diagram and motions (html).
+
+    The page is a single file that opens in any browser without a network. A click on a point shows its motion.
+
+    Parameters
+    ----------
+    result
+        The result file.
+    format
+        The format; by default that of the file extension of the output, otherwise csv.
+    output
+        The file to write, replacing an earlier one; by default named after the result. For csv, the special points and
+        further tables are written to other files next to it.
+    measure
+        The quantity on the vertical axis, as in max.q1; by default that of the study. Only for branches.
+    size
+        Size of a picture: for a column of a journal (85 mm wide, letters of 8 points), its whole page (175 mm), a
+        slide (250 mm), or a screen.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.file_commands import export_result
+
+        return export_result(result, format, output, measure, size)
+
+    return guard(job, debug=debug)
+
+
+@app.command(sort_key=6)
+def compare(
+    first: str,
+    second: str,
+    /,
+    *,
+    tolerance: float = 1e-3,
+    output: Path | None = None,
+    measure: str | None = None,
+    changes: Changes = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compare two results, for example of two methods: their distance, and what only one of them contains.
+
+    The exit code is 0 if they agree within the tolerance, and 4 if they do not.
+
+    Parameters
+    ----------
+    first, second
+        Result files, or model files whose study is then run (select one of several as in model.toml:light).
+    tolerance
+        The largest distance, shift of a special point, or missing part of a range that counts as agreement: a fraction
+        of the range of the parameter and of the motions' measures.
+    output
+        A picture to write, PNG or SVG, with both results overlaid and their distance.
+    measure
+        The quantity on the vertical axis of the picture, as in max.q1; by default that of the first study.
+    changes
+        A changed value in model files, as in --set stage2.clearance=0.5; may be repeated.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.compare_command import compare_files
+
+        options = {"output": output, "measure": measure, "changes": changes or [], "json": json}
+        return compare_files(first, second, tolerance, **options)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=6)
+def verify(result: Path, /, *, json: Flag = False, debug: Flag = False) -> int:
+    """Check a result by independent means: orbits, gaps between them, special points, and counts.
+
+    The exit code is 0 if all checks pass, and 5 if one fails.
+
+    Parameters
+    ----------
+    result
+        The result file of a response, a diagram, a map or a family.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.verify_command import verify_file
+
+        return verify_file(result, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=7)
+def measure(
+    file: Path,
+    record: Path,
+    /,
+    *,
+    fit: Annotated[list[str] | None, Parameter(negative=())] = None,
+    changes: Changes = None,
+    output: Path | None = None,
+    json: Flag = False,
+    debug: Flag = False,
+) -> int:
+    """Compare a measured record with the computed motion, and fit parameters to it.
+
+    The table [measurement] of the model file defines the measured signal. Pictures (PNG and SVG) and tables (CSV) are
+    written; existing ones are overwritten.
+
+    Parameters
+    ----------
+    file
+        The model file.
+    record
+        The record: a CSV or MAT file with the columns time, acceleration and optionally speed.
+    fit
+        A parameter to fit, as in --fit stage2.impact_damping; may be repeated. By default those named in the file.
+    changes
+        A changed value, as in --set stage2.clearance=0.5 or --set measurement.scale=9.81; may be repeated.
+    output
+        The picture to write; by default named after the record. The tables are named after it.
+    json
+        Print one JSON document.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.cli.measure_command import measure_file
+
+        return measure_file(file, record, fit or [], changes or [], output, json=json)
+
+    return guard(job, json=json, debug=debug)
+
+
+@app.command(sort_key=3.5)
+def explore(
+    file: Path | None = None,
+    /,
+    *,
+    port: int = 0,
+    host: str = "127.0.0.1",
+    browser: Annotated[bool, Parameter(negative="--no-browser", show_default=False)] = True,
+    debug: Flag = False,
+) -> int:
+    """Open a model or a result in the browser: its diagram grows during the computation, any point shows its motion.
+
+    Results are stored in a folder next to the file, such as model.explorer for model.toml. Ctrl-C ends the command.
+
+    Parameters
+    ----------
+    file
+        The model file, the result, or a folder of them; by default the current folder.
+    port
+        The port of the server; 0 for any free port.
+    host
+        The address of the server. For other addresses than this machine's, the page requires a token, which is part of
+        the printed address.
+    browser
+        Open the page in the browser.
+    debug
+        Show the traceback of an error.
+    """
+
+    def job() -> int:
+        from gapwalk.explorer.serve import serve
+
+        serve(file, host, port, browser=browser)
+        return DONE
+
+    return guard(job, debug=debug)

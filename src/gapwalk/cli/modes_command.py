@@ -1,0 +1,182 @@
+"""``gapwalk modes``: static equilibria of a system, and its natural frequencies and modes about them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.cli.output import DONE, print_json, show, show_files
+from gapwalk.model.drivetrain.train_assembly import TrainAssembly
+from gapwalk.model.equilibria import Equilibrium, Rest, rest_of
+from gapwalk.model.model_file import check_model, in_order
+from gapwalk.model.model_source import read_source
+from gapwalk.model.modes import Modes, modes_of
+from gapwalk.model.problems import ModelFileError
+from gapwalk.model.system import System
+from gapwalk.model.units import Units
+from gapwalk.model.words import parameter_symbol
+from gapwalk.studies.changes import change_source, change_system, parse_changes
+from gapwalk.studies.kind import plain_numbers
+from gapwalk.summary import Table
+
+_COLUMNS = 8  # most entries of a mode that get a column each; of longer modes the largest entries are named
+_LARGEST = 3
+_ROWS = 30  # modes that are printed; --json has all of them
+
+
+def show_modes(file: Path, changes: list[str], picture: Path | None, *, json: bool) -> int:
+    """Print the static equilibria of the system of a model file, and its modes; a study is not needed."""
+    title, system = _read(file, changes)
+    rest = rest_of(system)
+    found = {f"about the static equilibrium ({each})": modes_of(system, each) for each in rest.equilibria}
+    closed = modes_of(system, "closed")
+    if not any(np.array_equal(closed.frequencies, each.frequencies) for each in found.values()):
+        found["with the first stage of every contact closed"] = closed
+    if picture is not None:
+        from gapwalk.plot import save
+
+        save(next(iter(found.values())), picture, system=system, title=title)
+    if json:
+        print_json(_document(title, system, rest, closed, picture))
+        return DONE
+    show([title or str(file), *train_lines(system), *_rest_lines(rest, system.units)])
+    for heading, modes in found.items():
+        show([f"\nNatural vibrations {heading}:", _table(modes, system)])
+        if len(modes) > _ROWS:
+            last = _number(modes.frequencies[-1])
+            show([f"... and {len(modes) - _ROWS} more, up to W = {last} (--json has all)"])
+    if picture is not None:
+        show_files([picture])
+    return DONE
+
+
+def _read(file: Path, changes: list[str]) -> tuple[str, System]:
+    source, rest, problems = change_source(read_source(file), parse_changes(changes))
+    model, found = check_model(source)
+    problems += found
+    if model is None or problems:
+        raise ModelFileError(in_order(problems))
+    system, problems = change_system(model.system, source, {}, rest)
+    if problems:
+        raise ModelFileError(problems)
+    return model.title, system
+
+
+def train_lines(system: System) -> list[str]:
+    """Describe a drive train as a whole; return no lines for another system."""
+    assembly = system.structure.assembly
+    if not isinstance(assembly, TrainAssembly):
+        return []
+    form = assembly.form
+    gears = sum(link.geared for link in form.links)
+    parts = f"{len(form.inertias)} inertias, {len(form.links) - gears} shafts, {gears} gears"
+    if not form.is_free:
+        return [f"  train: {parts}; connected to the ground"]
+    lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
+    acceleration = assembly.acceleration(system.values)
+    if np.abs(assembly.mean(system.values)).max() > 0 and np.abs(acceleration).max() > 0:
+        first, units = form.inertias[0], system.units
+        size = f"{acceleration[0] * units.angle:.6g} rad/s^2" if units else f"{acceleration[0]:.6g}"
+        lines.append(
+            f"  mean torques do not balance: it accelerates steadily, {first} at {size}; "
+            f'reaction = "{form.inertias[-1]}" would balance them'
+        )
+    return lines
+
+
+def _rest_lines(rest: Rest, units: Units | None) -> list[str]:
+    if not rest:
+        reason = ": the mean load drives it away" if rest.complete else " was found"
+        return [f"  no static equilibrium{reason}"]
+    angle, torque = (f" {units.signal('')[1]}", " N m") if units else ("", "")
+    lines = []
+    for each in rest.equilibria:
+        forces = ", ".join(
+            f"{contact.name} {contact.deflection:.4g}{angle} (force {contact.force:.4g}{torque})"
+            for contact in each.contacts
+        )
+        lines.append(f"  static equilibrium with {each}{forces and f': {forces}'}")
+    return [*lines, *["  there may be more static equilibria"] * (not rest.complete)]
+
+
+def _table(modes: Modes, system: System) -> Table:
+    resonances = resonance_values(system, modes) if system.units else {}
+    rates = ("rad/s", "Hz") if system.units else ("W", "W / 2 pi")
+    names, shapes = (modes.inertias, modes.angles) if modes.inertias else (modes.coordinates, modes.shapes)
+    is_wide = len(names) > _COLUMNS
+    headings = [f">{each}" for each in ("mode", *rates, *resonances, "damping", *(() if is_wide else names))]
+    rows = []
+    for number, (frequency, ratio) in enumerate(zip(modes.frequencies[:_ROWS], modes.damping_ratios, strict=False)):
+        entries = [f"{entry:+.3f}" for entry in shapes[:, number]]
+        if is_wide:
+            most = np.argsort(-np.abs(shapes[:, number]), kind="stable")[:_LARGEST]
+            entries = [", ".join(f"{names[place]} {entries[place]}" for place in most)]
+        numbers = (frequency, frequency / (2 * math.pi), *(values[number] for values in resonances.values()), ratio)
+        rows.append([str(number + 1), *map(_number, numbers), *entries])
+    return Table([*headings, "moves most"] if is_wide else headings, rows)
+
+
+def resonance_values(system: System, modes: Modes) -> dict[str, NDArray[np.float64]]:
+    """Return values of the first parameter at which each order of the excitation meets each mode, by headings."""
+    structure, units = system.structure, system.units
+    orders = sorted({harmonic.order for harmonic in structure.harmonics})
+    turns = 1 if units is None else units.turns or 1
+    symbol = parameter_symbol(structure.pace, units)
+    return {f"{symbol}, order {order * turns}": modes.frequencies / order / structure.frequency for order in orders}
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _document(title: str, system: System, rest: Rest, closed: Modes, picture: Path | None) -> dict[str, Any]:
+    return {
+        "title": title,
+        "coordinates": list(system.coordinates),
+        "inertias": list(closed.inertias),
+        "complete": rest.complete,
+        "rest": [_rest_document(system, each) for each in rest.equilibria],
+        "closed": _modes_document(closed),
+        "resonances": {
+            name: plain_numbers(values.tolist()) for name, values in resonance_values(system, closed).items()
+        },
+        "picture": None if picture is None else str(picture),
+    }
+
+
+def _rest_document(system: System, rest: Equilibrium) -> dict[str, Any]:
+    return {
+        "position": dict(zip(system.coordinates, rest.position.tolist(), strict=True)),
+        "contacts": [
+            {
+                "name": contact.name,
+                "open": contact.is_open,
+                "side": contact.side,
+                "closed": list(contact.closed),
+                "deflection": contact.deflection,
+                "force": contact.force,
+            }
+            for contact in rest.contacts
+        ],
+        "loose": rest.loose,
+        "stable": rest.stable,
+        "modes": _modes_document(modes_of(system, rest)),
+    }
+
+
+def _modes_document(modes: Modes) -> list[dict[str, Any]]:
+    return [
+        {
+            "frequency": frequency,
+            "damping_ratio": ratio,
+            "shape": dict(zip(modes.coordinates, modes.shapes[:, number].tolist(), strict=True)),
+            "angles": dict(zip(modes.inertias, modes.angles[:, number].tolist(), strict=True)),
+        }
+        for number, (frequency, ratio) in enumerate(
+            zip(plain_numbers(modes.frequencies.tolist()), plain_numbers(modes.damping_ratios.tolist()), strict=True)
+        )
+    ]

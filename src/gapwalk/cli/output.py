@@ -1,0 +1,146 @@
+"""Output of the commands: text, tables and trees on the console, JSON, errors, and exit codes."""
+
+from __future__ import annotations
+
+import json as json_format
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.tree import Tree as RichTree
+
+from gapwalk.errors import GapwalkError, NumericalError
+from gapwalk.summary import Summary, Table, Tree
+
+DONE, BUG, BAD_INPUT, FAILED, DIFFERENT, BROKEN, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 4, 5, 130, 143
+_WIDTH = 1000  # of text to a file or a pipe, where tables are not folded
+
+
+class _Screen(Console):
+    def on_broken_pipe(self) -> None:
+        """Let the command end like any other output to a reader that has closed the pipe."""
+        raise BrokenPipeError
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Create a console that prints text unchanged, without markup."""
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else _WIDTH
+    return _Screen(stderr=stderr, markup=False, emoji=False, highlight=False, width=width)
+
+
+def show(summary: Summary, screen: Console | None = None) -> None:
+    """Print the summary of a record."""
+    screen = screen or console()
+    for part in summary:
+        if isinstance(part, Table):
+            screen.print(_rich_table(part))
+        elif isinstance(part, Tree):
+            screen.print(_rich_tree(part))
+        else:
+            screen.print(printable(part), soft_wrap=True)
+
+
+def show_files(files: Iterable[Path | str], screen: Console | None = None) -> None:
+    """Print the names of the files that were written."""
+    show([f"written: {', '.join(map(str, files))}"], screen)
+
+
+def show_title(title: str, screen: Console) -> None:
+    """Print the title of a study or a model, if it has one, in bold letters."""
+    if title:
+        screen.print(printable(title), style="bold", soft_wrap=True)
+
+
+def _rich_table(table: Table) -> RichTable:
+    made = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for heading, is_right in table.columns:
+        made.add_column(printable(heading), justify="right" if is_right else "left")
+    for number, row in enumerate(table.rows):
+        made.add_row(*map(printable, row), end_section=number in table.groups)
+    return made
+
+
+def _rich_tree(tree: Tree, above: RichTree | None = None) -> RichTree:
+    label = printable(tree.label)
+    made = RichTree(label, guide_style="dim") if above is None else above.add(label)
+    for child in tree.children:
+        _rich_tree(child, made)
+    return made
+
+
+def guard(job: Callable[[], int], *, json: bool = False, debug: bool = False) -> int:
+    """Run a job and return its exit code; report errors in a sentence, or in JSON."""
+    try:
+        code = job()
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # the reader has closed the pipe, as in `gapwalk show result.gapwalk | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except OSError as error:
+        if error.filename is not None:
+            return _told(error, json=json, debug=debug)
+            # Errors of files carry the file name; the others concern the output of the command.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _tell(f"the output of the command cannot be written: {error.strerror or error}", {}, json=False)
+        return BAD_INPUT
+    except KeyboardInterrupt as error:
+        text = f"interrupted: {error}" if str(error) else "interrupted"
+        _tell(text, {"type": "KeyboardInterrupt", "message": text}, json=json)
+        return INTERRUPTED
+    except Exception as error:
+        return _told(error, json=json, debug=debug)
+
+
+def failure_code(error: BaseException) -> int:
+    """Return the exit code for an error."""
+    if isinstance(error, KeyboardInterrupt):
+        return INTERRUPTED
+    if isinstance(error, NumericalError):
+        return FAILED
+    return BAD_INPUT if isinstance(error, GapwalkError) else BUG
+
+
+def report_error(error: Exception, *, json: bool = False) -> None:
+    """Print an error on stderr, and in JSON on stdout if requested."""
+    text = str(error)
+    if not isinstance(error, GapwalkError) and type(error).__module__.partition(".")[0] != "cyclopts":
+        text = f"this is a bug in gapwalk, please report it: {type(error).__name__}: {text} (see --debug)"
+    document: dict[str, Any] = {"type": type(error).__name__, "message": text}
+    problems = getattr(error, "problems", None)
+    if problems is not None:
+        document["problems"] = [
+            {"file": each.file, "line": each.line, "path": each.path, "message": each.message} for each in problems
+        ]
+    _tell(text, document, json=json)
+
+
+def print_json(document: object) -> None:
+    """Print the JSON document of a command."""
+    print(json_format.dumps(document, allow_nan=False))
+
+
+def printable(text: str) -> str:
+    """Make a text from a file safe for a terminal."""
+    return "".join(char if char.isprintable() or char == "\n" else repr(char)[1:-1] for char in text)
+
+
+def _told(error: Exception, *, json: bool, debug: bool) -> int:
+    """Report an error and return its exit code."""
+    if debug:
+        traceback.print_exc()
+    report_error(error, json=json)
+    return failure_code(error)
+
+
+def _tell(text: str, document: dict[str, Any], *, json: bool) -> None:
+    print(f"gapwalk: {printable(text)}", file=sys.stderr)
+    if json:
+        print_json({"error": document})

@@ -1,0 +1,80 @@
+// A saved page: the diagram and the motions of a result in one file, without a server.
+
+import { nearestStored, open, unzipped } from "./api.js";
+import { Keyboard, choiceAt } from "./choice.js";
+import { Curves } from "./curves.js";
+import { Diagram } from "./diagram.js";
+import { fill, save } from "./dom.js";
+import { MotionView } from "./motion.js";
+
+const $ = (id) => document.getElementById(id);
+
+const page = { about: null, chosen: null };
+const curves = new Curves();
+
+begin().catch(tell);
+
+async function begin() {
+  if (!("DecompressionStream" in window)) throw new Error("This page needs a browser of 2023 or newer.");
+  const plotly = document.createElement("script");
+  plotly.textContent = new TextDecoder().decode(await unzipped("plotly"));
+  document.head.append(plotly);
+  const about = (page.about = await open());
+  $("title").textContent = $("title").title = about.title;
+  $("note").textContent = about.note;
+  const names = about.quantities.map(({ name, words }) => [name, words]);
+  fill($("x"), names);
+  fill($("y"), names);
+  fill($("signal"), about.signals.map((name) => [name, name]));
+  [$("x").value, $("y").value, $("signal").value] = [about.x, about.y, about.signal];
+  const motion = (page.motion = new MotionView(tell));
+  document.body.classList.toggle("alone", Boolean(about.motion));
+  window.gapwalk = { page, curves, motion }; // for the curious, and for the tests
+  if (about.motion) return motion.show({}, about.title);
+  const diagram = (window.gapwalk.diagram = new Diagram($("diagram"), curves, choose));
+  page.keyboard = new Keyboard($("diagram"), curves, choose, {
+    "+": () => diagram.zoom(0.5), "-": () => diagram.zoom(2), 0: () => diagram.fit(),
+  });
+  for (const id of ["x", "y"]) $(id).addEventListener("change", () => show(diagram));
+  $("fit").addEventListener("click", () => diagram.fit());
+  $("nearer").addEventListener("click", () => diagram.zoom(0.5));
+  $("farther").addEventListener("click", () => diagram.zoom(2));
+  for (const format of ["svg", "png"]) {
+    $(`save-${format}`).addEventListener("click", () => diagram.picture(format).then((blob) => save(blob, `diagram.${format}`), tell));
+  }
+  await show(diagram);
+}
+
+/** Draw the branches over the chosen axes; the chosen point stays chosen. */
+async function show(diagram) {
+  const axes = { x: $("x").value, y: $("y").value }, { at, index } = page.keyboard;
+  const branches = page.about.branches.map(({ name, period, count }) => ({ name, period, points: count }));
+  curves.clear();
+  await curves.update("", axes, false, [{ key: "", version: 0, state: "done", settled: false, branches }]);
+  diagram.names = { x: $("x").selectedOptions[0].textContent, y: $("y").selectedOptions[0].textContent };
+  diagram.mark = null;
+  diagram.fit();
+  $("empty").hidden = true;
+  document.body.dataset.branches = curves.all.size;
+  if (curves.all.has(at)) diagram.choose(curves.all.get(at), index);
+}
+
+/** Choose a point: show the nearest motion that is stored; a step by key goes to the next one. */
+function choose({ curve, index }) {
+  const { keyboard } = page;
+  const index0 = keyboard.at === curve.key ? keyboard.index : index;
+  const way = Math.abs(index - index0) === 1 || Math.abs(index - index0) === 10 ? Math.sign(index - index0) : 0;
+  const stored = nearestStored(curve, index, way);
+  page.chosen = choiceAt({ curve, index: stored }, $("x").value);
+  keyboard.select(curve, stored);
+  window.gapwalk.diagram.choose(curve, stored);
+  page.motion.show(page.chosen.start, page.chosen.title);
+}
+
+function tell(error) {
+  $("error").hidden = false;
+  $("error").querySelector("p").textContent = error.message;
+}
+
+$("error").querySelector("button").addEventListener("click", () => { $("error").hidden = true; });
+$("help-open").addEventListener("click", () => $("help").showModal());

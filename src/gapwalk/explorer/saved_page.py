@@ -1,0 +1,353 @@
+"""Saved page: a result as one HTML file that opens in any browser, without a network.
+
+The file holds the text, style and modules of the explorer's page, Plotly, curves over all quantities that can be
+chosen, and the motions of many of their points. Arrays are one run of bytes that compresses well.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+import os
+import re
+from collections.abc import Iterable, Sequence
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gapwalk.attractors.attractor import Settled
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
+from gapwalk.errors import ModelError
+from gapwalk.explorer.curve_data import MEASURE, Node, measure_name, nodes_of, quantity, special_words
+from gapwalk.explorer.panels import panels_of
+from gapwalk.flow.motion import force_of
+from gapwalk.model.system import System
+from gapwalk.model.words import full_measure, measure_words, parameter_words
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.studies.export import write_whole
+from gapwalk.studies.family import Family
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.result import Result
+
+_PAGE = files("gapwalk.explorer") / "page"
+_ENTRY = "saved.js"
+_INSTEAD = {"api.js": "saved_data.js"}  # there is no server: its answers are in the file
+_IMPORT = re.compile(r'(\bfrom|\bimport) "\./([\w-]+\.js)"')
+_HEAD = re.compile(r"<title>.*?(?=</head>)", re.S)
+_ICON = "/static/icon.svg"
+
+
+def html_file(title: str, shown: Any, numbers: bytes) -> bytes:
+    """Return the whole file.
+
+    Parameters
+    ----------
+    title
+        Title of the page.
+    shown
+        Content of the page as a JSON value; see `content_of`.
+    numbers
+        Its arrays.
+    """
+    plotly = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    head = [
+        f"<title>{html.escape(title)} – gapwalk</title>",
+        f'<link rel="icon" href="{_icon()}">',
+        f"<style>\n{_text('style.css').replace(_ICON, _icon())}</style>",
+        f'<script type="importmap">{json.dumps({"imports": _modules()})}</script>',
+        f'<script type="text/plain" id="plotly">{_zipped(plotly)}</script>',
+        f'<script type="text/plain" id="shown">{_zipped(json.dumps(shown).encode())}</script>',
+        f'<script type="text/plain" id="numbers">{_zipped(numbers)}</script>',
+        f'<script type="module">import "gapwalk/{_ENTRY}";</script>\n',
+    ]
+    page = _HEAD.sub(lambda _: "\n".join(head), _text("index.html"), count=1)
+    return page.replace("<body>", '<body class="saved">', 1).encode()
+
+
+def _modules() -> dict[str, str]:
+    """Return the modules of the page as data URLs, in which they can import others only by bare names."""
+    found: dict[str, str] = {}
+    left = [_ENTRY]
+    while left:
+        name = left.pop()
+        if f"gapwalk/{name}" in found:
+            continue
+        text = _text(_INSTEAD.get(name, name))
+        left += [other for _, other in _IMPORT.findall(text)]
+        found[f"gapwalk/{name}"] = _data("text/javascript", _IMPORT.sub(r'\1 "gapwalk/\2"', text))
+    return found
+
+
+def _icon() -> str:
+    return _data("image/svg+xml", _text("icon.svg"))
+
+
+def _data(kind: str, text: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(text.encode()).decode()}"
+
+
+def _zipped(content: bytes) -> str:
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+
+
+def _text(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
+
+
+STEPS = 1 << 14
+"""Levels between the least and the greatest value of a drawn array: more than a screen has pixels."""
+
+_SHORTEST = 8  # of a list that is packed
+
+
+class Blob:
+    """Collector of arrays in one run of bytes, which ``page/saved_data.js`` reads."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+
+    @property
+    def content(self) -> bytes:
+        """Return all bytes."""
+        return b"".join(self._parts)
+
+    def exact(self, values: ArrayLike, kind: str) -> dict[str, Any]:
+        """Store an array as it is; `kind` is its little-endian dtype: ``f8``, ``f4``, ``i4`` or ``u1``."""
+        array = np.asarray(values, dtype=f"<{kind}")
+        return {"kind": kind, "at": self._take(array.tobytes(), array.itemsize), "n": len(array)}
+
+    def drawn(self, values: ArrayLike) -> dict[str, Any]:
+        """Store a curve in `STEPS` levels, as fine as a screen: their second differences, low bytes first."""
+        array = np.asarray(values, dtype=float)
+        low, high = float(array.min()), float(array.max())
+        levels = np.rint((array - low) * ((STEPS - 1) / ((high - low) or 1.0))).astype(np.int64)
+        steps = _differences(_differences(levels)).astype(np.uint16)  # modulo 2**16: nothing is lost
+        content = (steps & 0xFF).astype(np.uint8).tobytes() + (steps >> 8).astype(np.uint8).tobytes()
+        return {"kind": "drawn", "at": self._take(content, 1), "n": len(array), "low": low, "high": high}
+
+    def packed(self, plain: Any) -> Any:
+        """Return a JSON value with its long lists of numbers stored as curves."""
+        if isinstance(plain, dict):
+            return {key: self.packed(value) for key, value in plain.items()}
+        if isinstance(plain, list):
+            if len(plain) >= _SHORTEST and all(isinstance(each, float) for each in plain):
+                return self.drawn(plain)
+            return [self.packed(each) for each in plain]
+        return plain
+
+    def _take(self, content: bytes, size: int) -> int:
+        """Append bytes, and return their place, a multiple of the size of an element."""
+        pad = -self._size % size
+        self._parts += [b"\0" * pad, content]
+        at = self._size + pad
+        self._size = at + len(content)
+        return at
+
+
+def _differences(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.diff(values, prepend=0)
+
+
+Found = Result | Branch | Diagram | Family | Settled | Orbit
+"""Records that can be saved."""
+
+
+class Lines(NamedTuple):
+    """Branches with their names, and the parameters that differ among them; or one motion, and no branches."""
+
+    named: tuple[tuple[str, Branch], ...]
+    parameters: tuple[str, ...] = ()
+    motion: Orbit | Settled | None = None
+
+
+def lines_of(found: Found) -> Lines:
+    """Return the branches or the motion of a record.
+
+    Raises
+    ------
+    ModelError
+        If it has none, or none yet.
+    """
+    match found:
+        case Branch():
+            return _along([(f"P{found.period}-1", found)])
+        case Diagram():
+            return _along((member.name, member.branch) for member in found.members)
+        case Family():
+            members = ((member.value, *each) for member in found.members for each in member.named)
+            lines = _along((f"{name} at {found.over.name} = {value:.6g}", branch) for value, name, branch in members)
+            moved = [name for name, _ in found.over.moved if name in found.system.parameters]
+            return lines._replace(parameters=(*lines.parameters, *moved))
+        case Settled() | Orbit():
+            return Lines((), (), found)
+        case Result(finding=None, map=None):
+            return _along(zip(found.names, found.branches, strict=True))
+        case Result(finding=finding) if finding is not None and isinstance(finding.record, Family | Settled):
+            return lines_of(finding.record)
+    kind = found.options.kind if isinstance(found, Result) else type(found).__name__
+    raise ModelError(
+        f"an HTML file shows branches and their motions, and a {kind} has none; write --format svg, pdf or png "
+        "(in Python: gapwalk.plot.save)"
+    )
+
+
+def _along(named: Iterable[tuple[str, Branch]]) -> Lines:
+    lines = tuple(named)
+    if not lines:
+        raise ModelError("there are no branches yet, so there is nothing to show")
+    return Lines(lines, tuple(dict.fromkeys(branch.parameter for _, branch in lines)))
+
+
+_SAMPLES = 512  # of a motion, at most
+_COORDINATES = 6  # with measures to choose from
+_MEASURES = ("half", "max", "min")
+_LEFT_OUT = ("parameters", "seconds", "others")  # of the panels: only a page with a server uses them
+
+
+def content_of(lines: Lines, measure: str, title: str, most: int, blob: Blob) -> dict[str, Any]:
+    """Return the content of the page as a JSON value; its arrays go into a blob.
+
+    Parameters
+    ----------
+    lines
+        The branches, or the motion.
+    measure
+        Measure that the diagram shows first.
+    title
+        Of the page.
+    most
+        Points of branches whose motions are kept, at most, besides special points.
+    blob
+        Takes the arrays.
+    """
+    system = lines.motion.system if lines.motion else lines.named[0][1].system
+    measure = full_measure(measure, system.coordinates)
+    nodes = [nodes_of(branch.points, branch.special_points) for _, branch in lines.named]
+    stride = max(1, -(-sum(len(branch.points) for _, branch in lines.named) // max(most, 1)))
+    kept = [_chosen(each, stride) for each in nodes]
+    signal = measure.partition(".")[2].rstrip("'")
+    signal = signal if signal in system.coordinates else system.coordinates[0]
+    names = quantities(lines, system, measure)
+    return {
+        "title": title,
+        "x": lines.parameters[0] if lines.parameters else names[0],
+        "y": measure_name(measure, system),
+        "signal": signal,
+        "signals": _signals(system),
+        "quantities": [{"name": name, "words": _words(name, system)} for name in names],
+        "note": _note(nodes, kept),
+        "branches": [
+            {
+                "name": name,
+                "period": branch.period,
+                "count": len(branch.points),
+                "quantities": {each: blob.exact(*_values(found, each, system)) for each in names},
+                "node": blob.exact([node.number for node in found], "i4"),
+                "label": blob.exact([node.label for node in found], "u1"),
+                "special": [special_words(each) for each in branch.special_points],
+                "motions": {
+                    str(node.number): _motion(node.orbit, signal, blob)
+                    for place, node in enumerate(found)
+                    if place in places
+                },
+            }
+            for (name, branch), found, places in zip(lines.named, nodes, kept, strict=True)
+        ],
+        "motion": None if lines.motion is None else _motion(lines.motion, signal, blob),
+    }
+
+
+def quantities(lines: Lines, system: System, measure: str) -> list[str]:
+    """Return the quantities that can be chosen for the axes: varied parameters, and measures."""
+    names = [f"{kind}.{each}" for each in system.coordinates[:_COORDINATES] for kind in _MEASURES]
+    return list(dict.fromkeys((*lines.parameters, *(measure_name(each, system) for each in (measure, *names)))))
+
+
+def _chosen(nodes: Sequence[Node], stride: int) -> set[int]:
+    """Return the indices of the nodes whose motions are stored: special points, ends, and every n-th point."""
+    return {
+        place
+        for place, node in enumerate(nodes)
+        if node.number < 0 or node.number % stride == 0 or place == len(nodes) - 1
+    }
+
+
+def _values(nodes: Sequence[Node], name: str, system: System) -> tuple[np.ndarray, str]:
+    """Return the values of a quantity, and their precision: zooming in on a parameter must not show steps."""
+    return np.array([quantity(node.orbit, name) for node in nodes]), "f8" if name in system.parameters else "f4"
+
+
+def _motion(motion: Orbit | Settled, signal: str, blob: Blob) -> dict[str, Any]:
+    panels = panels_of(motion, signal, _SAMPLES)
+    return blob.packed({name: value for name, value in panels.items() if name not in _LEFT_OUT})
+
+
+def _signals(system: System) -> list[str]:
+    names = [f"{each}{dashes}" for each in system.coordinates[:_COORDINATES] for dashes in ("", "'", "''")]
+    return [*names, *map(force_of, system.structure.contacts[:_COORDINATES])]
+
+
+def _words(name: str, system: System) -> str:
+    units = system.units
+    if name in system.parameters:
+        return parameter_words(name, units)
+    return measure_words(name.removeprefix(MEASURE), units)
+
+
+def _note(nodes: Sequence[Sequence[Node]], kept: Sequence[set[int]]) -> str:
+    """Return a sentence on the number of points with stored motions; empty if all have them."""
+    there, total = sum(map(len, kept)), sum(map(len, nodes))
+    if there == total:
+        return ""
+    return f"{there} of {total} points have their motions in this file; the nearest of them is shown."
+
+
+def save_html(
+    found: Found,
+    path: str | os.PathLike[str],
+    *,
+    measure: str | None = None,
+    title: str | None = None,
+    motions: int = 400,
+) -> None:
+    """Save a result as one HTML file with clickable points, which opens in any browser, without a network.
+
+    The diagram zooms, its axes can be chosen, and a click on a point (or the arrow keys) shows its motion: moving
+    parts, history, phase portrait, force-deflection loop, multipliers, contact log, and its sound.
+
+    Parameters
+    ----------
+    found
+        A result of branches, a branch, a diagram, a family, a settled motion or an orbit.
+    path
+        The file to write.
+    measure
+        Measure that the diagram shows first, as in `Branch.plot`; by default that of the study.
+    title
+        Title of the page; by default that of the study.
+    motions
+        Largest number of points of the branches whose motions are stored; about 2 kB each for two coordinates. Of
+        more points every second (third, ...) is stored. All special points have their motions in addition.
+
+    Raises
+    ------
+    ModelError
+        If the record has no branches and no motion, or there is no such measure.
+    StoreError
+        If the file cannot be written.
+    """
+    if motions < 1:
+        raise ModelError(f"motions is {motions}; it must be at least 1, as in motions=400")
+    lines = lines_of(found)
+    if isinstance(found, Result):
+        title = found.title if title is None else title
+        measure = measure or (found.options.measure if isinstance(found.options, BranchOptions) else None)
+    blob = Blob()
+    shown = content_of(lines, measure or "half", title or "A result", motions, blob)
+    write_whole(path, html_file(shown["title"], shown, blob.content))

@@ -1,0 +1,196 @@
+"""The arguments of a formula of a force law, and its closed form: a sum of products, read from the formula.
+
+The closed form is what harmonic balance, the batch integrator and equilibria need: where the force is a polynomial of
+the depth of one stage at a time, its spectrum, its integral and the error that its kinks leave are known exactly.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from gapwalk.model.laws.law import Law
+
+
+@dataclass(frozen=True, slots=True)
+class StageTerms:
+    """A stage on one side as a formula sees it; its parameters are ``stage["stiffness"]`` and so on.
+
+    Attributes
+    ----------
+    sign
+        The side: +1 or -1.
+    depth
+        Deflection past the breakpoint, ``x - sign * clearance``: positive beyond it on the positive side, negative
+        beyond it on the negative side.
+    closed
+        The mode: 1 while the deflection is beyond the breakpoint, otherwise 0.
+    innermost
+        Whether it is the first stage on its side.
+    numbers
+        Its parameters by name.
+    """
+
+    sign: int
+    depth: Any
+    closed: Any
+    innermost: bool
+    numbers: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        return self.numbers[name]
+
+
+class Stages:
+    """All stages of a contact, on each side on which they act, as a formula sees them.
+
+    Parameters
+    ----------
+    stages
+        The stages.
+    add
+        How a backend adds several terms at once.
+    """
+
+    def __init__(self, stages: Iterable[StageTerms], add: Callable[[list[Any]], Any] = sum) -> None:
+        self._stages, self._add = tuple(stages), add
+
+    def __iter__(self) -> Iterator[StageTerms]:
+        return iter(self._stages)
+
+    def total(self, terms: Iterable[Any]) -> Any:
+        """The sum of some terms."""
+        return self._add(list(terms))
+
+
+class Term(NamedTuple):
+    """One product of a closed form: ``factor * numbers * closed * depth**power * rate**rate``.
+
+    Attributes
+    ----------
+    factor
+        A plain number.
+    numbers
+        Parameters of the contact as a whole that it is multiplied by.
+    stage_numbers
+        Parameters of its stage that it is multiplied by.
+    stage
+        Which stage on which side: index among those of the contact.
+    power, rate
+        Powers of the depth and of the rate.
+    """
+
+    factor: float
+    numbers: tuple[str, ...]
+    stage_numbers: tuple[str, ...]
+    stage: int
+    power: int
+    rate: int
+
+
+class StageShape(NamedTuple):
+    """Properties of a stage that determine a closed form: its side, and whether it is the first there."""
+
+    sign: int
+    innermost: bool
+
+
+class Symbols:
+    """A sum of products of symbols, with the arithmetic of a formula.
+
+    Parameters
+    ----------
+    products
+        For each product of symbols, in sorted order, its factor.
+    """
+
+    __slots__ = ("products",)
+
+    def __init__(self, products: Mapping[tuple[Any, ...], float]) -> None:
+        self.products = {product: factor for product, factor in products.items() if factor != 0.0}
+
+    @classmethod
+    def of(cls, *symbol: Any) -> Symbols:
+        """One symbol."""
+        return cls({(symbol,): 1.0})
+
+    def __add__(self, other: Any) -> Symbols:
+        found = defaultdict(float, self.products)
+        for product, factor in _symbols(other).products.items():
+            found[product] += factor
+        return Symbols(found)
+
+    def __mul__(self, other: Any) -> Symbols:
+        found: dict[tuple[Any, ...], float] = defaultdict(float)
+        for mine, factor in self.products.items():
+            for yours, times in _symbols(other).products.items():
+                found[_product(mine, yours)] += factor * times
+        return Symbols(found)
+
+    def __neg__(self) -> Symbols:
+        return self * -1.0
+
+    def __sub__(self, other: Any) -> Symbols:
+        return self + _symbols(other) * -1.0
+
+    def __rsub__(self, other: Any) -> Symbols:
+        return _symbols(other) + self * -1.0
+
+    def __truediv__(self, other: Any) -> Symbols:
+        return self * (1.0 / other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _symbols(value: Any) -> Symbols:
+    return value if isinstance(value, Symbols) else Symbols({(): float(value)})
+
+
+def _product(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A product of symbols; a mode times itself is itself."""
+    modes = {symbol for symbol in (*a, *b) if symbol[0] == _CLOSED}
+    return tuple(sorted([*(symbol for symbol in (*a, *b) if symbol[0] != _CLOSED), *modes]))
+
+
+_CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "number", "stage number"
+
+
+@lru_cache(maxsize=256)
+def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
+    """The force of a law as a sum of products for some stages; None if it is none, with one stage in each product."""
+    stages = Stages(
+        StageTerms(
+            sign,
+            Symbols.of(_DEPTH, index),
+            Symbols.of(_CLOSED, index),
+            innermost,
+            {each.name: Symbols.of(_STAGE_NUMBER, index, each.name) for each in law.stage_parameters},
+        )
+        for index, (sign, innermost) in enumerate(shapes)
+    )
+    numbers = {each.name: Symbols.of(_NUMBER, each.name) for each in law.parameters}
+    try:
+        force = _symbols(law.force(Symbols.of(_RATE), stages, numbers))
+        return tuple(_term(product, factor) for product, factor in force.products.items())
+    except (TypeError, ValueError):  # another operation, or a product of several stages
+        return None
+
+
+def _term(product: tuple[Any, ...], factor: float) -> Term:
+    """A product of symbols as a term; a ValueError if it is not one of a single stage, in its mode."""
+    (stage,) = [symbol[1] for symbol in product if symbol[0] == _CLOSED]
+    of_stages = [symbol for symbol in product if symbol[0] in (_DEPTH, _STAGE_NUMBER)]
+    if any(symbol[1] != stage for symbol in of_stages):
+        raise ValueError("a term of one stage depends on another one")
+    return Term(
+        factor,
+        tuple(symbol[1] for symbol in product if symbol[0] == _NUMBER),
+        tuple(symbol[2] for symbol in of_stages if symbol[0] == _STAGE_NUMBER),
+        stage,
+        sum(symbol[0] == _DEPTH for symbol in product),
+        sum(symbol[0] == _RATE for symbol in product),
+    )

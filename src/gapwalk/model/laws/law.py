@@ -1,0 +1,170 @@
+"""The protocol of a force law, and the registry of all of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from typing import Any, ClassVar
+
+from gapwalk.errors import ModelError
+from gapwalk.model.laws.closed_form import Stages, StageShape, closed_form_of
+from gapwalk.model.parameter import Parameter
+from gapwalk.model.registry import Registry
+from gapwalk.model.units import QuantityKind
+
+CLEARANCE = Parameter("clearance", QuantityKind.ANGLE, "it is half the width of the gap", least=0.0)
+STIFFNESS = Parameter("stiffness", QuantityKind.STIFFNESS, "it is what this spring adds to the slope of the force")
+CUBIC = Parameter("cubic", QuantityKind.CUBIC, "it is the coefficient of the cubic term", default=0.0)
+
+
+class Law(ABC):
+    """The force of a contact as a function of its deflection ``x`` and its rate ``v``.
+
+    A law is one class in one file, registered once by `register`. All other code iterates over the registry: the keys
+    of model files, names and units of parameters, the compiled flow, NumPy, the kernel of the batch integrator,
+    harmonic balance, equilibria, documentation.
+
+    A contact has *stages*. Each acts, on one side or on both, beyond its clearance: its breakpoint is an event of the
+    flow, at which its mode changes between open and closed. The mode at the start of a motion is the side of the
+    breakpoint on which the deflection is, then the side to which its rate, its acceleration, ... lead.
+
+    Attributes
+    ----------
+    name
+        What it is called in a model file: ``law = "viscous"``.
+    words
+        What it is, in a few words.
+    parameters
+        The parameters of the contact as a whole.
+    stage_parameters
+        Those of each stage; the first is the clearance.
+
+    Notes
+    -----
+    `force` is the only place of the formula. It is written in ``+``, ``-``, ``*`` (products, not powers; a
+    sum over the stages by `Stages.total`), so that it can be evaluated with symbolic expressions, with arrays, real or
+    complex, and with the `Symbols` from which the closed form is read. All derivatives come from the expression.
+    Parameters are best multiplied with a depth or a rate first, and with one another last: to the integrator a product
+    of two parameters is a series like any other.
+
+    Where the force is a polynomial of the depth of one stage at a time, and linear in the rate, every backend can carry
+    it. Otherwise harmonic balance, the batch integrator (basins, regime maps) and equilibria (``gapwalk modes``) refuse
+    it by name; the flow, shooting, special points, loci, verification and files do not.
+
+    Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
+    `gapwalk.flow.contact_events`; where it does not, nothing is computed.
+
+    Examples
+    --------
+    A spring with a force that begins at once::
+
+        class Preloaded(Law):
+            name, words = "preloaded", "a spring with a preload"
+            stage_parameters = (
+                CLEARANCE,
+                STIFFNESS,
+                Parameter("preload", QuantityKind.TORQUE, "it is the force at the breakpoint"),
+            )
+
+            def force(self, rate, stages, numbers):
+                return stages.total(s.closed * (s.sign * s["preload"] + s["stiffness"] * s.depth) for s in stages)
+
+
+        register(Preloaded())
+    """
+
+    name: ClassVar[str]
+    words: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    stage_parameters: ClassVar[tuple[Parameter, ...]] = (CLEARANCE, STIFFNESS, CUBIC)
+
+    @abstractmethod
+    def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
+        """The force of the contact.
+
+        Parameters
+        ----------
+        rate
+            Rate of the deflection over time.
+        stages
+            All stages on each side on which they act.
+        numbers
+            The parameters of the contact by name.
+        """
+
+    def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
+        """The rate of the deflection just after an innermost breakpoint is reached from within: the reset.
+
+        By default the motion goes on through the breakpoint, and the stage closes. A law that says otherwise reverses
+        the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
+        """
+        return rate
+
+    @property
+    def rebounds(self) -> bool:
+        """True if the law has a reset."""
+        return type(self).rebound is not Law.rebound
+
+    @property
+    def is_damped(self) -> bool:
+        """True if the force depends on the rate, or an impact dissipates energy."""
+        terms = closed_form_of(self, (StageShape(1, True),))
+        return self.rebounds or terms is None or any(term.rate for term in terms)
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
+
+_KEYS = {"name", "deflection", "force", "law", "side", "stage", "between", "ratio", "damping"}  # of tables
+
+LAWS: Registry[Law] = Registry("force law")
+"""All force laws by name, in the order of their registration; `register` adds one."""
+
+
+def register(law: Law) -> None:
+    """Make a force law known to model files, under its name.
+
+    Raises
+    ------
+    ModelError
+        If another law has that name, or if a table of a model file has another key of the name of a parameter.
+    """
+    whole, of_stages = ([each.name for each in those] for those in (law.parameters, law.stage_parameters))
+    others = {each.name for other in LAWS.values() for each in other.stage_parameters}
+    for name in (*(each for each in of_stages if each in _KEYS), *(each for each in whole if each in _KEYS | others)):
+        raise ModelError(f"the force law {law.name!r} has a parameter {name!r}, but that is another key of its table")
+    if of_stages[:1] != [CLEARANCE.name]:
+        raise ModelError(f"the force law {law.name!r} has the stage parameters {of_stages}; the first is the clearance")
+    LAWS.add(law.name, law)
+
+
+def law_of(given: str | Law) -> Law:
+    """Return the law with a name, or a law as it is; an `UnknownNameError` if there is none."""
+    return given if isinstance(given, Law) else LAWS.named(given)
+
+
+def law_with(parameters: Collection[str]) -> Law:
+    """The first law that has parameters of some names: that of a contact which gives them, and names no law."""
+    names = set(parameters)
+    for law in LAWS.values():
+        if names <= {each.name for each in law.parameters}:
+            return law
+    if len(names) == 1:
+        raise ModelError(f"no force law has the parameter {' and '.join(names)}")
+    raise ModelError(f"no force law has both {' and '.join(sorted(names))}")
+
+
+def never_negative() -> set[str]:
+    """The names of all parameters of force laws that must not be negative."""
+    return {
+        each.name
+        for law in LAWS.values()
+        for each in (*law.stage_parameters, *law.parameters)
+        if each.least is not None
+    }

@@ -1,0 +1,176 @@
+"""The protocol of a load, and the registry of all of them."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar, NamedTuple
+
+from gapwalk.errors import ModelError
+from gapwalk.model.parameter import Parameter
+from gapwalk.model.registry import Registry
+
+
+class Line(NamedTuple):
+    """A part ``cosine * cos(order * W * t) + sine * sin(order * W * t)`` of a load; of order 0 it is constant."""
+
+    order: int
+    cosine: Any
+    sine: Any = 0.0
+
+
+class Load(ABC):
+    """A load that repeats with the excitation, along one vector of coordinates.
+
+    A kind of load is one class in one file, registered once by `register`: a frozen dataclass with a field for each of
+    its parameters, and the three below. All other code iterates over the registry: the tables of model files, names and
+    units of parameters, the flow, the batch integrator, harmonic balance, drive trains, documentation.
+
+    Parameters
+    ----------
+    acts_on
+        The vector by coordinate name, for example ``{"q1": 1.0}``; in a drive train by inertia.
+    order
+        Multiple of the fundamental frequency, an integer >= 1.
+    name
+        Prefix of its parameters' names; by default its key and its order, as in ``harmonic2``.
+
+    Attributes
+    ----------
+    key
+        Its table in a model file, ``[[harmonic]]``.
+    words
+        What it is, in a few words.
+    parameters
+        Its parameters, in the order of its fields.
+
+    Notes
+    -----
+    `lines` is the only place of the formula; the frequency may enter it. All derivatives, by the frequency
+    too, are taken of it by a complex step.
+
+    Examples
+    --------
+    An unbalance, whose force grows with the square of the frequency::
+
+        @dataclass(frozen=True)
+        class Unbalance(Load):
+            key, words = "unbalance", "the force of an unbalance"
+            parameters = (Parameter("moment", None, "it is the mass times its distance from the axis"),)
+            moment: float
+            acts_on: Mapping[str, float] = field(hash=False)
+            order: int = 1
+            name: str = ""
+
+            @classmethod
+            def lines(cls, order, frequency, numbers):
+                yield Line(order, numbers["moment"] * (order * frequency) * (order * frequency))
+
+
+        register(Unbalance)
+    """
+
+    key: ClassVar[str]
+    words: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # every kind is a dataclass
+    acts_on: Mapping[str, float]
+    order: int
+    name: str
+
+    def __post_init__(self) -> None:
+        check_order(self.order)
+        if not self.name:
+            object.__setattr__(self, "name", f"{self.key}{int(self.order)}")
+        object.__setattr__(self, "order", int(self.order))
+
+    @classmethod
+    @abstractmethod
+    def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
+        """The load in parts of one order each.
+
+        Parameters
+        ----------
+        order
+            That of the load.
+        frequency
+            The frequency W of the excitation: real or complex, or an array.
+        numbers
+            Its parameters by name, of the same kinds.
+        """
+
+    def values(self) -> Iterator[float]:
+        """The values of its parameters."""
+        yield from (getattr(self, each.name) for each in self.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadForm:
+    """A load without its numbers: its name, its order, and its kind."""
+
+    name: str
+    order: int
+    kind: type[Load]
+
+    @classmethod
+    def of(cls, load: Load) -> LoadForm:
+        """The form of a load."""
+        return cls(load.name, load.order, type(load))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names of its parameters."""
+        return tuple(f"{self.name}.{each.name}" for each in self.kind.parameters)
+
+    @property
+    def shape(self) -> str:
+        """The name of the vector along which it acts."""
+        return f"{self.name}.acts_on"
+
+    def lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
+        """Its lines, for values of its parameters in their order."""
+        numbers = {each.name: value for each, value in zip(self.kind.parameters, values, strict=True)}
+        return tuple(self.kind.lines(self.order, frequency, numbers))
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """The orders of its lines."""
+        return tuple(line.order for line in _example(self, 1.0))
+
+    @property
+    def depends_on_frequency(self) -> bool:
+        """True if the frequency enters its lines."""
+        return _example(self, 0.7) != _example(self, 1.3)
+
+
+@lru_cache
+def _example(load: LoadForm, frequency: float) -> tuple[Line, ...]:
+    """Lines for numbers at which nothing vanishes by chance."""
+    return load.lines(frequency, [1.0 + 0.0123 * place for place, _ in enumerate(load.parameters, start=1)])
+
+
+LOADS: Registry[type[Load]] = Registry("load")
+"""All kinds of loads that model files have tables of, by their keys; `register` adds one."""
+
+
+def register(kind: type[Load]) -> None:
+    """Make a kind of load known to model files and result files; a ModelError if another one has its key."""
+    LOADS.add(kind.key, kind)
+
+
+def check_order(order: float) -> None:
+    """Refuse an order that is no positive integer, and say why."""
+    if isinstance(order, bool) or not isinstance(order, int | float) or not abs(order) < math.inf:
+        raise ModelError(f"order is {order!r}; it must be an integer >= 1")
+    if order != int(order):
+        raise ModelError(
+            f"order is {order}; it must be an integer >= 1: with a non-integer order the excitation is not "
+            "periodic in 2 pi/W, so no periodic motion exists. If the orders are commensurate (1 and 1.5, "
+            "say), make the largest common divisor the fundamental (orders 2 and 3)"
+        )
+    if order < 1:
+        raise ModelError(f"order is {order}; it must be an integer >= 1 (a constant load belongs in `mean`)")

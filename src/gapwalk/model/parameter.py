@@ -1,0 +1,47 @@
+"""The parameters that a kind of force law or of load has: name, kind of quantity, default, bound, and a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gapwalk.model.units import QuantityKind, name_kind
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of a force law or of a load.
+
+    Parameters
+    ----------
+    name
+        The last part of its name, as in ``stop.impact_damping``, and its key in a model file.
+    kind
+        Its kind of quantity, which determines its unit in a drive train and its change with the unit of length. None
+        for a plain number; in a drive train with units, its unit is made of that of angles, s and N m.
+    words
+        Explanation of the parameter, after its name: ``it is half the width of the gap``.
+    default
+        Its value where none is given; None if one must be given.
+    least
+        Its smallest value; None if it may be negative.
+    angle, torque
+        For a parameter without a kind, the powers of an angle (a length) and of a torque (a force) in it.
+    """
+
+    name: str
+    kind: QuantityKind | None
+    words: str
+    default: float | None = None
+    least: float | None = None
+    angle: int = 0
+    torque: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind is not None:
+            name_kind(self.name, self.kind)
+
+    @property
+    def growth(self) -> int:
+        """The power of the unit of length by which its number grows; forces, by mass, are divided by that unit."""
+        kind = self if self.kind is None else self.kind.value
+        return -kind.angle - kind.torque

@@ -1,0 +1,83 @@
+"""Registry of all kinds of one thing by name: force laws, loads, special points, orbit methods."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from gapwalk.errors import ModelError
+from gapwalk.model.problems import did_you_mean
+
+T = TypeVar("T")
+
+_extensions: dict[str, str] = {}
+
+
+class UnknownNameError(ModelError):
+    """A name under which nothing is registered."""
+
+
+class Registry(dict[str, T]):
+    """All kinds of one thing by name, in the order of their registration.
+
+    Parameters
+    ----------
+    words
+        Words for one of them: ``"force law"``.
+    plural
+        Words for several of them; by default `words` with an s.
+
+    Examples
+    --------
+    >>> laws = Registry("force law")
+    >>> laws.add("elastic", "springs")
+    'springs'
+    >>> laws.named("elastik")
+    Traceback (most recent call last):
+    gapwalk.model.registry.UnknownNameError: there is no force law 'elastik'; did you mean elastic?
+    """
+
+    def __init__(self, words: str, plural: str = "") -> None:
+        super().__init__()
+        self.words, self._plural = words, plural or f"{words}s"
+
+    def add(self, name: str, kind: T) -> T:
+        """Register a kind under its name, and return it; a class that is defined again replaces its earlier definition.
+
+        Raises
+        ------
+        ModelError
+            If a kind of another class has the name.
+        """
+        known = _class(self.get(name, kind)).__qualname__
+        if known != _class(kind).__qualname__:
+            raise ModelError(f"there is a {self.words} {name!r} already, {known}; choose another name")
+        self[name] = kind
+        if (module := _class(kind).__module__).partition(".")[0] != "gapwalk":
+            _extensions[module] = f"{self.words} {name!r}"
+        return kind
+
+    def named(self, name: str) -> T:
+        """Return the kind with a name.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none.
+        """
+        if not isinstance(name, str) or name not in self:
+            hint = did_you_mean(str(name), [*self], f"{self._plural} are")
+            raise UnknownNameError(f"there is no {self.words} {name!r:.60}; {hint}")
+        return self[name]
+
+
+def extensions() -> dict[str, str]:
+    """Return the modules outside of gapwalk that registered kinds, each with one of its kinds in words.
+
+    Other processes must import them before they work: a kind that is not registered there is not looked for.
+    """
+    return dict(_extensions)
+
+
+def _class(kind: object) -> type:
+    """Return the class of a kind, which is registered as the class or as its only object."""
+    return kind if isinstance(kind, type) else type(kind)

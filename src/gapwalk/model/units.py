@@ -1,0 +1,451 @@
+"""The units of a drive train: one for each kind of quantity, with their conversion to the numbers of the equations.
+
+Its equations of motion are in *consistent* units: the unit of its angles (deg, say), s, and N m. So deflections come
+out as an engineer reads them, torques in N m, and time in s.
+
+The kinds of quantities of a drive train: how each is called, in which unit it is counted, what its parameters are.
+
+Angles are a dimension of their own here, so that N m/deg, N m/rad and N m are three different things.
+
+Quantities: a number with a unit, read from a text by pint.
+
+The registry holds a few units of mechanics only, and takes the angle as a dimension: pint's own one would take N m/deg
+for N m, N m for J, and rpm for Hz times 2 pi.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property, lru_cache
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.model.problems import given
+
+
+@dataclass(frozen=True, slots=True)
+class KindForm:
+    """The properties of a kind of quantity.
+
+    Parameters
+    ----------
+    words
+        What it is called, with its article.
+    reference
+        The unit in which it is counted inside, as pint writes it.
+    usual
+        Units in which it is written, the most usual one first.
+    angle
+        The power of an angle of the train in it. Inertia is counted per angle: times an acceleration it is a torque.
+    time, torque
+        The powers of time and torque in it.
+    """
+
+    words: str
+    reference: str
+    usual: tuple[str, ...]
+    angle: int = 0
+    time: int = 0
+    torque: int = 0
+
+
+class QuantityKind(Enum):
+    """The kinds of quantities of a drive train; phases are angles of the excitation, which scale with nothing."""
+
+    ANGLE = KindForm("an angle", "radian", ("deg", "rad"), angle=1)
+    INERTIA = KindForm("an inertia", "kilogram*meter**2", ("kg m^2",), angle=-1, time=2, torque=1)
+    STIFFNESS = KindForm("a stiffness", "newton*meter/radian", ("N m/rad", "N m/deg"), angle=-1, torque=1)
+    CUBIC = KindForm("a cubic stiffness", "newton*meter/radian**3", ("N m/rad^3", "N m/deg^3"), angle=-3, torque=1)
+    DAMPING = KindForm(
+        "a damping", "newton*meter*second/radian", ("N m s/rad", "N m s/deg"), angle=-1, time=1, torque=1
+    )
+    IMPACT = KindForm("an impact damping", "second/radian", ("s/rad", "s/deg"), angle=-1, time=1)
+    TORQUE = KindForm("a torque", "newton*meter", ("N m",), torque=1)
+    FREQUENCY = KindForm("a frequency or speed", "radian/second", ("rpm", "Hz", "rad/s"), time=-1)
+    PHASE = KindForm("a phase", "radian", ("deg", "rad"))
+
+    @property
+    def words(self) -> str:
+        """Its name with an article."""
+        return self.value.words
+
+    def __repr__(self) -> str:
+        return self.name
+
+    @property
+    def usual(self) -> tuple[str, ...]:
+        """Its units, the most usual one first."""
+        return self.value.usual
+
+
+PACES = ("frequency", "speed")
+"""The names that the first parameter may have."""
+
+_BY_WORD = {
+    "frequency": QuantityKind.FREQUENCY,
+    "speed": QuantityKind.FREQUENCY,
+    "inertia": QuantityKind.INERTIA,
+    "stiffness": QuantityKind.STIFFNESS,
+    "damping": QuantityKind.DAMPING,
+}
+
+
+def name_kind(word: str, kind: QuantityKind) -> None:
+    """Set the kind of the parameters whose names end in a word, as in ``stop.impact_damping``.
+
+    Raises
+    ------
+    ValueError
+        If such parameters are of another kind.
+    """
+    if _BY_WORD.setdefault(word, kind) is not kind:
+        raise ValueError(f"parameters {word!r} are {_BY_WORD[word].words} already; choose another name")
+
+
+def kind_of(parameter: str) -> QuantityKind | None:
+    """Return the kind of a parameter of a drive train by its name; None for a plain number (ratios, shares)."""
+    words = parameter.split(".")
+    if words[0] == "mean":
+        return QuantityKind.TORQUE
+    return None if "acts_on" in words[:-1] else _BY_WORD.get(words[-1])
+
+
+_reading = Lock()  # units of two registries do not go together, and pint does not say that threads may share one
+
+_DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = µ- = μ- = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+meter = [length] = m = metre
+second = [time] = s = sec
+gram = [mass] = g
+radian = [angle] = rad
+minute = 60 second = min
+newton = kilogram * meter / second ** 2 = N
+degree = 0.017453292519943295 radian = deg
+arcminute = degree / 60 = arcmin
+revolution = 6.283185307179586 radian = rev = turn
+hertz = revolution / second = Hz
+revolutions_per_minute = revolution / minute = rpm
+inch = 0.0254 meter = in
+foot = 12 inch = ft
+pound = 453.59237 gram = lb
+pound_force = 4.4482216152605 newton = lbf
+"""
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_LONGEST = 60
+
+# Spellings of units, and their names in pint.
+_WRITTEN = (
+    (r"[·⋅×]", " "),
+    (r"°", " deg"),
+    (r"²", "^2"),
+    (r"³", "^3"),
+    (r"\b([kMm]?)Nms\b", r"\1N m s"),
+    (r"\b([kMm]?)Nm\b", r"\1N m"),
+    (r"\bkgm\b", "kg m"),
+    (r"\b([Nn])-m\b", r"\1 m"),
+    (r"\s*/\s*", "/"),
+    (r"\s*(\^|\*\*)\s*", "^"),
+)
+
+# Slips that are worth a word of their own.
+_HINTS = {
+    "J": "J is the unit of an energy; write a torque in N m",
+    "1/s": "write Hz (turns in a second) or rad/s",
+    "s^-1": "write Hz (turns in a second) or rad/s",
+    "1/min": "write rpm",
+    "min^-1": "write rpm",
+    "U/min": "write rpm",
+    "degC": "a temperature has no place here; an angle is written in deg",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with a unit.
+
+    Parameters
+    ----------
+    number
+        The number as it was written.
+    unit
+        The unit, written in the way of ``N m/deg``.
+    factor
+        What one such unit is in the reference unit of its kind (SI, with angles in rad).
+    kind
+        What it is.
+    """
+
+    number: float
+    unit: str
+    factor: float
+    kind: QuantityKind
+
+    def __str__(self) -> str:
+        return f"{self.number:.10g} {self.unit}"
+
+
+def read_quantity(value: object, kind: QuantityKind, written: str = "") -> Quantity:
+    """Read a quantity of a kind from a text.
+
+    Parameters
+    ----------
+    value
+        A text such as ``"0.14 kg m^2"``; also ``kg*m**2``, ``kg·m²``, ``Nm/deg``. A `Quantity` is taken as it is.
+    kind
+        What it must be.
+    written
+        The unit that a text of this kind should have in a hint, if one is known.
+
+    Raises
+    ------
+    ValueError
+        If it is no text, has no unit, an unknown one, or one of another kind. The message reads on after the name of
+        what is wrong, and says what to write.
+    """
+    usual = written or kind.usual[0]
+    if isinstance(value, Quantity):
+        if value.kind is not kind:
+            raise ValueError(
+                f'is {value}, {value.kind.words}; {kind.words} is expected, as in "{value.number:g} {usual}"'
+            )
+        return value
+    if not isinstance(value, str):
+        raise ValueError(f'is {given(value)}, a number without a unit; write {kind.words} such as "{value} {usual}"')
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*(.*?)\s*", value, re.DOTALL)
+    comma = "; a number has a point, not a comma" if re.match(r"\s*[-+]?\d*,\d", value) else ""
+    if not match or comma:
+        raise ValueError(f'is {given(value)}; it must be {kind.words} such as "1.5 {usual}"{comma}')
+    if not match[2]:
+        raise ValueError(f'is {given(value)}, without a unit; write {kind.words} such as "{match[1]} {usual}"')
+    try:
+        with _reading:
+            factor = _factor(match[2], kind)
+    except ValueError as error:
+        example = " or ".join(f'"{match[1]} {unit}"' for unit in ([written] if written else kind.usual))
+        raise ValueError(f"is {given(value)}: {error}; {kind.words} is expected, as in {example}") from None
+    return Quantity(float(match[1]), _normalised(match[2]), factor, kind)
+
+
+def has_unit(value: object) -> bool:
+    """Return whether a value is a quantity, or a text that begins with a number and continues with other text."""
+    if isinstance(value, Quantity):
+        return True
+    return isinstance(value, str) and re.match(rf"\s*{_NUMBER}\s*[^\s\d.,+-]", value) is not None
+
+
+@lru_cache(maxsize=512)
+def _factor(unit: str, kind: QuantityKind) -> float:
+    """Return the size of a unit in the reference unit of a kind; raise a ValueError with the reason if it has none."""
+    text = _normalised(unit)
+    if text in _HINTS:
+        raise ValueError(_HINTS[text])
+    registry = _registry()
+    reference = registry.parse_units(kind.value.reference)
+    found = _parsed(text)
+    if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
+        reference = reference / registry.radian  # N m s^2/rad
+    if found.dimensionality != reference.dimensionality:
+        raise ValueError(_other_kind(unit, found))
+    return float(registry.Quantity(1.0, found).to(reference).magnitude)
+
+
+def _normalised(unit: str) -> str:
+    for pattern, instead in _WRITTEN:
+        unit = re.sub(pattern, instead, unit)
+    return unit.strip()
+
+
+def _parsed(text: str) -> Any:
+    """Return the unit of a text."""
+    if len(text) > _LONGEST or not re.fullmatch(r"[A-Za-zµμ0-9 ^*/().-]+", text) or re.search(r"\^-?\d{2}|\d{4}", text):
+        raise ValueError("this is no unit")
+    if re.search(r"/[^()/*]*[ *][^()/]", text):
+        raise ValueError("a product after the stroke needs brackets, as in N m/(rad s)")
+    for word in re.findall(r"[A-Za-zµμ]+", text):
+        if word not in _registry():
+            raise ValueError(f"there is no unit {word!r} here" + (f"; {_HINTS[word]}" if word in _HINTS else ""))
+    try:
+        return _registry().parse_units(text)
+    except Exception:  # pint's parser raises errors of a dozen types, of its own and of Python's tokenizer
+        raise ValueError("this is no unit") from None
+
+
+def _other_kind(unit: str, found: Any) -> str:
+    registry = _registry()
+    for kind in QuantityKind:
+        reference = registry.parse_units(kind.value.reference)
+        if kind is not QuantityKind.PHASE and found.dimensionality == reference.dimensionality:
+            return f"{unit} is the unit of {kind.words}"
+    return f"{unit} is the unit of something else"
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint  # only where units are used
+
+    registry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
+
+
+_TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance", "impact_damping")
+_DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit.
+
+    Parameters
+    ----------
+    text
+        As it is written.
+    factor
+        What it is in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
+    """
+
+    text: str
+    factor: float
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts are inconsistent."""
+        if not 0.0 < self.factor < math.inf or not self.text.isprintable():
+            raise ValueError(f"{self.text!r} is no unit")
+
+
+_DEFAULTS = {
+    QuantityKind.ANGLE: Unit("deg", _DEGREE),
+    QuantityKind.INERTIA: Unit("kg m^2", 1.0),
+    QuantityKind.STIFFNESS: Unit("N m/rad", 1.0),
+    QuantityKind.CUBIC: Unit("N m/rad^3", 1.0),
+    QuantityKind.DAMPING: Unit("N m s/rad", 1.0),
+    QuantityKind.IMPACT: Unit("s/rad", 1.0),
+    QuantityKind.TORQUE: Unit("N m", 1.0),
+    QuantityKind.FREQUENCY: Unit("Hz", 2.0 * math.pi),
+    QuantityKind.PHASE: Unit("deg", _DEGREE),
+}
+
+
+@dataclass(frozen=True)
+class Units:
+    """The units in which the parameters of a drive train are counted.
+
+    Parameters
+    ----------
+    chosen
+        A unit for each kind that has one of its own; the others have the usual ones.
+    turns
+        Where the first parameter is the speed of a shaft: periods of the excitation in one turn of it. None where it is
+        the frequency of the excitation.
+    """
+
+    chosen: tuple[tuple[QuantityKind, Unit], ...] = ()
+    turns: int | None = None
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts are inconsistent."""
+        if self.turns is not None and self.turns < 1:
+            raise ValueError(f"{self.turns} is no number of periods in a turn")
+
+    def of(self, kind: QuantityKind) -> Unit:
+        """Return the unit of a kind."""
+        return self._units[kind]
+
+    def parameter(self, name: str) -> str:
+        """Return the unit of a parameter by its name; empty for a plain number."""
+        kind = kind_of(name)
+        return "" if kind is None else self.of(kind).text
+
+    @property
+    def words(self) -> str:
+        """Write the units in one line."""
+        kinds = {word: kind for word in _TOLD if (kind := kind_of(word)) is not None}
+        names = {"frequency": self.pace, "amplitude": "torque"}
+        kinds = {names.get(word, word.replace("_", " ")): kind for word, kind in kinds.items()}
+        return ", ".join(f"{word} in {self.of(kind).text}" for word, kind in kinds.items())
+
+    @property
+    def angle(self) -> float:
+        """The unit of angles, in rad."""
+        return self.of(QuantityKind.ANGLE).factor
+
+    @property
+    def pace(self) -> str:
+        """The name of the first parameter: the frequency of the excitation, or the speed of a shaft."""
+        return "frequency" if self.turns is None else "speed"
+
+    @property
+    def frequency(self) -> float:
+        """The angular frequency W of the excitation, in rad/s, at the value 1 of the first parameter."""
+        return self.of(QuantityKind.FREQUENCY).factor * (self.turns or 1)
+
+    def factors(self, names: Iterable[str]) -> NDArray[np.float64]:
+        """Return the size of one unit of each parameter in consistent units, shape (names,)."""
+        return np.array([self._factor(name) for name in names])
+
+    def number(self, quantity: Quantity, kind: QuantityKind) -> float:
+        """Convert a quantity to the unit of its kind."""
+        unit = self.of(kind)
+        return quantity.number if quantity.factor == unit.factor else quantity.number * (quantity.factor / unit.factor)
+
+    def read(self, parameter: str, value: object) -> float:
+        """Convert a text with a unit to a number in the unit of a parameter.
+
+        Raises
+        ------
+        ValueError
+            If it is no such text, or not of the parameter's kind.
+        """
+        kind = kind_of(parameter)
+        if kind is None:
+            raise ValueError(f"is {given(value)}; it is a plain number, so write it without a unit")
+        return self.number(read_quantity(value, kind, self.of(kind).text), kind)
+
+    def signal(self, name: str) -> tuple[float, str]:
+        """Return the factor from consistent units to the unit of a signal of a motion, and that unit.
+
+        Positions, deflections and velocities are as in states, accelerations in rad/s^2, torques in N m.
+        """
+        if name.endswith("''"):
+            return self.angle, "rad/s^2"
+        return 1.0, "N m" if name.endswith((".torque", ".force")) else self.state(name)
+
+    def state(self, name: str) -> str:
+        """Return the unit of a position or deflection (that of angles), or of a velocity ``q'`` (per second)."""
+        return self.of(QuantityKind.ANGLE).text + ("/s" if name.endswith("'") else "")
+
+    @cached_property
+    def _units(self) -> dict[QuantityKind, Unit]:
+        return _DEFAULTS | dict(self.chosen)
+
+    def _factor(self, name: str) -> float:
+        kind = kind_of(name)
+        if kind is None:
+            return 1.0
+        if kind is QuantityKind.FREQUENCY:
+            return self.frequency
+        unit = self.of(kind)
+        if kind is QuantityKind.ANGLE:
+            return 1.0
+        return unit.factor * self.angle**-kind.value.angle
+
+
+def units_of(quantities: Iterable[Quantity], turns: int | None = None) -> Units:
+    """Choose the units of a train: for each kind, that of the first quantity."""
+    chosen: dict[QuantityKind, Unit] = {}
+    for quantity in quantities:
+        chosen.setdefault(quantity.kind, Unit(quantity.unit, quantity.factor))
+    return Units(tuple((kind, chosen[kind]) for kind in QuantityKind if kind in chosen), turns)

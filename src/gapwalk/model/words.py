@@ -1,0 +1,106 @@
+"""Labels of axes for parameters, measures and signals."""
+
+from __future__ import annotations
+
+import re
+
+from gapwalk.model.laws import LAWS
+from gapwalk.model.system import System
+from gapwalk.model.units import QuantityKind, Units
+
+_MEASURES = {
+    "half": "amplitude of {} (half the peak to peak)",
+    "max": "maximum of {}",
+    "min": "minimum of {}",
+    "mean": "mean of {}",
+    "rms": "root mean square of {}",
+}
+
+
+_OF = ("amplitude", "phase")  # as in "clearance of stage2"; so are the parameters of force laws, but stiffness
+
+
+def parameter_words(name: str, units: Units | None = None) -> str:
+    """Return the label of an axis for a parameter."""
+    return _with(_parameter_words(name, units), units and units.parameter(name))
+
+
+def parameter_symbol(name: str, units: Units | None = None) -> str:
+    """Return the short form of a parameter, for tables and progress lines."""
+    symbol = "Ω" if name == "frequency" and units is None else name
+    return _with(symbol, units and units.parameter(name))
+
+
+def measure_words(name: str, units: Units | None = None) -> str:
+    """Return the label of an axis for a measure such as ``half.q1`` or ``h1/2.q1``."""
+    kind, _, signal = name.partition(".")
+    harmonic = "harmonic" if units is None or units.turns is None else "order"
+    words = _MEASURES[kind].format(signal) if kind in _MEASURES else f"amplitude of {harmonic} {kind[1:]} of {signal}"
+    return _with(words, units and units.signal(signal)[1])
+
+
+def state_words(coordinate: str, units: Units | None = None) -> str:
+    """Return the label of an axis for a coordinate at each forcing period."""
+    return _with(f"{coordinate}(0), once every forcing period", units and units.state(coordinate))
+
+
+def coordinate_words(coordinate: str, units: Units | None = None) -> str:
+    """Return the label of an axis for a coordinate or a velocity, in the units of states."""
+    return _with(coordinate, units and units.state(coordinate))
+
+
+def signal_words(signal: str, units: Units | None = None) -> str:
+    """Return the label of an axis for a signal."""
+    return _with(signal, units and units.signal(signal)[1])
+
+
+def value_words(value: float, name: str, units: Units | None = None) -> str:
+    """Write the value of a parameter in a sentence: ``Ω = 0.5``, ``speed = 1500 rpm``."""
+    symbol = "Ω" if name == "frequency" and units is None else name
+    return " ".join(filter(None, (f"{symbol} = {value:.8g}", units and units.parameter(name))))
+
+
+def pace_words(system: System) -> str:
+    """Write the first parameter of a system in a sentence, as in `value_words`."""
+    structure = system.structure
+    return value_words(system[structure.pace], structure.pace, structure.units)
+
+
+def order_words(turns: int | None) -> str:
+    """Return the label of an axis for orders; see `System.turns`."""
+    return "multiples of the excitation frequency Ω" if turns is None else "order (per turn of the reference shaft)"
+
+
+def line_words(name: str) -> str:
+    """Return the name of a spectral line in a picture: ``2Ω``, or ``2`` if orders are counted per turn."""
+    return name.removeprefix("order ").replace("W", "Ω")
+
+
+def _parameter_words(name: str, units: Units | None) -> str:
+    if name == "frequency":
+        return "excitation frequency" + " Ω" * (units is None)
+    owner, _, word = name.rpartition(".")
+    if owner == "mean":
+        return f"mean {'load' if units is None else 'torque'} on {word}"
+    return (
+        f"{word.replace('_', ' ')} of {owner}"
+        if owner and (word in _OF or _is_of_a_law(word))
+        else name.replace("_", " ")
+    )
+
+
+def _with(words: str, unit: str | None) -> str:
+    return f"{words} [{unit}]" if unit else words
+
+
+def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
+    """Return the full name of a measure: ``half`` is that of the first coordinate, ``q1`` means ``half.q1``."""
+    if measure in coordinates:
+        return f"half.{measure}"
+    is_kind = measure in _MEASURES or re.fullmatch(r"h\d+(/\d+)?", measure)
+    return f"{measure}.{coordinates[0]}" if is_kind else measure
+
+
+def _is_of_a_law(word: str) -> bool:
+    parameters = [each for law in LAWS.values() for each in (*law.stage_parameters, *law.parameters)]
+    return word in {each.name for each in parameters if each.kind is not QuantityKind.STIFFNESS}

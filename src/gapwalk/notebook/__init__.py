@@ -1,1 +1,0 @@
-"""Display in notebooks: cards of values, and progress of long calls."""

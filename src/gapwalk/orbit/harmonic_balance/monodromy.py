@@ -1,0 +1,435 @@
+"""The monodromy matrix of a balanced motion: by Hill's matrix, by Magnus' series, or in eigenvectors.
+
+The equations are linearised about the motion (`Linearised`). The unknowns are the changes of the positions and of the
+momenta ``p = v + sum_k D_k P_k(x)`` (over mass), where ``g + dP/dt`` is the force of a contact (see `contact_forces`).
+Unlike velocities, momenta do not jump where a viscous contact closes, and their equations
+
+    q' = p - sum_k D_k P_k'(x) e_k q,    p' = -(A + sum_k D_k g_k'(x) e_k) q - B q'
+
+need no velocity of the motion. At any one time the two kinds of unknowns differ by a fixed matrix, so the multipliers
+are the same. The matrix of the equations varies with the angle and jumps at breakpoints.
+
+`projected_monodromy` projects Hill's matrix, so that no eigenvalues need be sorted. `monodromy` takes one pass over the
+period, by steps of Magnus' series between contact events. `modal_monodromy` is for many degrees of freedom, in the
+eigenvectors of the linear part: between two contacts each changes independently and exactly. While contacts are closed,
+their forces are determined by a few numbers for each contact and step, so a step changes the matrix by one of low rank.
+The cost grows with the square of the number of eigenvectors, not with its cube.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from gapwalk.orbit.harmonic_balance.compliance import Poles
+from gapwalk.orbit.harmonic_balance.contact_forces import Laws
+from gapwalk.orbit.harmonic_balance.kernels import kernel, part
+from gapwalk.orbit.harmonic_balance.linear_part import Linear
+from gapwalk.orbit.harmonic_balance.series import two_sided, waves
+
+_MODAL_REACH = 0.4  # largest angle by which the fastest eigenvector, or a closed contact, turns in one step
+_MODAL_FINE = 4  # smallest number of steps per shortest wave of the motion
+_MODAL_NODES = 0.5 + np.sqrt(1.0 / 12.0) * np.array([-1.0, 1.0])  # Gauss and Legendre's two, on 0 ... 1
+_POINTS, _WEIGHTS = (0.5 * each for each in np.polynomial.legendre.leggauss(4))
+_POINTS = _POINTS + 0.5
+_REACH = 0.7  # largest angle by which the fastest part of the system turns in one step
+_FINE = 2  # smallest number of steps per shortest wave of the motion
+_NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])  # Gauss and Legendre's, on 0 ... 1
+_FEWEST = 8
+_LANES = 16  # steps computed together: their values fill the registers, and their matrices the cache
+_INVERSE = 1.0 / np.cumprod([1.0, *range(1, 12)])  # of the factorials
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The generator of the linearised equations over time, ``steady + sum_k g_k' springs_k + P_k' dampers_k``.
+
+    Parameters
+    ----------
+    linear, laws
+        The system.
+    """
+
+    linear: Linear
+    laws: Laws
+
+    @cached_property
+    def steady(self) -> NDArray[np.float64]:
+        """Constant part of the matrix, shape (2n, 2n)."""
+        n = len(self.linear.stiffness)
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-self.linear.stiffness, -self.linear.damping]])
+
+    @cached_property
+    def parts(self) -> NDArray[np.float64]:
+        """The matrices of the springs, then of the dampers, shape (2 contacts, 2n, 2n)."""
+        linear, n = self.linear, len(self.linear.stiffness)
+        contacts = linear.contacts.shape[1]
+        parts = np.zeros((2 * contacts, 2 * n, 2 * n))
+        for k in range(contacts):
+            along = np.outer(linear.contacts[:, k], linear.deflections[k])
+            parts[k, n:, :n] = -along
+            parts[contacts + k, :n, :n] = -along
+            parts[contacts + k, n:, :n] = linear.damping @ along
+        return parts
+
+    @cached_property
+    def rate(self) -> float:
+        """Estimate of the highest frequency while every contact is closed."""
+        linear = self.linear
+        contacts = np.abs(linear.contacts) @ (self._slopes[:, None] * np.abs(linear.deflections))
+        stiffness, damping = np.abs(linear.stiffness) + contacts, np.abs(linear.damping)
+        return float(np.sqrt(stiffness.sum(axis=1).max()) + damping.sum(axis=1).max())
+
+    @property
+    def _slopes(self) -> NDArray[np.float64]:
+        """Sum of the slopes of each contact's stages on one side, at small penetration."""
+        slopes = np.bincount(self.laws.contact, self.laws.stiffness, self.linear.contacts.shape[1])
+        return 0.5 * slopes.astype(float)
+
+
+def projected_monodromy(linearised: Linearised, tangents: NDArray[np.complex128], length: float) -> NDArray[np.float64]:
+    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
+
+    Parameters
+    ----------
+    linearised
+        The linearised equations.
+    tangents : shape (2 contacts, 2K + 1)
+        Spectra, k = 0 ... 2K, of the contacts' ``g'`` and ``P'``.
+    length
+        The period, in units of time.
+
+    Notes
+    -----
+    With ``z_k = exp(i k W t / m) y`` the equation ``y' = sum_l L_l exp(i l W t / m) y`` has constant coefficients,
+    ``z_k' = i k (W/m) z_k + sum_l L_l z_(k+l)``: Hill's matrix. The monodromy matrix is the middle row of its
+    exponential, applied to ``z_k(0) = y(0)`` (Bayer and Leine 2023, Nonlinear Dynamics 111, 8439-8466: the Koopman-Hill
+    projection). Classical methods take 2n of its eigenvalues, and may take the wrong ones.
+    """
+    steady, parts = linearised.steady, linearised.parts
+    size, count = len(steady), (tangents.shape[1] - 1) // 2
+    harmonics = np.tensordot(two_sided(tangents).T, parts, axes=1)
+    harmonics[2 * count] += steady
+    k = np.arange(2 * count + 1)
+    blocks = harmonics[2 * count + k[None, :] - k[:, None]]
+    matrix = blocks.transpose(0, 2, 1, 3).reshape(len(k) * size, len(k) * size)
+    rates = 2j * np.pi / length * (k - count)
+    matrix[np.diag_indices(len(matrix))] += np.repeat(rates, size)
+    spread = scipy.linalg.expm(matrix * length)
+    middle = spread[count * size : (count + 1) * size]
+    return middle.reshape(size, len(k), size).sum(axis=1).real
+
+
+def monodromy(
+    linearised: Linearised, lines: NDArray[np.complex128], breaks: NDArray[np.float64], length: float
+) -> NDArray[np.float64]:
+    """Compute the monodromy matrix of positions and momenta over one period, shape (2n, 2n).
+
+    Parameters
+    ----------
+    linearised
+        The linearised equations.
+    lines : shape (contacts, K + 1)
+        Deflections of the motion.
+    breaks
+        Angles phi at which a breakpoint is passed, in order; every step ends there.
+    length
+        The period, in units of time.
+
+    Notes
+    -----
+    Between two contact events the coefficients are smooth. Magnus' series of sixth order (Blanes, Casas, Oteo and Ros
+    2009, Physics Reports 470, section 5.4) evaluates the generator at three Gauss nodes of each step; it is exact
+    for a constant generator.
+    """
+    steps = max(_FEWEST, _FINE * (lines.shape[1] - 1), int(np.ceil(length * linearised.rate / _REACH)))
+    laws = linearised.laws
+    return _transition(lines, steps, breaks, length, linearised.steady, linearised.parts, *laws.switches, laws.rates)
+
+
+@part
+def _knots(steps, breaks):
+    """Return the angles at which steps end: evenly over the period, and at breakpoints."""
+    knots = np.empty(steps + 1 + len(breaks))
+    for index in range(steps + 1):
+        knots[index] = 2.0 * np.pi / steps * index
+    for number in range(len(breaks)):
+        place = steps + 1 + number
+        while knots[place - 1] > breaks[number]:
+            knots[place] = knots[place - 1]
+            place -= 1
+        knots[place] = breaks[number]
+    return knots
+
+
+@part
+def _multiply(a, b, result):
+    """Multiply square matrices; here and below, the last dimension is that of the steps."""
+    size = len(a)
+    for i in range(size):
+        for j in range(size):
+            for s in range(_LANES):
+                result[i, j, s] = a[i, 0, s] * b[0, j, s]
+            for k in range(1, size):
+                for s in range(_LANES):
+                    result[i, j, s] += a[i, k, s] * b[k, j, s]
+
+
+@part
+def _combine(a, x, b, y, c, z, result):
+    """Compute the sum of three matrices with factors."""
+    for i in range(len(x)):
+        for j in range(len(x)):
+            for s in range(_LANES):
+                result[i, j, s] = a * x[i, j, s] + b * y[i, j, s] + c * z[i, j, s]
+
+
+@part
+def _commute(a, b, spare, result):
+    """Compute commutators."""
+    _multiply(a, b, result)
+    _multiply(b, a, spare)
+    _combine(1.0, result, -1.0, spare, 0.0, spare, result)
+
+
+@part
+def _logarithms(h, nodes, work, result):
+    """Compute the logarithms of the steps' transitions, from the generators at their three nodes."""
+    size = len(result)
+    second, third, inner, outer, spare, other = work[0], work[1], work[2], work[3], work[4], work[5]
+    for a in range(size):
+        for b in range(size):
+            for s in range(_LANES):
+                start, middle, end = nodes[0, a, b, s], nodes[1, a, b, s], nodes[2, a, b, s]
+                result[a, b, s] = h[s] * middle
+                second[a, b, s] = h[s] * (np.sqrt(15.0) / 3.0) * (end - start)
+                third[a, b, s] = h[s] * (10.0 / 3.0) * (end - 2.0 * middle + start)
+    _commute(result, second, spare, inner)
+    _combine(2.0, third, 1.0, inner, 0.0, inner, other)
+    _commute(result, other, spare, outer)
+    _combine(1.0, second, -1.0 / 60.0, outer, 0.0, outer, outer)
+    _combine(1.0, inner, -1.0, third, -20.0, result, other)
+    _commute(other, outer, spare, inner)
+    _combine(1.0, result, 1.0 / 12.0, third, 1.0 / 240.0, inner, result)
+
+
+@part
+def _exponentials(x, work, result):
+    """Compute exponentials of small matrices, by Taylor's polynomial of degree 11 in five products."""
+    square, cube, product = work[0], work[1], work[2]
+    _multiply(x, x, square)
+    _multiply(square, x, cube)
+    for first in (9, 6, 3, 0):
+        if first < 9:
+            _multiply(result, cube, product)
+        _combine(1.0 if first < 9 else 0.0, product, _INVERSE[first + 1], x, _INVERSE[first + 2], square, result)
+        for a in range(len(x)):
+            for s in range(_LANES):
+                result[a, a, s] += _INVERSE[first]
+
+
+@part
+def _deflections(lines, phi, result):
+    """Evaluate a function with given lines at some angles."""
+    cosines, sines, p, q = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
+    for s in range(_LANES):
+        cosines[s], sines[s], p[s], q[s], result[s] = np.cos(phi[s]), np.sin(phi[s]), 1.0, 0.0, lines[0].real
+    for k in range(1, len(lines)):
+        re, im = lines[k].real, lines[k].imag
+        for s in range(_LANES):
+            p[s], q[s] = p[s] * cosines[s] - q[s] * sines[s], p[s] * sines[s] + q[s] * cosines[s]
+            result[s] += re * p[s] - im * q[s]
+
+
+@part
+def _polynomial(coefficients, x):
+    value = 0.0
+    for power in range(len(coefficients) - 1, -1, -1):
+        value = value * x + coefficients[power]
+    return value
+
+
+@part
+def _generate(lines, phi, steady, parts, contact, sign, clearance, rates, result):
+    """Compute the generators at some angles."""
+    x = np.empty(_LANES)
+    for a in range(len(steady)):
+        for b in range(len(steady)):
+            for s in range(_LANES):
+                result[a, b, s] = steady[a, b]
+    for c in range(len(lines)):
+        _deflections(lines[c], phi, x)
+        slopes = np.zeros((2, _LANES))
+        for j in range(len(contact)):
+            if contact[j] == c:
+                for s in range(_LANES):
+                    depth = sign[j] * x[s] - clearance[j]
+                    if depth > 0.0:
+                        slopes[0, s] += _polynomial(rates[j, 0], depth)
+                        slopes[1, s] += _polynomial(rates[j, 1], depth)
+        for kind in range(2):
+            for a in range(len(steady)):
+                for b in range(len(steady)):
+                    part = parts[kind * len(lines) + c, a, b]
+                    if part != 0.0:
+                        for s in range(_LANES):
+                            result[a, b, s] += part * slopes[kind, s]
+
+
+@kernel("f8[:, ::1](c16[:, ::1], i8, f8[::1], f8, f8[:, ::1], f8[:, :, ::1], i8[::1], f8[::1], f8[::1], f8[:, :, ::1])")
+def _transition(lines, steps, breaks, length, steady, parts, contact, sign, clearance, rates):
+    """Multiply the transitions of all steps, some of them at a time."""
+    size, knots = len(steady), _knots(steps, breaks)
+    matrix, moved = np.zeros((size, size)), np.zeros((size, size))
+    for a in range(size):
+        matrix[a, a] = 1.0
+    nodes, work = np.zeros((3, size, size, _LANES)), np.zeros((6, size, size, _LANES))
+    logarithms, exponentials = np.zeros((size, size, _LANES)), np.zeros((size, size, _LANES))
+    starts, widths, phi, times = np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES), np.zeros(_LANES)
+    for first in range(0, len(knots) - 1, _LANES):
+        for s in range(_LANES):  # steps beyond the last one have no width
+            step = min(first + s, len(knots) - 1)
+            starts[s], widths[s] = knots[step], knots[min(step + 1, len(knots) - 1)] - knots[step]
+        for node in range(3):
+            for s in range(_LANES):
+                phi[s] = starts[s] + widths[s] * _NODES[node]
+                times[s] = widths[s] * length / (2.0 * np.pi)
+            _generate(lines, phi, steady, parts, contact, sign, clearance, rates, nodes[node])
+        _logarithms(times, nodes, work, logarithms)
+        _exponentials(logarithms, work, exponentials)
+        for s in range(min(_LANES, len(knots) - 1 - first)):
+            for a in range(size):
+                for b in range(size):
+                    moved[a, b] = 0.0
+                    for k in range(size):
+                        moved[a, b] += exponentials[a, k, s] * matrix[k, b]
+            matrix, moved = moved, matrix
+    return matrix
+
+
+def modal_monodromy(
+    poles: Poles,
+    shift: NDArray[np.float64],
+    laws: Laws,
+    lines: NDArray[np.complex128],
+    breaks: NDArray[np.float64],
+    length: float,
+) -> NDArray[np.float64]:
+    """Compute the monodromy matrix of the amplitudes of the eigenvectors, shape (poles, poles).
+
+    Parameters
+    ----------
+    poles
+        Eigenvalues of the linear part.
+    shift : shape (contacts,)
+        Stiffness of each contact that is included in the eigenvalues.
+    laws, lines, breaks, length
+        The contacts, their deflections, the angles at which breakpoints are passed, and the period.
+
+    Notes
+    -----
+    With ``z' = lambda z - (inputs g' + lambda inputs P') x`` and ``x = deflections z`` (P as at the head of this file),
+    the forces over a step are interpolated between two Gauss nodes, at which they are solved for: an exponential method
+    of collocation, of fourth order, exact for the linear part.
+
+    Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
+    """
+    steps = _steps(poles, shift, laws, lines, breaks, length)
+    half = poles.values.imag >= 0.0
+    values, inputs = poles.values[half], poles.inputs[half]
+    paired = values.imag > 0.0
+    deflections = poles.deflections[:, half] * (1.0 + paired)
+    ends = np.exp(steps.times[:, None] * values)
+    outer = _weights(values, steps.times, 1.0)
+    solution = np.linalg.inv(_coupling(poles.residual, values, inputs, deflections, steps))
+    identity = np.eye(len(values), dtype=np.complex128)
+    matrix = np.concatenate((identity, 1j * identity[:, paired]), axis=1)
+    touched = (steps.spring != 0.0).any(axis=1) | (steps.damper != 0.0).any(axis=1)
+    for p, active in enumerate(touched):
+        if not active.any():
+            matrix *= ends[p][:, None]
+            continue
+        both = np.concatenate((active, active))
+        rows = np.concatenate([deflections[active] * np.exp(steps.times[p] * node * values) for node in _MODAL_NODES])
+        at_nodes = solution[p][both][:, both] @ (rows @ matrix).real
+        tangents = steps.spring[p][:, active, None] + steps.damper[p][:, active, None] * values
+        pushes = (tangents * inputs[:, active].T * outer[p][:, None]).reshape(-1, len(values)).T
+        matrix *= ends[p][:, None]
+        matrix.real -= pushes.real @ at_nodes
+        matrix.imag -= pushes.imag @ at_nodes
+    return np.vstack((matrix.real, matrix.imag[paired]))
+
+
+def _steps(
+    poles: Poles,
+    shift: NDArray[np.float64],
+    laws: Laws,
+    lines: NDArray[np.complex128],
+    breaks: NDArray[np.float64],
+    length: float,
+) -> _Steps:
+    """Return the steps; one for each interval in which no contact is closed and no share is moved."""
+    slopes = np.bincount(laws.contact, laws.stiffness, len(lines))
+    contact = np.sqrt(np.abs(np.diagonal((poles.deflections * poles.values) @ poles.inputs)) * slopes).max(initial=0.0)
+    fastest = max(float(np.abs(poles.values).max()), float(contact))
+    count = max(8, _MODAL_FINE * (lines.shape[1] - 1), int(np.ceil(length * fastest / _MODAL_REACH)))
+    knots = np.sort(np.concatenate((2.0 * np.pi / count * np.arange(count + 1), breaks)))
+    knots = knots[np.append(True, np.diff(knots) > 0.0)]
+    widths = np.diff(knots)
+    phi = knots[:-1, None] + widths[:, None] * _MODAL_NODES
+    deflections = (waves(phi, lines.shape[1] - 1) @ lines.T).real
+    spring, damper = laws.tangents(deflections)
+    spring = spring - shift
+    free = ~((spring != 0.0).any(axis=(1, 2)) | (damper != 0.0).any(axis=(1, 2)))
+    # consecutive steps without contact forces are joined into one
+    first = np.flatnonzero(~(free & np.append(False, free[:-1])))
+    times = np.add.reduceat(widths, first) * (length / (2.0 * np.pi))
+    return _Steps(times, spring[first], damper[first])
+
+
+class _Steps(NamedTuple):
+    """Steps of a period: their lengths in time, and the tangents of the contacts at their nodes."""
+
+    times: NDArray[np.float64]
+    spring: NDArray[np.float64]
+    damper: NDArray[np.float64]
+
+
+def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: float) -> NDArray[np.complex128]:
+    """Compute the effect of forces linear between two nodes up to a share `end` of a step, shape (steps, 2, poles).
+
+    It is the integral of ``exp(lambda (end h - s)) l_j(s)`` over s from 0 to ``end h``.
+    """
+    s = end * _POINTS
+    gains = np.exp(times[:, None, None] * (end - s)[:, None] * values)
+    other = _MODAL_NODES[::-1]
+    shapes = (end * _WEIGHTS)[:, None] * (s[:, None] - other) / (_MODAL_NODES - other)
+    weights = np.tensordot(gains, shapes.astype(complex), axes=(1, 0)).transpose(0, 2, 1) * times[:, None, None]
+    return np.asarray(weights, dtype=np.complex128)
+
+
+def _coupling(
+    residual: NDArray[np.float64],
+    values: NDArray[np.complex128],
+    inputs: NDArray[np.complex128],
+    deflections: NDArray[np.complex128],
+    steps: _Steps,
+) -> NDArray[np.float64]:
+    """Compute how deflections at the nodes of a step affect each other, shape (steps, 2 contacts, 2 contacts)."""
+    contacts, count = len(deflections), len(steps.times)
+    residues = (deflections.T[:, :, None] * inputs[:, None, :]).reshape(len(values), -1)
+    coupling = np.tile(np.eye(2 * contacts), (count, 1, 1))
+    for i, node in enumerate(_MODAL_NODES):
+        inner = _weights(values, steps.times, node)
+        for j in range(2):
+            flexible = (inner[:, j] @ residues).real.reshape(-1, contacts, contacts)
+            moving = ((inner[:, j] * values) @ residues).real.reshape(-1, contacts, contacts)
+            part = coupling[:, i * contacts : (i + 1) * contacts, j * contacts : (j + 1) * contacts]
+            part += (flexible + (i == j) * residual) * steps.spring[:, None, j]
+            part += moving * steps.damper[:, None, j]
+    return coupling

@@ -1,0 +1,342 @@
+"""The job behind basins of attraction: to which attractor each of many states leads; and shares of a box of states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.attractors.attractor_catalogue import (
+    UNRESOLVED,
+    AttractorSignature,
+    Catalogue,
+    Effort,
+    Sorted,
+    explore,
+    sort_states,
+)
+from gapwalk.attractors.basins import BasinShares, Check, in_order
+from gapwalk.attractors.box import Box, Range, about, beside_states, differs
+from gapwalk.attractors.many_motions import ExactMotions, motions_of
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part
+from gapwalk.studies.cell_work import CellWork
+from gapwalk.studies.kinds import Counted
+from gapwalk.studies.runner import Report, call
+
+CHUNK = 4096
+"""States in a chunk: one piece of work, and what a killed run loses at most."""
+
+_CHECKED = 32  # states of a piece that is followed with the exact flow
+_WANDERING = 512  # periods for which a motion that seems to be on a torus or chaotic is followed exactly, at most
+_SHIFT = 1e-15  # relative: where it changes a label, rounding decides
+_PILOT = 64  # states that are looked at first: most attractors are found by them
+
+
+@dataclass(frozen=True, slots=True)
+class BasinOptions:
+    """How basins are found.
+
+    Parameters
+    ----------
+    longest
+        The most forcing periods that a motion is followed before it is settled and classified by itself.
+    max_period
+        The longest period m of an orbit that is looked for.
+    tries
+        The most motions that are settled and classified one by one, with the exact flow.
+    exact_borders
+        Whether the label of every cell at a border between basins is found with the exact flow, and of those within two
+        cells of a label that was wrong; otherwise those of `check` cells at borders are.
+    check
+        Random cells elsewhere whose label is found again with the exact flow: that many, and with `exact_borders` that
+        many again, until none of the last ones is wrong.
+    seed
+        Of the choice of the states that are looked at first, and of those that are checked; and of random starts.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    """
+
+    longest: int = 3000
+    max_period: int = 64
+    tries: int = 48
+    exact_borders: bool = True
+    check: int = 1024
+    seed: int = 0
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+
+    @property
+    def borders(self) -> int | None:
+        """How many labels at borders are found with the exact flow; None for all."""
+        return None if self.exact_borders else self.check
+
+    @property
+    def effort(self) -> Effort:
+        """What `explore` needs of it."""
+        return Effort(self.longest, self.max_period, self.tries)
+
+
+@dataclass(frozen=True)
+class BasinChunk:
+    """Where the states of one chunk lead, by the fast flow.
+
+    Attributes
+    ----------
+    number
+        Which chunk.
+    sorted
+        Labels in the order in which the attractors were found.
+    error
+        Of the fast flow, see `gapwalk.attractors.many_motions.ManyMotions`.
+    """
+
+    number: int
+    sorted: Sorted
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Some of the states, and what is known of the attractors."""
+
+    number: int
+    places: NDArray[np.intp]
+    system: System
+    states: NDArray[np.float64]
+    signatures: tuple[AttractorSignature, ...]
+    longest: int
+
+
+class BasinWork(CellWork):
+    """Finds where many states lead.
+
+    Parameters
+    ----------
+    system
+        The system.
+    states : shape (count, 2n)
+        The states.
+    neighbours : shape (count, any number)
+        Which states are next to each one.
+    resolution
+        Columns and rows of the states.
+    options
+        How the basins are found.
+    """
+
+    chunk_part = Part("cells", BasinChunk, numbered=True)
+
+    def __init__(
+        self,
+        system: System,
+        states: NDArray[np.float64],
+        neighbours: NDArray[np.intp],
+        resolution: tuple[int, int],
+        options: BasinOptions,
+    ) -> None:
+        super().__init__(resolution)
+        self.system, self.states, self.neighbours, self.options = system, states, neighbours, options
+        self.catalogue = Catalogue(system)
+        self.labels = np.full(len(states), UNRESOLVED)
+        self.checked = Check(len(states))
+        self.is_begun = False
+        self._ends = states.copy()  # where the motions have come to
+
+    @property
+    def total(self) -> int:
+        """Number of chunks."""
+        return -(-len(self.states) // CHUNK)
+
+    def begin(self) -> None:
+        """Find the attractors to which some of the states lead."""
+        self.is_begun = True
+        random = np.random.default_rng(self.options.seed)
+        pilot = np.sort(random.permutation(len(self.states))[:_PILOT])
+        self._explore(pilot, self.states[pilot])
+        for chunk in self.chunks.values():
+            self.note(chunk)
+
+    def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
+        """Sort the states of some chunks by the attractors that are known."""
+        pieces = self._pieces(np.arange(len(self.states)), CHUNK, self.options.longest)
+        return hands.each(_sort_fast, [pieces[number] for number in numbers], in_order=False)
+
+    def note(self, chunk: BasinChunk) -> None:
+        """Enter the labels of a chunk."""
+        place = slice(chunk.number * CHUNK, chunk.number * CHUNK + len(chunk.sorted.labels))
+        self.labels[place], self._ends[place] = chunk.sorted.labels, chunk.sorted.states
+
+    def notes(self, complete: bool) -> tuple[str, ...]:
+        """What could not be done, in sentences."""
+        left = int(np.sum(self.labels == UNRESOLVED))
+        if not complete:
+            done = sum(len(chunk.sorted.labels) for chunk in self.chunks.values())
+            return (f"stopped when {done} of {len(self.states)} states were done",)
+        return (f"{left} states lead to no attractor that was found; raise longest or tries",) if left else ()
+
+    def check(self, hands: Workers) -> None:
+        """Look for the attractors of states that are left over; then check labels."""
+        left = np.flatnonzero(self.labels == UNRESOLVED)
+        self._explore(left, self._ends[left])
+        self.check_labels(hands)
+
+    def check_labels(self, hands: Workers) -> None:
+        """Find labels at borders, and some others, again with the exact flow, and correct wrong ones.
+
+        Wrong labels are not alone: where one was found, those around it are found again too. And where a sample holds
+        one, there are more; so further samples are drawn, until one holds none. With `BasinOptions.exact_borders` off
+        there is one sample at borders, and one elsewhere. In the end some states are followed once more after a shift
+        by their rounding: where basins are as fine as that, no computation can tell their labels.
+        """
+        neighbours, at_borders, elsewhere = self.neighbours, self.options.borders, self.options.check
+        checked, changed, sampled = (np.zeros(len(self.states), dtype=bool) for _ in range(3))
+        wrong = wrong_elsewhere = 0
+        while True:
+            while True:  # corrected labels make new borders
+                near = differs(self.labels, neighbours)
+                if at_borders is None:
+                    near |= about(about(changed, neighbours), neighbours)
+                left = len(self.states) if at_borders is None else at_borders - int(np.sum(checked & ~sampled))
+                chosen = self._choose(near & ~checked, left)
+                if not len(chosen):
+                    break
+                wrong += self._correct(hands, chosen, changed)
+                checked[chosen] = True
+            chosen = self._choose(~near & ~checked, elsewhere)
+            before = int(changed.sum())
+            wrong_elsewhere += self._correct(hands, chosen, changed)
+            checked[chosen] = sampled[chosen] = True
+            if at_borders is not None or changed.sum() == before:
+                break
+        at_border = checked & ~sampled
+        counts = (int(np.sum((near | at_border) & ~sampled)), int(at_border.sum()), wrong)
+        again = self._choose(checked, elsewhere)
+        shifted = self._exact(hands, again, _SHIFT)
+        differ = int(np.sum((shifted != UNRESOLVED) & (shifted != self.labels[again])))
+        self.checked = Check(
+            len(self.states), *counts, int(sampled.sum()), wrong_elsewhere, shifted=len(again), shifted_wrong=differ
+        )
+
+    def _choose(self, group: NDArray[np.bool_], most: int) -> NDArray[np.intp]:
+        """Random ones of a group of cells, in order."""
+        random = np.random.default_rng(self.options.seed)
+        return np.sort(random.permutation(np.flatnonzero(group))[:most])
+
+    def _correct(self, hands: Workers, which: NDArray[np.intp], changed: NDArray[np.bool_]) -> int:
+        """Find labels again with the exact flow, and note in `changed` which differ now; how many were wrong."""
+        exact = self._exact(hands, which)
+        wrong = int(np.sum(exact != self.labels[which]))
+        # a state that has come to no attractor by then keeps its label, but counts as wrong
+        corrected = np.where(exact == UNRESOLVED, self.labels[which], exact)
+        changed[which] = corrected != self.labels[which]
+        self.labels[which] = corrected
+        return wrong
+
+    def _exact(self, hands: Workers, which: NDArray[np.intp], shift: float = 0.0) -> NDArray[np.int_]:
+        """Labels by the exact flow, from states that are shifted by so much of the largest of their components."""
+        exact = np.full(len(self.states), UNRESOLVED)
+        wide = np.array(
+            [signature.wide for signature in self.catalogue.signatures] + [False, False]
+        )  # the last: no attractor
+        is_wide = wide[self.labels[which]]
+        pieces = self._pieces(which[~is_wide], _CHECKED, self.options.longest, shift)
+        pieces += self._pieces(which[is_wide], _CHECKED, min(self.options.longest, _WANDERING), shift)
+
+        def accept(index: int, found: Sorted) -> None:
+            exact[pieces[index].places] = found.labels
+
+        hands.run(_sort_exactly, pieces, accept, in_order=False)
+        return exact[which]
+
+    def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:
+        """Find the attractors of some states one by one, from where their motions have come to."""
+        if len(which):
+            motions = motions_of(self.catalogue.system, self.states[which])
+            self.catalogue, labels = explore(self.catalogue, motions.advance, starts, self.options.effort)
+            self.labels[which] = labels
+
+    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
+        system, signatures = self.catalogue.system, self.catalogue.signatures
+        states = self.states + shift * np.abs(self.states).max(axis=0)
+        places = [which[first : first + size] for first in range(0, len(which), size)]
+        return [_Piece(number, some, system, states[some], signatures, longest) for number, some in enumerate(places)]
+
+
+def _sort_fast(piece: _Piece) -> BasinChunk:
+    """Sort states by the batch integrator."""
+    motions = motions_of(piece.system, piece.states)
+    found = sort_states(motions.advance, piece.states, piece.signatures, piece.longest)
+    return BasinChunk(piece.number, found, motions.error)
+
+
+def _sort_exactly(piece: _Piece) -> Sorted:
+    return sort_states(ExactMotions(piece.system).advance, piece.states, piece.signatures, piece.longest)
+
+
+def basin_shares(
+    system: System,
+    box: Mapping[str, Range],
+    starts: int = 1000,
+    *,
+    confidence: float = 0.95,
+    options: BasinOptions | None = None,
+    hands: Workers | None = None,
+    report: Report | None = None,
+) -> BasinShares:
+    """The shares of a box of initial states that lead to each attractor, with confidence limits.
+
+    Parameters
+    ----------
+    system
+        The system.
+    box
+        A range or a fixed value for components of the state at theta = 0: ``{"q1": (-4, 4), "q1'": (-4, 4), "q3": 1}``;
+        those that are not named are 0.
+    starts
+        Number of random starts, evenly distributed over the box.
+    confidence
+        Probability with which the limits of a share hold.
+    options
+        How the basins are found. A start is at a border if its label differs from that of one of those nearest to it.
+    hands, report
+        As in `gapwalk.basins`.
+
+    Raises
+    ------
+    ModelError
+        For a box that makes no sense.
+    WorkError
+        If other processes cannot do the work.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
+    """
+    options = options or BasinOptions()
+    room = Box.of(system, box)
+    if not room.free:
+        raise ModelError('all components of the box are fixed; give at least one a range, such as {"q1": (-4, 4)}')
+    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
+        raise ModelError(f"starts is {starts!r}; it must be an integer >= 1")
+    if not 0.0 < confidence < 1.0:
+        raise ModelError(f"confidence is {confidence!r}; it must lie between 0 and 1, such as 0.95")
+    states = room.draw(starts, options.seed)
+
+    class Shares(BasinWork):
+        whole_part = Part("shares", BasinShares)
+
+        def found(self, *, complete: bool) -> BasinShares:
+            attractors, labels = in_order(self.catalogue.attractors, self.labels)
+            how = (confidence, complete, self.notes(complete), self.checked, self.error)
+            return BasinShares(system, room, states, labels, attractors, *how)
+
+    work = Shares(system, states, beside_states(states), (starts, 1), options)
+    return call(options, work, system, hands=hands, report=report).record

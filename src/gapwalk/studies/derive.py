@@ -1,0 +1,204 @@
+"""The schema of a table of a model file, derived from the frozen dataclass that the table describes.
+
+It works along type hints, as the codec of result files does, so that an option is written down once. Numbers are
+strict; a tuple is a list; an enumeration has its values; a dataclass is a table of its own, or is written into the
+table around it where its field is marked as `INLINE`. Validators of pydantic in ``Annotated`` come on top. What a
+dataclass refuses when it is made is a problem at the key with which its message begins.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Annotated, Any, Literal, Optional, Union, get_args, get_origin, get_type_hints
+
+from pydantic import AfterValidator, BeforeValidator, PlainValidator, create_model, model_validator
+from pydantic import Field as Key
+
+from gapwalk.bifurcation.kinds import Kind
+from gapwalk.model.schema import Number, Part, Text, by_shape, one_of, tagged
+from gapwalk.model.system import System
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.kinds import INLINE, OPEN, kind_of, kinds
+from gapwalk.studies.tables import StudyPart
+
+_SCALARS: dict[Any, Any] = {
+    int: Annotated[int, Key(strict=True)],
+    bool: Annotated[bool, Key(strict=True)],
+    float: Number,
+    str: Text,
+    Kind: Annotated[Kind, PlainValidator(one_of(Kind.known))],
+}
+
+
+class DerivedPart(StudyPart):
+    """The table of a study whose keys are the fields of its kind."""
+
+    def options(self, system: System) -> StudyKind:
+        """The study that it asks for; a ModelError if that makes no sense."""
+        kind = _KINDS[type(self)]
+        return kind.of_table(given_of(kind, self), system)
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of tables that stand in it and change nothing."""
+        return _KINDS[type(self)].unused({name: getattr(self, name) for name in self.model_fields_set})
+
+
+_KINDS: dict[type[Part], type[StudyKind]] = {}
+
+
+@cache
+def study_schema(kind: type[StudyKind]) -> type[DerivedPart]:
+    """The schema of the table of a kind of study."""
+    schema = _made(kind, DerivedPart, {"kind": (Literal[kind.kind], ...)}, kind.table_types)
+    _KINDS[schema] = kind
+    return schema
+
+
+def all_keys() -> frozenset[str]:
+    """The keys of all kinds of study."""
+    return _keys_of(kinds())
+
+
+@cache
+def _keys_of(names: tuple[str, ...]) -> frozenset[str]:
+    schemas = (study_schema(kind_of(name)) for name in names)
+    return frozenset(info.alias or name for schema in schemas for name, info in schema.model_fields.items())
+
+
+@cache
+def table_schema(record: type) -> type[Part]:
+    """The schema of a table that describes a dataclass."""
+    return _made(record, Part, {}, {})
+
+
+def given_of(record: type, part: Part) -> dict[str, Any]:
+    """What a table gives of the fields of a dataclass, by their names."""
+    names = {field.name for field, _ in _hints(record)}
+    own = (getattr(record, "table_types", {}).keys() & type(part).model_fields.keys()) - names
+    found = {name: getattr(part, name) for name in own}
+    for field, hint in _hints(record):
+        if INLINE in _marks(hint):
+            inner = given_of(_bare(hint), part)
+            found |= {field.name: _bare(hint)(**inner)} if inner else {}
+        elif field.name in type(part).model_fields:
+            value = getattr(part, field.name)
+            is_given = field.name in part.model_fields_set or value is not _default(field)
+            if is_given and not (value is None and OPEN in _marks(hint)):
+                found[field.name] = value
+    return found
+
+
+def _made(record: type, base: type[Part], first: Mapping[str, Any], types: Mapping[str, Any]) -> Any:
+    keys = dict(first)
+    for field, hint in _keys(record):
+        if field.name not in types:
+            keys[field.name] = (key_type(hint), _key_default(field, hint))
+    known = {field.name: (field, hint) for field, hint in _keys(record)}
+    for name, kind in types.items():
+        if isinstance(kind, tuple):
+            keys[name] = kind
+        elif kind is not None:
+            keys[name] = (kind, _key_default(*known[name]))
+
+    def makes_sense(part: Part) -> Part:
+        for options in _parts_of(record):
+            options(**given_of(options, part))
+        return part
+
+    check: Any = model_validator(mode="after")(makes_sense)
+    return create_model(
+        f"{record.__name__}Table", __base__=base, __module__=record.__module__, __validators__={"_sense": check}, **keys
+    )
+
+
+def key_type(hint: Any) -> Any:
+    """The type of a key of a table, from the type hint of a field."""
+    if get_origin(hint) is Annotated:
+        inner, *marks = get_args(hint)
+        kind = key_type(inner)
+        if OPEN in marks:
+            kind = Optional[kind]  # noqa: UP045 (what | does not take)
+        marks = [mark for mark in marks if not isinstance(mark, str)]
+        return Annotated[kind, *marks] if marks else kind
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return _union(arguments)
+    if origin is tuple:
+        return _list(arguments)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return dict[key_type(arguments[0]), key_type(arguments[1])]
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return Annotated[hint, BeforeValidator(one_of(hint))]  # pyright: ignore[reportArgumentType]
+    if isinstance(hint, type) and is_dataclass(hint):
+        return Annotated[table_schema(hint), AfterValidator(lambda part: hint(**given_of(hint, part)))]
+    return _SCALARS.get(hint, hint)
+
+
+def _list(arguments: tuple[Any, ...]) -> Any:
+    """A tuple, which a file writes as a list."""
+    if arguments[1:] == (...,):
+        return Annotated[list[key_type(arguments[0])], AfterValidator(tuple)]
+    size = len(arguments)
+    return Annotated[list[key_type(arguments[0])], Key(min_length=size, max_length=size), AfterValidator(tuple)]
+
+
+def _union(arguments: tuple[Any, ...]) -> Any:
+    """Tell lists from other values by their shape; None is left out."""
+    rest = [each for each in arguments if each is not type(None)]
+    found = key_type(rest[0])
+    if len(rest) == 2 and get_origin(_bare(rest[1])) is tuple:
+        found = Annotated[
+            Annotated[found, tagged("one")] | Annotated[key_type(rest[1]), tagged("list")],
+            by_shape(lambda value: "list" if isinstance(value, list) else "one"),
+        ]
+    elif len(rest) > 1:
+        raise TypeError(f"{arguments} has no type in a table; give one in table_types")
+    return Optional[found] if len(rest) < len(arguments) else found  # noqa: UP045 (what | does not take)
+
+
+def _keys(record: type) -> Iterator[tuple[Field[Any], Any]]:
+    """The fields that are keys, with their type hints: those of kinds of studies first, for others look at them."""
+    rest = []
+    plain = {field.name for options in _parts_of(record) if options is not record for field in fields(options)}
+    for field, hint in _hints(record):
+        if INLINE in _marks(hint):
+            rest += _keys(_bare(hint))
+        elif field.name in plain:
+            rest.append((field, hint))
+        else:
+            yield field, hint
+    yield from rest
+
+
+def _parts_of(record: type) -> list[Any]:
+    """The dataclasses of options from which a kind of study derives; of another dataclass, itself."""
+    if not issubclass(record, StudyKind):
+        return [record]
+    return [each for each in record.__mro__ if is_dataclass(each) and not issubclass(each, StudyKind)]
+
+
+def _hints(record: type) -> Iterator[tuple[Field[Any], Any]]:
+    hints = get_type_hints(record, include_extras=True)
+    return ((field, hints[field.name]) for field in fields(record) if field.init)
+
+
+def _key_default(field: Field[Any], hint: Any) -> Any:
+    default = None if OPEN in _marks(hint) else _default(field)
+    return ... if default is MISSING else default
+
+
+def _default(field: Field[Any]) -> Any:
+    return field.default_factory() if field.default_factory is not MISSING else field.default
+
+
+def _marks(hint: Any) -> tuple[Any, ...]:
+    return tuple(mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, str))
+
+
+def _bare(hint: Any) -> Any:
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint

@@ -1,1 +1,0 @@
-"""The whole diagram, as a function and as a study."""

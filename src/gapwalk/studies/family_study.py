@@ -1,0 +1,418 @@
+"""The study of a family: branches for several values of one parameter, with their special points joined.
+
+Method: docs/numerics/families.md
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
+
+from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.branch_start import directions
+from gapwalk.continuation.walk_options import WalkOptions
+from gapwalk.errors import ModelError
+from gapwalk.model.schema import Number, Text, one_of
+from gapwalk.model.system import System
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import shows_progress
+from gapwalk.orbit.method import Method
+from gapwalk.orbit.shooting import Shooting
+from gapwalk.parallel.workers import Workers
+from gapwalk.studies.changes import leaves_of
+from gapwalk.studies.columns import measure_names, measure_values, method_names, method_values, parameter_headings
+from gapwalk.studies.document import branch_document, special_document
+from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
+from gapwalk.studies.family_joining import FamilyOptions
+from gapwalk.studies.family_work import FamilyWork, Walk
+from gapwalk.studies.kind import Finding, Rows, values_of
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.runner import Report, call
+from gapwalk.studies.tables import Surroundings
+from gapwalk.summary import Table
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+@dataclass(frozen=True)
+class FamilyFinding(Finding):
+    """A family, as far as it has been worked on.
+
+    Attributes
+    ----------
+    options
+        What was asked.
+    family
+        The family.
+    """
+
+    options: BranchOptions
+    family: Family
+
+    @property
+    def record(self) -> Family | None:
+        """The family; None before its first member."""
+        return self.family if self.family.members else None
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.family.complete
+
+    @property
+    def stored(self) -> str:
+        """How many members have been done, and between how many of them special points are joined."""
+        found, connections = self.family, self.family.connections or {}
+        return f"{len(found.members)} of {len(found.over.axis)} members are stored, joined at {len(connections)} places"
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """Whether there is any branch."""
+        return bool(self.family.branches)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else there is to say."""
+        return self.family.notes
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be walked or followed."""
+        return self.family.failures
+
+    def summary(self) -> Iterator[str | Table]:
+        """Return the members, then the special points, each followed through the family."""
+        found = self.family
+        (low, high), symbol, name = found.within, parameter_symbol(found.parameter), parameter_symbol(found.over.name)
+        yield f"{symbol} from {low:.10g} to {high:.10g}, {len(found.over.axis)} values of {name}"
+        for member in found.members:
+            branches = ", ".join(f"{label} with {len(branch.points)} points" for label, branch in member.named)
+            special = sum(len(branch.special_points) for branch in member.branches)
+            text = f"{branches}; {special} special points" if member.branches else "no branch"
+            yield f"  {name} = {member.value:.8g}: {text}"
+        if found.point_paths:
+            columns = ("period", "members", f"from {name}", f"at {symbol}", f"to {name}", f"at {symbol}")
+            rows = [self._path_cells(point_path) for point_path in found.point_paths]
+            yield Table(["special point", *(f">{each}" for each in columns), "joined", "contact"], rows)
+        for point_path in found.point_paths:
+            yield from (f"  {point_path.name} {text}" for text in _path_lines(point_path))
+
+    def _path_cells(self, point_path: SpecialPointPath) -> list[str]:
+        """Return the row of a special point in the table: its first and its last place, and how they are joined."""
+        found, places = self.family, point_path.places
+        numbers = [
+            text
+            for place in (places[0], places[-1])
+            for text in (f"{found.value(place):.6g}", f"{found.special(place).value:#.10g}")
+        ]
+        joined = "" if not point_path.connections else "exactly" if point_path.exact else "by nearness"
+        return [point_path.name, str(point_path.period), str(len(places)), *numbers, joined, point_path.contact]
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """Members with their branches, and point_paths; with all points, and the ways between members, if wanted."""
+        found = self.family
+        return {
+            "parameter": found.parameter,
+            "over": {
+                "name": found.over.name,
+                "values": list(found.over.axis),
+                "parameters": {name: list(values) for name, values in found.over.moved},
+            },
+            "members": [_member_document(member, points) for member in found.members],
+            "point_paths": [self._path_document(point_path, points) for point_path in found.point_paths],
+        }
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """The special points, path by path; what becomes of them between members; the points of all branches."""
+        return {"special-points": self._special_rows, "connections": self._connection_rows, "points": self._point_rows}
+
+    def _path_document(self, point_path: SpecialPointPath, points: bool) -> dict[str, Any]:
+        found = self.family
+        document: dict[str, Any] = {
+            "name": point_path.name,
+            "kind": point_path.kind.value,
+            "contact": point_path.contact or None,
+            "period": point_path.period,
+            "exact": point_path.exact,
+            "before": None if point_path.before is None else _connection_document(point_path.before),
+            "after": None if point_path.after is None else _connection_document(point_path.after),
+            "special_points": [
+                {"member": place.member, "value": found.value(place), **_special_document(found, place)}
+                for place in point_path.places
+            ],
+            "passages": [asdict(passage) for connection in point_path.connections for passage in connection.passages],
+        }
+        if points:
+            document["ways"] = [[list(pair) for pair in connection.curve] for connection in point_path.connections]
+        return document
+
+    def _special_rows(self) -> Iterator[list[object]]:
+        found, names = self.family, self.family.system.coordinates
+        first, second = self._headings
+        header = ["point_path", "kind", "contact", "period", second, "branch", first, "uncertainty"]
+        header += ["unstable.before", "unstable.after", "nature", "contacts", "joined"]
+        yield [*header, *measure_names(names), *method_names(self.options)]
+        for point_path in found.point_paths:
+            joined = ["", *(connection.fate.value for connection in point_path.connections)]
+            for place, fate in zip(point_path.places, joined, strict=True):
+                special = found.special(place)
+                yield [
+                    *(
+                        point_path.name,
+                        point_path.kind.value,
+                        point_path.contact,
+                        point_path.period,
+                        found.value(place),
+                    ),
+                    *(_branch_name(found, place), special.value, special.uncertainty),
+                    *(special.before.total, special.after.total, special.nature, special.orbit.pattern, fate),
+                    *measure_values(special.point),
+                    *method_values(special.orbit),
+                ]
+
+    def _connection_rows(self) -> Iterator[list[object]]:
+        """What becomes of special points between members, but for those that just go on: births, meetings, ends."""
+        found = self.family
+        yield ["point_path", "kind", "contact", "side", "fate", "event", *self._headings, "with", "detail"]
+        point_paths = {place: point_path.name for point_path in found.point_paths for place in point_path.places}
+        for point_path in found.point_paths:
+            for side, connection in (("before", point_path.before), ("after", point_path.after)):
+                if connection is None:
+                    continue
+                places = (connection.begin, connection.end)
+                others = {point_paths[place] for place in places if place is not None} - {point_path.name}
+                at = ("", "") if connection.at is None else connection.at
+                about = (
+                    point_path.name,
+                    point_path.kind.value,
+                    point_path.contact,
+                    side,
+                    connection.fate.value,
+                    connection.event,
+                )
+                yield [*about, *at, " ".join(others), connection.detail]
+            for connection in point_path.connections:
+                for passage in connection.passages:
+                    about = (point_path.name, point_path.kind.value, passage.contact, "between", "passes", passage.kind)
+                    yield [*about, passage.first, passage.value, "", ""]
+
+    def _point_rows(self) -> Iterator[list[object]]:
+        found, names = self.family, self.family.system.coordinates
+        states = [*(f"{q}(0)" for q in names), *(f"{q}'(0)" for q in names)]
+        first, second = self._headings
+        header = [second, "branch", "period", first, "stable", "instability", "contacts"]
+        yield [*header, *measure_names(names), *states, *method_names(self.options)]
+        for member in found.members:
+            for name, branch in member.named:
+                for point in branch.points:
+                    yield [
+                        *(member.value, name, branch.period, point.value),
+                        *(point.stable, point.instability.label, point.orbit.pattern),
+                        *measure_values(point),
+                        *point.orbit.state.tolist(),
+                        *method_values(point.orbit),
+                    ]
+
+    @property
+    def _headings(self) -> list[str]:
+        """The headings of the parameter of the members, and of what differs."""
+        return parameter_headings([self.family.parameter, self.family.over.name], self.family.system.coordinates)
+
+
+def _member_document(member: Member, points: bool) -> dict[str, Any]:
+    branches = []
+    for number, (name, branch) in enumerate(member.named, start=1):
+        branches.append({"name": name, **branch_document(branch, number, points)})
+    return {"number": member.number, "value": member.value, "branches": branches}
+
+
+def _special_document(found: Family, place: Place) -> dict[str, Any]:
+    member = next(member for member in found.members if member.number == place.member)
+    return special_document(found.special(place), member.branches[place.branch], place.branch + 1)
+
+
+def _branch_name(found: Family, place: Place) -> str:
+    member = next(member for member in found.members if member.number == place.member)
+    return list(member.named)[place.branch][0]
+
+
+def _connection_document(connection: Connection) -> dict[str, Any]:
+    return {
+        "fate": connection.fate.value,
+        "event": connection.event or None,
+        "at": None if connection.at is None else list(connection.at),
+        "text": connection.text,
+        "passages": [asdict(passage) for passage in connection.passages],
+    }
+
+
+def _path_lines(point_path: SpecialPointPath) -> Iterator[str]:
+    """Return, as far as known, what happens to a special point before its first and after its last member."""
+    if point_path.before is not None:
+        yield f"before: {point_path.before.text}"
+    for connection in point_path.connections:
+        for passage in connection.passages:
+            yield f"passes a {passage.kind} at ({passage.first:.8g}, {passage.value:.8g})"
+    if point_path.after is not None:
+        yield f"after: {point_path.after.text}"
+
+
+_OVER = 'write what differs from member to member, as in over = { "mean.q1" = [0.25, 0.3, 0.35] }'
+
+
+def _flat(value: Any) -> Any:
+    """A table of lists with the full names of parameters: ``mean.q1`` may be written with or without quotes."""
+    if not isinstance(value, Mapping):
+        return value
+    return {".".join(str(key) for key in leaf.path): leaf.value for leaf in leaves_of(value, ())}
+
+
+def _makes_a_family(over: dict[str, list[float]], info: ValidationInfo[Surroundings]) -> MemberParameter:
+    given = MemberParameter.of(over, info.data.get("called", ""), info.data.get("values", ()))
+    if info.context.system and info.data.get("parameter"):
+        given.check(info.context.system, info.data["parameter"], names_only=info.context.guessed)
+    return given
+
+
+@dataclass(frozen=True)
+class FamilyStudy(FamilyOptions, BranchOptions):
+    """A family: the branches over one parameter, for several values of another one.
+
+    Parameters
+    ----------
+    parameter, begin, end, measure, period, start, walk, method
+        As `BranchOptions`, for each member.
+    max_period, kinds, exact, workers
+        How far they go, and how their special points are joined; as `FamilyOptions`.
+    over
+        What differs from member to member. In a table, ``over`` has the parameters with their values, and ``called``
+        and ``values`` stand beside it.
+    """
+
+    kind: ClassVar[str] = "family"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        **BranchOptions.table_types,
+        "kinds": Annotated[
+            list[Annotated[Kind, PlainValidator(one_of(Kind.known))]],
+            Field(min_length=1),
+            AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
+        ],
+        "called": (Text, ""),
+        "values": (list[Number], Field(default_factory=list)),
+        "over": (
+            Annotated[dict[str, list[Number]], BeforeValidator(_flat), AfterValidator(_makes_a_family)],
+            Field(description=_OVER),
+        ),
+    }
+
+    over: MemberParameter = field(kw_only=True)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table, whose `over` has what stands beside it."""
+        return super().of_table({key: values[key] for key in values.keys() - {"called", "values"}}, system)
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        axis = self.over.axis
+        far = "" if self.max_period is None else f", to period {self.max_period}"
+        return (
+            f"{self.kind} over {self.range_words} at {len(axis)} values of {self.over.name} from {axis[0]:g} to "
+            f"{axis[-1]:g}, period {self.period}{far}, showing {self.measure}"
+        )
+
+    def first_system(self, system: System) -> System:
+        """The system of the first member, at the first value of the parameter."""
+        return super().first_system(system).at(self.over.at(0))
+
+    def work(self, system: System) -> FamilyWork:
+        """The work on the family."""
+        how = Walk(self.begin, self.end, self.start, self.period, self.walk, self.method)
+        blank = Family(system, self.parameter, self.ends, self.over)
+        return FamilyWork(blank, how, self.limits, lambda found: FamilyFinding(self, found))
+
+
+@shows_progress(lambda count, part, pace: str(pace))
+def family(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    over: MemberParameter | Mapping[str, Sequence[float]],
+    *,
+    start: str | Sequence[float] = "settle",
+    period: int = 1,
+    options: FamilyOptions | None = None,
+    walk: WalkOptions | None = None,
+    method: Method | None = None,
+    hands: Workers | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Family:
+    """The response of one system, repeated for several values of a parameter, with the special points joined.
+
+    Between two neighbouring members each special point is followed along its exact locus: to a special point of the
+    next member, to another one with which it meets and vanishes, or out of the range.
+
+    Parameters
+    ----------
+    system
+        The system; its own values of what is walked and of what differs play no role.
+    parameter, to
+        Along what each member is walked, from the first value to the second.
+    over
+        What differs from member to member: the values of a parameter, as in ``{"mean.q1": [0.25, 0.3, 0.35]}``, or of
+        several that move together. With a name of its own: `MemberParameter`.
+    start, period
+        Where the branches start, as in `find_orbit`.
+    options, walk, method
+        How far the members go, and how their special points are joined; options of the walk and of the method.
+    hands
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
+    report
+        Called with each part when it is done, and is in the file.
+    output
+        A file to write while the work is done; `gapwalk.load` reads it. If it holds a part of the same family, that is
+        continued, and comes to the same result.
+
+    Raises
+    ------
+    ModelError
+        For unknown parameters, values that the system cannot have, or an empty range.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
+    WorkError
+        If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
+    """
+    over, options = MemberParameter.of(over), options or FamilyOptions()
+    begin, end = (float(value) for value in to)
+    for value in (begin, end):
+        system.at({parameter: value})
+    directions(begin, end)  # refuses an empty range
+    over.check(system, parameter)
+    if options.exact and set(options.kinds) == {Kind.BRANCH_POINT}:
+        raise ModelError("branch points have no locus; write exact=False to join them by nearness")
+    method = method or Shooting()
+    if output is not None and not isinstance(method, Method):
+        raise ModelError(f"{method!r:.60} cannot be kept in a file; leave output out, or derive it from Method")
+    asked = FamilyStudy(
+        parameter,
+        begin,
+        end,
+        "",
+        period,
+        start if isinstance(start, str) else tuple(float(each) for each in start),  # pyright: ignore[reportArgumentType]
+        walk or WalkOptions(),
+        method,  # pyright: ignore[reportArgumentType]
+        **values_of(options),
+        over=over,
+    )
+    return call(asked, asked.work(system), system, hands=hands, report=report, output=output).record

@@ -1,0 +1,156 @@
+"""The study of a locus: some special points of one branch, followed in the plane of two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo
+
+from gapwalk.bifurcation.branch import Kind
+from gapwalk.errors import ModelError
+from gapwalk.model.problems import did_you_mean, given
+from gapwalk.model.schema import Text, one_of
+from gapwalk.model.system import System
+from gapwalk.model.units import PACES
+from gapwalk.studies.derive import key_type
+from gapwalk.studies.map import Map, Which
+from gapwalk.studies.map_charting import Charter, locus_charter
+from gapwalk.studies.map_study import MapStudyOptions
+from gapwalk.studies.option_tables import check_inside
+from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_value
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+    """The value at which the branch is walked: that of the model, if it has one in the range, or one given."""
+    name, around = info.data.get("parameter"), info.context
+    ends = [info.data[end] for end in ("begin", "end") if end in info.data]
+    if at is not None:
+        at = check_value(at, name, around)
+        if len(ends) == 2:
+            check_inside([at], "at", (ends[0], ends[1]))
+        return at
+    if name is None or len(ends) < 2 or around.system is None or around.guessed:
+        return None
+    if name in PACES and not around.frequency_given:
+        raise ValueError("is missing, and the file gives no frequency either; write where the branch is walked")
+    own, (low, high) = around.system[name], sorted(ends)
+    if not low <= own <= high:
+        raise ValueError(
+            f"is missing, and the model has {name} = {own:g}, outside the range from {low:g} to {high:g}; write "
+            "where in the range the branch is walked on which the special points lie"
+        )
+    return own
+
+
+def _is_near(near: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+    return None if near is None else check_value(near, info.data.get("parameter"), info.context)
+
+
+def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
+    if contact and info.data.get("of", Kind.GRAZING) is not Kind.GRAZING:
+        raise ValueError(f'is for of = "grazing"; leave it out for {given(info.data["of"].value)}')
+    system = info.context.system
+    names = [form.name for form in system.structure.contacts] if system else []
+    if contact and system and contact.split(" ", maxsplit=1)[0] not in names:
+        raise ValueError(f"is {given(contact)}, which is no contact; {did_you_mean(contact, names)}")
+    return contact
+
+
+@dataclass(frozen=True)
+class _SecondWithPlace(SecondParameter):
+    """The second parameter of a locus, and where in its range the branch is walked: ``at = 0.25``."""
+
+    at: Annotated[float | None, Field(validate_default=True), WITH_UNIT, AfterValidator(_where_the_branch_is)] = None
+
+
+LocusSecond = Annotated[
+    key_type(_SecondWithPlace),
+    Field(description='write the second parameter, as in second = { parameter = "mean.q1", from = 0.1, to = 0.5 }'),
+    AfterValidator(is_another),
+]
+
+
+@dataclass(frozen=True)
+class LocusStudyOptions(MapStudyOptions):
+    """The loci of some special points of one branch: a map of one kind, with one section on which one branch is walked.
+
+    Parameters
+    ----------
+    parameter, begin, end, measure, period, start, walk, method
+        As `BranchOptions`, for the branch on which the special points lie; the range is that of the plane too.
+    second
+        The second parameter, and its range.
+    sections
+        One value of the second parameter: where the branch is walked.
+    kinds
+        One kind of special points.
+    near
+        Of those, only the one nearest to this value of the first parameter; by default all are followed.
+    contact
+        Of grazing points, only those of this contact.
+
+    Raises
+    ------
+    ModelError
+        For more sections or kinds than one, or a contact with another kind than grazing.
+    """
+
+    kind: ClassVar[str] = "locus"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        **{name: kind for name, kind in MapStudyOptions.table_types.items() if name != "search"},
+        **dict.fromkeys(("sections", "max_period", "kinds", "workers", "search"), None),
+        "second": LocusSecond,
+        "of": (
+            Annotated[Kind, PlainValidator(one_of(Kind.with_locus))],
+            Field(description='write which special points are followed, as in of = "grazing"'),
+        ),
+        "contact": Annotated[Text, AfterValidator(_is_a_contact)],
+    }
+
+    near: Annotated[float | None, WITH_UNIT, AfterValidator(_is_near)] = field(default=None, kw_only=True)
+    contact: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sections, tuple) or len(self.sections) != 1 or len(self.kinds) != 1:
+            raise ModelError("a locus has one section and one kind, as in sections=(0.25,), kinds=(gw.Kind.FOLD,)")
+        self.which  # noqa: B018  (raises what is wrong with it)
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table, which says ``of`` what, and ``at`` which value of the second parameter."""
+        found = {name: value for name, value in values.items() if name != "of"}
+        second = values["second"]
+        plain = SecondParameter(second.parameter, second.begin, second.end)
+        at = system[second.parameter] if second.at is None else second.at
+        return super().of_table({**found, "kinds": (values["of"],), "second": plain, "sections": (at,)}, system)
+
+    def first_system(self, system: System) -> System:
+        """The system at the first value of the parameter, and where the branch is walked."""
+        assert isinstance(self.sections, tuple)
+        first, (at,) = RangeStudy.first_system(self, system), self.sections
+        return first if first[self.second.parameter] == at else first.at({self.second.parameter: at})
+
+    def charter(self, system: System, known: Map) -> Charter:
+        """What follows the loci, of which something may be known."""
+        plane = (system, self.parameter, self.second.parameter, self.within)
+        return locus_charter(*plane, self.which, self.start, self.period, self.walk, self.method, known)
+
+    @property
+    def which(self) -> Which:
+        """Which special points are followed."""
+        return Which(self.kinds[0], self.near, self.contact)
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        assert isinstance(self.sections, tuple)
+        return (
+            f"{self.kind} of {self.which.words} over {self.range_words} and {self.second.words}, picked up at "
+            f"{self.second.parameter} = {self.sections[0]:g}, period {self.period}"
+        )

@@ -1,0 +1,411 @@
+"""Record of a map: the loci in the plane of two parameters, and the sections on which they begin; its options."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.isolated import SearchOptions
+from gapwalk.bifurcation.loci import Codim2, Codim2Point, Locus, LocusEnd, LocusPoint
+from gapwalk.errors import ModelError
+from gapwalk.model.units import Units
+from gapwalk.model.words import full_measure, parameter_symbol
+from gapwalk.notebook import Shown
+from gapwalk.studies.columns import measure_names, measure_values, method_document, method_values, parameter_headings
+from gapwalk.studies.kinds import Counted
+from gapwalk.summary import Table, remarks
+
+_MOST = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class MapOptions:
+    """What a map shows, and where its loci are picked up.
+
+    Parameters
+    ----------
+    sections
+        Values of the second parameter at which branches are followed along the first one: their special points are
+        where the loci begin. A number of them is spread evenly over the range, its ends included.
+    max_period
+        Longest period, in forcing periods, of the branches that are followed there.
+    kinds
+        Kinds of loci.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    search_values
+        Values of the first parameter on each section at which branches not connected to others are sought;
+        as in `DiagramOptions`.
+    search
+        How thoroughly to search there.
+    """
+
+    sections: int | tuple[float, ...] = 5
+    max_period: int = 2
+    kinds: tuple[Kind, ...] = field(default_factory=Kind.with_locus)
+    workers: Counted | None = field(default=None, compare=False)
+    search_values: int | tuple[float, ...] = 0
+    search: SearchOptions = SearchOptions()
+
+    def __post_init__(self) -> None:
+        _check_sections(self.sections)
+        if not _is_count(self.max_period):
+            raise ModelError(f"max_period is {self.max_period!r}; it must be an integer from 1 to {_MOST:,}")
+        if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
+            names = ", ".join(kind.value for kind in Kind.with_locus())
+            raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
+
+    def values(self, low: float, high: float) -> tuple[float, ...]:
+        """The values of the sections between two bounds.
+
+        Raises
+        ------
+        ModelError
+            If one of them lies outside.
+        """
+        if isinstance(self.sections, int):
+            count = self.sections
+            return tuple(np.linspace(low, high, count).tolist()) if count > 1 else (0.5 * (low + high),)
+        outside = [value for value in self.sections if not low <= value <= high]
+        if outside:
+            raise ModelError(f"there is to be a section at {outside[0]:g}, outside the range from {low:g} to {high:g}")
+        return tuple(float(value) for value in self.sections)
+
+
+def _check_sections(sections: object) -> None:
+    if isinstance(sections, tuple):
+        if not sections or not all(math.isfinite(value) for value in sections):
+            raise ModelError(f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or numbers")
+        if len(set(sections)) < len(sections):
+            raise ModelError(f"sections is {sections!r}; each value must stand there once")
+    elif not _is_count(sections):
+        raise ModelError(
+            f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or values of the second parameter"
+        )
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST
+
+
+Ranges = tuple[tuple[float, float], tuple[float, float]]
+"""The ranges of both parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """The branches along the first parameter at one value of the second.
+
+    Attributes
+    ----------
+    value
+        Value of the second parameter.
+    branches
+        The branches; none if no first orbit was found.
+    """
+
+    value: float
+    branches: tuple[Branch, ...]
+
+    @property
+    def named(self) -> Iterator[tuple[str, Branch]]:
+        """The branches with their names, such as ``P2-3``: the third branch of period 2 on this section."""
+        counts: Counter[int] = Counter()
+        for branch in self.branches:
+            counts[branch.period] += 1
+            yield f"P{branch.period}-{counts[branch.period]}", branch
+
+
+@dataclass(frozen=True, eq=False)
+class Map(Shown):
+    """The loci in the plane of two parameters.
+
+    Attributes
+    ----------
+    first, second
+        Names of the parameters.
+    within
+        The range of each.
+    loci
+        The loci, in the order in which they were found.
+    sections
+        The sections whose special points began them.
+    complete
+        False if the work was stopped before its end.
+    notes
+        What else there is to say, in sentences.
+    failures
+        What could not be followed, in sentences.
+    tried
+        How many of the special points of the sections have been dealt with: a map that is resumed goes on there.
+    """
+
+    first: str
+    second: str
+    within: Ranges
+    loci: tuple[Locus, ...] = ()
+    sections: tuple[Section, ...] = ()
+    complete: bool = False
+    notes: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+    tried: int = 0
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The branches of all sections."""
+        return tuple(branch for section in self.sections for branch in section.branches)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the loci, such as ``fold-3``: the third locus of folds."""
+        counts: Counter[Kind] = Counter()
+        names = []
+        for locus in self.loci:
+            counts[locus.kind] += 1
+            names.append(f"{locus.kind.value}-{counts[locus.kind]}")
+        return tuple(names)
+
+    def of_kind(self, kind: Kind | str) -> tuple[Locus, ...]:
+        """The loci of one kind."""
+        return tuple(locus for locus in self.loci if locus.kind == kind)
+
+    def summary(self, measure: str | None = None) -> Iterator[str | Table]:
+        """Return the loci with their ends, notes and failures, as the terminal shows them.
+
+        Parameters
+        ----------
+        measure
+            Measure of the orbits for the table of the points of codimension two; None to leave that out.
+        """
+        symbols = [parameter_symbol(name, self._units) for name in (self.first, self.second)]
+        ranges = ", ".join(
+            f"{symbol} from {low:.10g} to {high:.10g}" for symbol, (low, high) in zip(symbols, self.within, strict=True)
+        )
+        yield f"{ranges}: {len(self.loci)} loci{self._counts and f', {self._counts}'}"
+        special = sum(len(branch.special_points) for branch in self.branches)
+        values = ", ".join(f"{section.value:.6g}" for section in self.sections)
+        yield (
+            f"started from {special} special points of {len(self.branches)} branches, on sections at "
+            f"{symbols[1]} = {values}"
+        )
+        for name, locus in zip(self.names, self.loci, strict=True):
+            yield from self._locus_lines(name, locus, symbols)
+        if measure is not None and any(locus.codim2_points for locus in self.loci):
+            yield self._codim2_table(measure, symbols)
+        yield from remarks(self.notes, self.failures)
+
+    @staticmethod
+    def _locus_lines(name: str, locus: Locus, symbols: list[str]) -> Iterator[str]:
+        low, high = locus.values.min(axis=0), locus.values.max(axis=0)
+        ranges = ", ".join(f"{symbol} {a:.8g} to {b:.8g}" for symbol, a, b in zip(symbols, low, high, strict=True))
+        counts = ", ".join(f"{len(locus.codim2(kind))} {kind.value}" for kind in Codim2 if locus.codim2(kind))
+        contact = f" of {locus.contact}" if locus.contact else ""
+        yield f"  {name}  period {locus.period}{contact}; " + "; ".join(
+            filter(None, (ranges, f"{len(locus.points)} points", counts))
+        )
+        places = [", ".join(f"{value:.8g}" for value in end.values) for end in locus.ends]
+        yield from dict.fromkeys(
+            f"    {end.reason.value}" if locus.is_closed else f"    ({place}): {end.reason_words}"
+            for place, end in zip(places, locus.ends, strict=True)
+        )
+
+    def _codim2_table(self, measure: str, symbols: list[str]) -> Table:
+        """Return the table of the points of codimension two, by loci."""
+        measure = full_measure(measure, self.loci[0].points[0].orbit.system.coordinates)
+        rows, groups = [], []
+        for name, locus in zip(self.names, self.loci, strict=True):
+            for index, codim2 in enumerate(locus.codim2_points):
+                values = (f"{value:#.10g}" for value in codim2.values)
+                numbers = (*values, f"{codim2.point.angle:.6f}", f"{codim2.point.measure(measure):#.8g}")
+                rows.append([name if index == 0 else "", codim2.kind.value, *numbers, codim2.contact])
+            groups.append(len(rows) - 1)
+        return Table(
+            ["locus", "point", *(f">{each}" for each in (*symbols, "angle", measure)), "contact"], rows, groups
+        )
+
+    @property
+    def _units(self) -> Units | None:
+        return self.branches[0].system.units if self.branches else None
+
+    def plot(self, **options: Any):
+        """Draw all loci in the plane; `options` are those of `gapwalk.plot.loci.draw_map`. Returns the axes."""
+        from gapwalk.plot import draw
+
+        return draw(self, **options)
+
+    def __getitem__(self, name: str) -> Locus:
+        """The locus of a name."""
+        try:
+            return self.loci[self.names.index(name)]
+        except ValueError:
+            raise KeyError(f"there is no locus {name}; there are {', '.join(self.names) or 'none'}") from None
+
+    @property
+    def _counts(self) -> str:
+        """Numbers of loci by kind, in words."""
+        kinds = ((kind, len(self.of_kind(kind))) for kind in Kind.with_locus())
+        return ", ".join(f"{count} of {kind}" for kind, count in kinds if count)
+
+    def __repr__(self) -> str:
+        return f"Map({self.first}, {self.second}; loci: {self._counts or 'none'})"
+
+
+def map_document(chart: Map, points: bool = True) -> dict[str, Any]:
+    """What the document of a map has besides its branches: the plane, and the loci with their points (if wanted)."""
+    return {
+        "plane": [
+            {"parameter": name, "from": low, "to": high}
+            for name, (low, high) in zip((chart.first, chart.second), chart.within, strict=True)
+        ],
+        "sections": [section.value for section in chart.sections],
+        "loci": [locus_document(locus, name, points) for locus, name in zip(chart.loci, chart.names, strict=True)],
+        "notes": list(chart.notes),
+        "failures": list(chart.failures),
+    }
+
+
+def locus_document(locus: Locus, name: str, points: bool = True) -> dict[str, Any]:
+    """One locus; both parameters are always given as a pair."""
+    document: dict[str, Any] = {
+        "name": name,
+        "kind": locus.kind.value,
+        "period": locus.period,
+        "contact": locus.contact or None,
+        "closed": locus.is_closed,
+        "ends": [_end(end) for end in locus.ends],
+        "codim2_points": [_codim2(point) for point in locus.codim2_points],
+        "count": len(locus.points),
+    }
+    if points:
+        document["points"] = [_point(point) for point in locus.points]
+    return document
+
+
+def _point(point: LocusPoint) -> dict[str, Any]:
+    """`angle` is the argument of the critical multiplier; on a grazing locus it tells when the contact touches."""
+    about = {"parameters": list(point.values), "angle": point.angle, "contacts": point.orbit.pattern}
+    return {**about, **method_document(point.orbit)}
+
+
+def _codim2(codim2: Codim2Point) -> dict[str, Any]:
+    return {"kind": codim2.kind.value, **_point(codim2.point), "contact": codim2.contact or None}
+
+
+def _end(end: LocusEnd) -> dict[str, Any]:
+    """`reason` is a word for programs, `text` the sentence for people."""
+    return {"reason": end.reason.name.lower(), "parameters": list(end.values), "text": str(end)}
+
+
+Row = Sequence[object]
+
+
+def locus_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
+    """The points of all loci, a row each, after the row of headings.
+
+    The columns are: name and kind of the locus, period, the contact that grazes, both parameters, angle (the argument
+    of the critical multiplier in radians; of a grazing locus that at which the contact touches), contacts; maximum,
+    minimum, half the peak to peak, mean and rms of each coordinate; the state at theta = 0; what the method has to say,
+    under the headings `method`.
+    """
+    states = [*(f"{q}(0)" for q in coordinates), *(f"{q}'(0)" for q in coordinates)]
+    yield [
+        *("locus", "kind", "period", "contact"),
+        *parameter_headings((chart.first, chart.second), coordinates),
+        *("angle", "contacts"),
+        *measure_names(coordinates),
+        *states,
+        *method,
+    ]
+    for name, locus in zip(chart.names, chart.loci, strict=True):
+        for point in locus.points:
+            about = (*point.values, point.angle, point.orbit.pattern, *measure_values(point))
+            yield [*_head(name, locus), *about, *point.orbit.state.tolist(), *method_values(point.orbit)]
+
+
+def codim2_rows(chart: Map, coordinates: Sequence[str], method: Sequence[str]) -> Iterator[Row]:
+    """The points of codimension two and the ends of all loci, a row each, after the row of headings.
+
+    `point` says what happens: the kind, or ``begins`` and ``ends``, for which `reason` says why. In the end there is
+    what the method has to say, under the headings `method`.
+    """
+    yield [
+        *("locus", "kind", "period", "contact", "point"),
+        *parameter_headings((chart.first, chart.second), coordinates),
+        *("angle", "grazing", "reason"),
+        *("contacts", *measure_names(coordinates), *method),
+    ]
+    for name, locus in zip(chart.names, chart.loci, strict=True):
+        head, (begin, end) = _head(name, locus), locus.ends
+        yield _end_row(head, "begins", begin, locus.points[0])
+        for codim2 in locus.codim2_points:
+            point = codim2.point
+            about = (codim2.kind.value, *point.values, point.angle, codim2.contact, "")
+            yield [*head, *about, *_motion(point)]
+        yield _end_row(head, "ends", end, locus.points[-1])
+
+
+def _end_row(head: Sequence[object], word: str, end: LocusEnd, point: LocusPoint) -> Row:
+    reason = f"{end.reason.value} ({end.detail})" if end.detail else end.reason.value
+    return [*head, word, *end.values, point.angle, "", reason, *_motion(point)]
+
+
+def _motion(point: LocusPoint) -> list[object]:
+    return [point.orbit.pattern, *measure_values(point), *method_values(point.orbit)]
+
+
+def _head(name: str, locus: Locus) -> list[object]:
+    return [name, locus.kind.value, locus.period, locus.contact]
+
+
+@dataclass(frozen=True, slots=True)
+class Which:
+    """Which special points of a branch are followed in two parameters.
+
+    Parameters
+    ----------
+    kind
+        What happens there; a branch point has no locus.
+    near
+        Of those, only the one nearest to this value of the branch's parameter; by default all.
+    contact
+        Of grazing points, only those of this contact, or of a stage and side of it, such as ``stage2 -``.
+
+    Raises
+    ------
+    ModelError
+        For a branch point, or a contact with another kind than grazing.
+    """
+
+    kind: Kind
+    near: float | None = None
+    contact: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind.no_locus:
+            raise ModelError(self.kind.no_locus)
+        if self.contact and self.kind is not Kind.GRAZING:
+            raise ModelError(f"contact is for grazing points; leave it out for those of the kind {self.kind.value}")
+
+    def of(self, specials: Sequence[SpecialPoint]) -> list[SpecialPoint]:
+        """Those of some special points, in their order."""
+        found = [special for special in specials if special.kind is self.kind and self._touches(special.contact)]
+        if self.near is None or not found:
+            return found
+        near = self.near
+        return [min(found, key=lambda special: abs(special.value - near))]
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        contact = f" of {self.contact}" if self.contact else ""
+        return f"{self.kind.value}{contact}{'' if self.near is None else f' nearest to {self.near:.8g}'}"
+
+    def _touches(self, contact: str) -> bool:
+        """Whether a contact with its stage and side, as a special point names them, is meant."""
+        return not self.contact or contact == self.contact or contact.startswith(f"{self.contact} ")

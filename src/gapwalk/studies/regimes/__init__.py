@@ -1,1 +1,0 @@
-"""Regime maps as jobs: chunk by chunk, checked, and stored."""

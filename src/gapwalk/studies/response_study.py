@@ -1,0 +1,249 @@
+"""The study of a response: one branch of periodic orbits over one parameter, from its first orbit on.
+
+The points of a moment are one part of its file, together with the state of the walk after them. So a run that is killed
+is resumed as if nothing had happened; and thousands of small parts would take longer to write than their points to
+compute.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from types import FrameType
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, resumed_tracer, start_branch
+from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.detector import DetectorState
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.walk import End, EndReason, WalkState
+from gapwalk.errors import NumericalError, StoreError
+from gapwalk.model.system import System
+from gapwalk.orbit.find import find_orbit
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.codec import checked
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.kind import Content, Found, Work, in_order
+from gapwalk.studies.options import BranchOptions
+
+_SECONDS = 0.1  # between two moments that are written
+_POINTS = 500  # at most in one of them
+
+
+@dataclass(frozen=True)
+class ResponseOptions(BranchOptions):
+    """A response curve: the branch of periodic orbits over one parameter; parameters as `BranchOptions`."""
+
+    kind: ClassVar[str] = "response"
+    reports: ClassVar[str] = "points"
+
+    def work(self, system: System) -> ResponseWork:
+        """The walk along the branch."""
+        return ResponseWork(system, self)
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where a walk has come to, but for its last two points: they are kept as points."""
+
+    step: float
+    count: int
+    detector: DetectorState
+
+
+class Moment(NamedTuple):
+    """What a walk has found since the moment before.
+
+    Attributes
+    ----------
+    points, special_points
+        Its points, and the special points between them and the one before.
+    progress
+        Where the walk can continue; None if it has not left its first point.
+    ends
+        Where and why it ends, at its beginning and at its end; None while it goes on.
+    """
+
+    points: tuple[BranchPoint, ...]
+    special_points: tuple[SpecialPoint, ...] = ()
+    progress: Progress | None = None
+    ends: tuple[End, ...] | None = None
+
+
+START = Part("start", Orbit)
+MOMENT = Part("moment", Moment, numbered=True)
+
+
+class ResponseWork(Work):
+    """The walk along the branch of a response.
+
+    Each point is reported with the special points before it.
+
+    Parameters
+    ----------
+    system
+        The system at the beginning of the range.
+    asked
+        What is asked for.
+    """
+
+    def __init__(self, system: System, asked: BranchOptions) -> None:
+        self.system, self.asked = system, asked
+        self._start: Orbit | None = None
+        self._moments: list[Moment] = []
+        self._pending: list[tuple[BranchPoint, list[SpecialPoint]]] = []
+        self._written = 0.0
+
+    def take(self, known: Parts) -> None:
+        """Take over the orbit that was found first, and the walk from there so far."""
+        self._start, self._moments = known.one(START), in_order(known.all(MOMENT))
+        if not self._moments:
+            raise ValueError("it holds nothing")
+
+    def parts(self, hands: Workers) -> Generator[Found]:
+        """Walk to the end; the first Ctrl-C stops between two points."""
+        if self._start is None:
+            self._start = find_orbit(self.system, self.asked.period, self.asked.start, method=self.asked.method)
+            tracer = self._tracer(None)
+            self._moments = [Moment((tracer.first,))]
+            yield Found((START.entry(self._start), MOMENT.entry(self._moments[0], 0)), ())
+        else:
+            tracer = self._tracer(_state(self._moments))
+            _check_scales(self._moments[0], tracer)
+        end, first, progress = None, _first_end(self._moments), self._moments[-1].progress
+        value = next(moment.points[-1].value for moment in reversed(self._moments) if moment.points)
+        self._written = time.monotonic()
+        with _Interrupt() as interrupt:
+            try:
+                for point, special_points in tracer:
+                    value, state = point.value, tracer.state
+                    self._pending.append((point, special_points))
+                    progress = Progress(state.walk.step, state.walk.count, state.detector)
+                    yield self._found(progress, None if tracer.end is None else (first, tracer.end))
+                    if interrupt.asked and tracer.end is None:
+                        end = End(EndReason.INTERRUPTED, value)
+                        break
+                end = end or tracer.end
+            except NumericalError as error:
+                end = End(EndReason.FAILED, value, str(error))
+            yield self._flushed(progress, (first, end or End(EndReason.STOPPED, value)), ())
+            if end is not None and end.reason is EndReason.INTERRUPTED:
+                raise KeyboardInterrupt
+
+    def again(self) -> Iterator[tuple[Any, ...]]:
+        """All points but the first, each with the special points before it."""
+        (branch,) = self.content().branches
+        rest = list(branch.special_points)
+        for point in branch.points[1:]:
+            before = [special for special in rest if special.point.arclength <= point.arclength]
+            del rest[: len(before)]
+            yield point, before
+
+    @property
+    def complete(self) -> bool:
+        """Whether the walk has come to a proper end."""
+        ends = self._moments[-1].ends if self._moments else None
+        return ends is not None and ends[-1].reason.is_final
+
+    @property
+    def done(self) -> int:
+        """Moments of the walk."""
+        return len(self._moments)
+
+    @property
+    def record(self) -> Branch:
+        """The branch, as far as it was walked."""
+        pending = (tuple(point for point, _ in self._pending), tuple(chain.from_iterable(s for _, s in self._pending)))
+        moments = [*self._moments, *([Moment(*pending)] if self._pending else [])]
+        points = tuple(chain.from_iterable(moment.points for moment in moments))
+        special_points = tuple(chain.from_iterable(moment.special_points for moment in moments))
+        ends = moments[-1].ends or (_first_end(moments), End(EndReason.STOPPED, points[-1].value))
+        return checked(Branch(self.asked.parameter, self.asked.period, points, special_points, ends))
+
+    def content(self) -> Content:
+        """The branch as the one of a result."""
+        return Content(self.complete, (self.record,))
+
+    def _tracer(self, state: BranchTracerState | None) -> BranchTracer:
+        asked = self.asked
+        assert self._start is not None
+        (direction,) = directions(asked.begin, asked.end)
+        beginning = start_branch(self._start, asked.parameter, asked.end, direction, asked.method)
+        return BranchTracer(beginning, asked.walk) if state is None else resumed_tracer(beginning, asked.walk, state)
+
+    def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
+        """The last point, with all since the last moment if it is time to write them."""
+        news = (self._pending[-1],)
+        is_due = len(self._pending) >= _POINTS or time.monotonic() - self._written >= _SECONDS
+        return self._flushed(progress, ends, news) if is_due else Found((), news)
+
+    def _flushed(self, progress: Progress | None, ends: tuple[End, ...] | None, news: tuple[Any, ...]) -> Found:
+        points = tuple(point for point, _ in self._pending)
+        special_points = tuple(special for _, specials in self._pending for special in specials)
+        moment = Moment(points, special_points, progress, ends)
+        self._moments.append(moment)
+        self._pending, self._written = [], time.monotonic()
+        return Found((MOMENT.entry(moment, len(self._moments) - 1),), news)
+
+
+def _state(moments: list[Moment]) -> BranchTracerState | None:
+    """Where a walk has come to; None if it has not left its first point."""
+    points = [point for moment in moments for point in moment.points]
+    progress = moments[-1].progress
+    count = 0 if progress is None else progress.count
+    if count != len(points) - 1:
+        raise StoreError(f"the result has {len(points)} points, but the walk had {count + 1}")
+    if progress is None:
+        return None
+    return BranchTracerState(
+        WalkState(points[-2] if count else None, points[-1], progress.step, count), progress.detector
+    )
+
+
+def _check_scales(first: Moment, tracer: BranchTracer) -> None:
+    """Refuse to continue points in other variables than those in which the walk would begin today."""
+    stored, today = first.points[0].x, tracer.first.x
+    if len(stored) == len(today) and not np.allclose(stored, today, rtol=1e-6, atol=1e-9):
+        raise StoreError(
+            "the result holds the first points of a walk by another gapwalk, whose variables were scaled otherwise, so "
+            "it cannot be continued; walk it again into another file (--output), or over this one (--force)"
+        )
+
+
+def _first_end(moments: list[Moment]) -> End:
+    """Where the walk begins."""
+    return End(EndReason.START, moments[0].points[0].value)
+
+
+class _Interrupt:
+    """Ctrl-C while a branch is walked: the first one is noted, so that it stops between two points.
+
+    A second one is raised at once. Where Ctrl-C has a meaning of its own, or in another thread than the main one,
+    nothing is changed.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._replaced = False
+
+    def __enter__(self) -> _Interrupt:
+        in_main = threading.current_thread() is threading.main_thread()
+        if in_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._note)
+            self._replaced = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._replaced:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,0 +1,212 @@
+"""The one runner of all kinds of study: it stores each part once it is found, and continues stopped runs."""
+
+from __future__ import annotations
+
+import os
+import reprlib
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, closing, nullcontext
+from typing import Any, TypeVar
+
+from gapwalk.errors import Interrupted, ModelError
+from gapwalk.model.system import System
+from gapwalk.notebook import shows_progress
+from gapwalk.parallel.work_chunks import Pace
+from gapwalk.parallel.workers import Workers, workers
+from gapwalk.results.faults import undamaged
+from gapwalk.results.result_file import Parts, lock, reading
+from gapwalk.results.versions import versions
+from gapwalk.studies.kind import Work
+from gapwalk.studies.load import as_before, earlier_result, load_result, result_of
+from gapwalk.studies.request import Call, Keeper, NoFile, claimed, request_file
+from gapwalk.studies.result import Result
+from gapwalk.studies.study_file import Study
+from gapwalk.studies.verify import with_checks, with_verification
+
+Report = Callable[..., object]
+"""Called with each part when it is done and is in the file; with what, says `gapwalk.studies.kind.Found`."""
+
+AnyWork = TypeVar("AnyWork", bound=Work)
+
+
+def run_study(
+    study: Study,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+    work: Work | None = None,
+) -> Result:
+    """Run a study, or other work whose result is stored as that of a study; otherwise as `gapwalk.run`."""
+    work = work or study.options.work(study.system)
+    with nullcontext() if output is None else lock(output):
+        earlier = earlier_result(output, study, resume=resume, force=force)
+        if earlier is not None and output is not None:
+            with reading(output) as parts:
+                _take(work, parts, study.system)
+            for news in work.again():
+                if report is not None:
+                    report(*news)
+            if earlier.complete:
+                return earlier
+        before = None if earlier is None else dict(earlier.versions)
+        finished, is_kept = _carry_out(work, study.options, None, lambda: request_file(study, output, before), report)
+        if output is None or finished:
+            result = result_of(study, work.content(), versions(before)) if finished or work.done else None
+        else:  # after Ctrl-C at any moment, what is stored is what counts
+            result = load_result(output) if is_kept or before is not None else None
+    if finished and result is not None:
+        return result
+    if result is None or not result.interrupted:
+        raise KeyboardInterrupt  # there is nothing to keep, or a second Ctrl-C came before the first was noted
+    raise Interrupted(result)
+
+
+def call(
+    asked: Any,
+    work: AnyWork,
+    system: System,
+    *,
+    hands: Workers | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> AnyWork:
+    """Do the work that the call of a Python function asks for; if its file holds a part of it, that is continued.
+
+    Parameters
+    ----------
+    asked, work
+        What is asked for, of a kind of study where there is a file, and the work.
+    system
+        The system, as the file keeps it.
+    hands
+        Who does the work; by default as many local processes as `asked` says.
+    report
+        Called with what is new, once it is in the file.
+    output
+        The file, if there is to be one.
+
+    Raises
+    ------
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
+    Interrupted
+        After Ctrl-C, with the record of the work.
+    """
+    request = Call(system, asked)
+    with claimed(request, output) as before:
+        if output is not None and before is not None:
+            with reading(output) as parts:
+                _take(work, parts, system)
+        if not work.complete:
+            finished, _ = _carry_out(work, asked, hands, lambda: request_file(request, output, before), report)
+            if not finished:
+                raise Interrupted(work.record) from None
+    return work
+
+
+def _take(work: Work, parts: Parts, system: System) -> None:
+    parts.base = system
+    with undamaged(parts.path):
+        work.take(parts)
+
+
+def _carry_out(
+    work: Work, asked: Any, hands: Workers | None, opened: Callable[[], Keeper], report: Report | None
+) -> tuple[bool, bool]:
+    """Do what is left, and keep and report it part by part.
+
+    The file is opened when the first part comes: what cannot be continued leaves it as it is.
+
+    Returns
+    -------
+    finished : bool
+        Whether that was all; False after Ctrl-C.
+    is_kept : bool
+        Whether something was written.
+    """
+    begun, before = time.monotonic(), work.done
+    waiting: list[tuple[Any, ...]] = []
+    with ExitStack() as stack:
+        file: Keeper | None = None
+        try:
+            # this process does the work where the options say nothing of others
+            count = getattr(asked, "workers", 1)
+            own = workers(count) if hands is None else nullcontext(hands)
+            with own as executor, closing(work.parts(executor)) as parts:
+                for found in parts:
+                    file = file or stack.enter_context(opened())
+                    if found.entries:
+                        file.write(*found.entries)
+                    pace = Pace(work.done, work.total, before, time.monotonic() - begun)
+                    waiting += ((found.entries[0].value, pace),) if found.news is None else found.news
+                    if report is not None and (found.entries or isinstance(file, NoFile)):
+                        for news in waiting:
+                            report(*news)
+                        waiting = []
+        except KeyboardInterrupt:
+            finished = False
+        else:
+            finished = True
+        if entries := tuple(work.last(finished=finished)):
+            file = file or stack.enter_context(opened())
+            file.write(*(each for each in entries if not each.part.numbered or each.number >= file.count(each.part)))
+        return finished, file is not None and file.is_begun
+
+
+@shows_progress(lambda count, *news: str(news[-1]) if isinstance(news[-1], Pace) else f"{count} parts")
+def run(
+    study: Study,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    report: Callable[..., object] | None = None,
+) -> Result:
+    """Run a study.
+
+    A failure of the numerics on the way does not lose the rest; the end of a branch, or the `failures` of a diagram or
+    a map, say what happened.
+
+    Parameters
+    ----------
+    study
+        The study, as from `read_study`.
+    output
+        A result file to write while it runs; `load` reads it. None: the result is only returned.
+    resume
+        Go on with the result file of an interrupted run; it becomes the same as without the interruption. If there is
+        no such file, begin.
+    force
+        Write over an existing result file.
+    report
+        Called with what is new, once it is in the file: of a response, each point and the special points before it; of
+        a diagram, the diagram and the branch that was added to it; of a map or a locus, the map and the section or the
+        locus that was added to it; of a family, a sweep, basins and regimes, each part of the work and the
+        `gapwalk.parallel.work_chunks.Pace` of all. What a resumed result has already comes first.
+
+    Raises
+    ------
+    StoreError
+        If the result file exists (and is not to be resumed or written over), belongs to a different study, is being
+        written by another run, or cannot be written.
+    ModelError
+        If the study makes no sense.
+    NumericalError
+        If no first orbit is found.
+    Interrupted
+        After Ctrl-C: what has been found is in the file, and `found` of the exception is the result, not `complete`.
+    KeyboardInterrupt
+        After Ctrl-C before a diagram has its first branch, or a map its first section; or while a complete result is
+        verified.
+    """
+    if not isinstance(study, Study):
+        file = os.fspath(study) if isinstance(study, str | os.PathLike) else "model.toml"
+        hint = f"gw.run(gw.read_study({file!r}))"
+        raise ModelError(f"run takes a study, not {reprlib.repr(study)}; read one from a file: {hint}")
+    if resume and output is not None and study.reduced is not None and os.path.lexists(output):
+        study = as_before(study, load_result(output).study)
+    result = run_study(study, output, resume=resume, force=force, report=report)
+    return with_verification(with_checks(result, output), study.options, output)

@@ -1,0 +1,270 @@
+"""The study of a settled motion: the attractor with its evidence, how it rattles, the lines of its spectrum."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import asdict, astuple, dataclass, fields, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, ValidationInfo
+
+from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
+from gapwalk.attractors.box import state_names
+from gapwalk.attractors.classify import ClassifyOptions, identify
+from gapwalk.attractors.lyapunov import LyapunovOptions
+from gapwalk.attractors.rattle import ContactLoad, Impulsiveness, Rattle, SideRattle, rattle
+from gapwalk.attractors.section import strobe
+from gapwalk.attractors.settle import SettleOptions, settle
+from gapwalk.attractors.spectrum import Peak, spectrum
+from gapwalk.errors import ModelError
+from gapwalk.flow.motion import signal_place
+from gapwalk.model.problems import given
+from gapwalk.model.schema import Angle
+from gapwalk.model.system import System
+from gapwalk.model.words import line_words, pace_words, signal_words
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.plain import plain
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.kind import Content, Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.tables import RestOrState, Surroundings
+from gapwalk.summary import Table
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+_LINES = 40  # of the spectrum
+_SHOWN = 8  # of them in the summary
+_POINTS = 2000  # of the section of a motion without period
+
+
+def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+    if signal and info.context.system:
+        try:
+            signal_place(info.context.system, signal)
+        except ModelError as error:
+            raise ValueError(f"is {given(signal)}, but {error}") from None
+    return signal
+
+
+def _lies_in_one_turn(phase: float) -> float:
+    if not 0.0 <= phase < 2.0 * math.pi:
+        raise ValueError(f"is {given(phase)} radians; it must be at least 0 and less than a whole turn, 2 pi")
+    return phase
+
+
+@dataclass(frozen=True)
+class SettleStudyOptions(SettleOptions, StudyKind):
+    """Where a motion settles: its attractor, how it rattles, and its spectrum.
+
+    Parameters
+    ----------
+    max_periods, max_period, tolerance
+        How to settle; as `gapwalk.SettleOptions`.
+    signal
+        A coordinate, its velocity (``q1'``) or acceleration (``q1''``), a contact's force (``stop.force``), or another
+        signal of `Motion.signal`: what the spectrum is of, and what the picture shows. By default the first coordinate.
+    start
+        ``"rest"``, or a state at theta = 0: positions, then velocities.
+    phase
+        Phase of the excitation at which the section is taken, in radians.
+    lyapunov
+        How long the exponents of a motion without period are averaged; no key of a table.
+    """
+
+    kind: ClassVar[str] = "settle"
+    table_types: ClassVar[Mapping[str, Any]] = {
+        "start": RestOrState,
+        "phase": Annotated[Angle, AfterValidator(_lies_in_one_turn)],
+        "lyapunov": None,
+    }
+
+    signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
+    start: str | tuple[float, ...] = "rest"
+    phase: float = 0.0
+    lyapunov: LyapunovOptions = LyapunovOptions()
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        start = self.start if isinstance(self.start, str) else f"({', '.join(f'{value:g}' for value in self.start)})"
+        return f"settle from {start}, showing {self.signal}"
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table; its signal is the first coordinate if the table says nothing else."""
+        return cls(**{**values, "signal": values.get("signal") or system.coordinates[0]})
+
+    def work(self, system: System) -> SettleWork:
+        """The work on the study, which has one part."""
+        return SettleWork(system, self)
+
+
+@dataclass(frozen=True, eq=False)
+class SettleFinding(Finding):
+    """Where a motion has settled.
+
+    Attributes
+    ----------
+    options
+        What was asked.
+    attractor
+        The attractor.
+    settled
+        The motion on it, after its transient.
+    section : shape (points, 2n)
+        States at the phase of the study, a forcing period apart.
+    rattle
+        Impacts, contact forces, energy and impulsiveness.
+    lines
+        The highest lines of the spectrum of the signal.
+    """
+
+    options: SettleStudyOptions
+    attractor: Attractor
+    settled: Settled
+    section: NDArray[np.float64]
+    rattle: Rattle
+    lines: tuple[Peak, ...]
+
+    def _check_read(self) -> None:
+        """A ValueError if its parts do not fit together."""
+        if self.section.ndim != 2 or self.section.shape[1] != 2 * self.attractor.system.size:
+            raise ValueError(f"a section of shape {self.section.shape} is none of this system")
+
+    @property
+    def record(self) -> Settled:
+        """The settled motion."""
+        return self.settled
+
+    @property
+    def complete(self) -> bool:
+        """True: there is no part of it."""
+        return True
+
+    @property
+    def stored(self) -> str:
+        """That it is there."""
+        return "the settled motion is stored"
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Why it is not known what the motion is, if it is not."""
+        return self.attractor.evidence if self.attractor.kind is AttractorKind.UNDECIDED else ()
+
+    def summary(self) -> Iterator[str | Table]:
+        """Return the kind of motion with its evidence, the highest lines of its spectrum, and how it rattles."""
+        attractor, system = self.attractor, self.attractor.system
+        yield f"{attractor.label}: {attractor.kind.value} motion at {pace_words(system)}"
+        yield f"  followed for {self.settled.periods} forcing periods"
+        yield from (f"  {sentence}" for sentence in attractor.evidence)
+        yield f"\nlines of {signal_words(self.options.signal, system.units)}"
+        order = "multiple of Ω" if system.turns is None else "order"
+        lines = [(line_words(each.name), f"{each.order:.6g}", f"{each.amplitude:.6g}") for each in self.lines]
+        yield Table(["line", f">{order}", ">amplitude"], lines[:_SHOWN])
+        yield f"\nrattle: index {self.rattle.index:.4g} (kurtosis of the acceleration)\n"
+        yield repr(self.rattle)
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """The same as plain JSON values; with the section if points are wanted."""
+        attractor = plain(self.attractor)
+        del attractor["strobes"]
+        rattle = self.rattle
+        document: dict[str, Any] = {
+            "attractor": {"label": self.attractor.label, **attractor, "state": self.attractor.state.tolist()},
+            "transient": self.settled.periods,
+            "converged": self.settled.converged,
+            "spectrum": {"signal": self.options.signal, "lines": [line._asdict() for line in self.lines]},
+            "rattle": {
+                "periods": rattle.periods,
+                "index": rattle.index,
+                "sides": [asdict(side) for side in rattle.sides],
+                "contacts": [asdict(contact) for contact in rattle.contacts],
+                "coordinates": [asdict(coordinate) for coordinate in rattle.coordinates],
+            },
+        }
+        if points:
+            document["section"] = {"phase": self.options.phase, "states": plain_numbers(self.section.tolist())}
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """The section, the lines of the spectrum, and the tables of `Rattle`."""
+        rattle = self.rattle
+        return {
+            "section": self._section_rows,
+            "lines": lambda: [("line", "order", f"amplitude.{self.options.signal}"), *self.lines],
+            "sides": lambda: _rows(SideRattle, rattle.sides),
+            "contacts": lambda: _rows(ContactLoad, rattle.contacts),
+            "signals": lambda: _rows(Impulsiveness, rattle.coordinates),
+        }
+
+    def _section_rows(self) -> Iterator[list[object]]:
+        yield ["period", *state_names(self.attractor.system.coordinates)]
+        for number, state in enumerate(self.section.tolist()):
+            yield [number, *state]
+
+
+SETTLED = Part("settled", SettleFinding)
+
+
+class SettleWork(Work):
+    """Finds where a motion settles, and what it is there.
+
+    Parameters
+    ----------
+    system
+        The system.
+    asked
+        What is asked for.
+    """
+
+    def __init__(self, system: System, asked: SettleStudyOptions) -> None:
+        self.system, self.asked = system, asked
+        self._found: SettleFinding | None = None
+
+    def take(self, known: Parts) -> None:
+        """Take over what has been found; a ValueError if it was found for another study."""
+        found = known.one(SETTLED)
+        if found.options != self.asked:
+            raise ValueError("the motion does not belong to the study")
+        self._found = found
+
+    def parts(self, hands: Workers) -> Generator[Found]:
+        """Find it: one part."""
+        asked = self.asked
+        settled = settle(self.system, asked.start, asked)
+        attractor = identify(settled, ClassifyOptions(asked, asked.lyapunov))
+        motion = motion_of(attractor, settled)
+        section = strobe(self.system, motion.state, motion.period or _POINTS, asked.phase)
+        lines = tuple(spectrum(motion, asked.signal).peaks(_LINES))
+        self._found = SettleFinding(asked, attractor, motion, section.states, rattle(motion), lines)
+        yield Found((SETTLED.entry(self._found),), ())
+
+    @property
+    def complete(self) -> bool:
+        """Whether it has been found."""
+        return self._found is not None
+
+    @property
+    def record(self) -> Settled | None:
+        """The settled motion."""
+        return self._found and self._found.settled
+
+    def content(self) -> Content:
+        """What has been found."""
+        return Content(self.complete, finding=self._found)
+
+
+def motion_of(attractor: Attractor, settled: Settled) -> Settled:
+    """The motion on an attractor; what did not repeat when it was settled may be known by now to do so."""
+    converged = settled.converged or attractor.orbit is not None
+    return replace(settled, orbit=attractor.orbit, strobes=attractor.strobes, converged=converged)
+
+
+def _rows(kind: type[Any], records: tuple[Any, ...]) -> Iterator[tuple[object, ...]]:
+    yield tuple(field.name for field in fields(kind))
+    yield from (astuple(record) for record in records)

@@ -1,0 +1,369 @@
+"""The whole model file: a system, and the studies of it; and the model file that `gapwalk new FILE` writes.
+
+Where the system of a file is wrong, a sketch with the same names takes its place, so that studies are checked too.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from typing import Any, ClassVar
+
+from gapwalk.errors import ModelError
+from gapwalk.files import why_no_file
+from gapwalk.model.contact import Side
+from gapwalk.model.loads import LOADS, Load
+from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_parts
+from gapwalk.model.model_source import Source, read_source
+from gapwalk.model.model_tables import law_parameters
+from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
+from gapwalk.model.schema import Names, refusal, validate
+from gapwalk.model.system import System
+from gapwalk.model.units import PACES
+from gapwalk.studies.changes import (
+    Change,
+    change_source,
+    change_system,
+    study_changes,
+    study_tables,
+    unknown_names,
+    walked_parameters,
+)
+from gapwalk.studies.derive import DerivedPart, all_keys, study_schema
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.kinds import kind_of, kinds
+from gapwalk.studies.measure import check_measurement
+from gapwalk.studies.options import BranchOptions
+from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
+from gapwalk.studies.request import Request
+from gapwalk.studies.tables import StudyPart, Surroundings
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """What is known of the system of a file.
+
+    Parameters
+    ----------
+    system
+        A system with the names of the file.
+    guessed
+        Whether its numbers mean nothing, because some in the file are wrong.
+    """
+
+    system: System
+    guessed: bool = False
+
+
+def sketch_of(source: Source) -> Sketch | None:
+    """A sketch of the system of a file that is wrong.
+
+    None where not even the names are known, or the file describes a drive train.
+    """
+    known = {key: source.data[key] for key in ("coordinates", "contact", *LOADS) if key in source.data}
+    data: dict[str, Any] = dict(read_parts(replace(source, data=known))[0].data)
+    coordinates = Names.of(data).coordinates or []
+    data["stiffness"] = [0.0] * len(coordinates)
+    model, _ = check_model(replace(source, data=data))
+    if model:
+        return Sketch(model.system)
+    contacts, loads = data.get("contact", []), {key: data.get(key, []) for key in LOADS}
+    if not coordinates or not all(map(_is_list_of_tables, (contacts, *loads.values()))):
+        return None
+    direction = {coordinates[0]: 1.0}
+    data |= {
+        "coordinates": coordinates,
+        "contact": [_contact(table, direction) for table in contacts],
+        **{key: [_load(LOADS[key], table, direction) for table in tables] for key, tables in loads.items()},
+    }
+    model, _ = check_model(replace(source, data=data))
+    return Sketch(model.system, guessed=True) if model else None
+
+
+def _load(kind: type[Load], table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
+    """A load of the same parameters."""
+    numbers = {each.name: each.least or 0.0 for each in kind.parameters}
+    return {**_taken(table, ("name", "order")), **numbers, "acts_on": direction}
+
+
+def _contact(table: Mapping[str, Any], direction: Mapping[str, float]) -> dict[str, Any]:
+    """A contact of the same parameters."""
+    found = _taken(table, ("name",))
+    found |= _taken(table, ("law",)) | dict.fromkeys((key for key in law_parameters("parameters") if key in table), 0.0)
+    found |= {key: direction for key in ("deflection", "force") if key in table or key == "deflection"}
+    stages = table.get("stage")
+    if stages is None or not _is_list_of_tables(stages):
+        return {**found, **_taken(table, ("side",), Side), "clearance": 0.0, "stiffness": 1.0}
+    found["stage"] = [
+        {**_taken(stage, ("name",)), **_taken(stage, ("side",), Side), "clearance": float(place), "stiffness": 1.0}
+        for place, stage in enumerate(stages)
+    ]
+    return found
+
+
+def _taken(table: Mapping[str, Any], keys: Sequence[str], allowed: type[Side] | None = None) -> dict[str, Any]:
+    """What stands under some keys, as far as it is allowed."""
+    known = {key: table[key] for key in keys if key in table}
+    return {key: value for key, value in known.items() if allowed is None or value in list(allowed)}
+
+
+def _is_list_of_tables(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(table, Mapping) for table in value)
+
+
+@dataclass(frozen=True)
+class Study(Request):
+    """A system, and what is to be studied of it.
+
+    Parameters
+    ----------
+    system
+        The system; a parameter that the study walks has its first value.
+    options
+        What is to be done; its type tells the kind of study.
+    title
+        A line for people; may be empty.
+    text
+        The text of the model file.
+    changes
+        What was changed after reading it, by name.
+    name
+        What tells it from the other studies of its file; may be empty.
+    reduced
+        What the system was reduced from, if the file says so.
+    unused
+        Names of tables in the file that change nothing, such as ``study.shooting`` where harmonics are balanced.
+    matrices
+        Digest of the matrices that stand in files beside the model file; empty if none do.
+    """
+
+    asks: ClassVar[str] = "study"
+
+    system: System
+    options: StudyKind
+    title: str = ""
+    text: str = ""
+    changes: tuple[tuple[str, object], ...] = ()
+    name: str = ""
+    reduced: ReducedFrom | None = None
+    unused: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
+    matrices: str = field(default="", compare=False)
+
+    @property
+    def walked(self) -> BranchOptions:
+        """The options of a study of branches."""
+        assert isinstance(self.options, BranchOptions)
+        return self.options
+
+    @property
+    def unused_words(self) -> list[str]:
+        """Unused tables of the file with the reason, in words; only studies of branches have such tables."""
+        return [f"not used: [{table}], for method is {self.walked.method.name}" for table in self.unused]
+
+
+def read_study(
+    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None, name: str = ""
+) -> Study:
+    """Read a model file with its study.
+
+    Parameters
+    ----------
+    path
+        A TOML file. ``gapwalk new FILE`` writes one to begin with. Or its text, as ``io.StringIO(text)``.
+    changes
+        Other values than those of the file, by parameter, or by ``study.`` and a key of the study, for example
+        ``{"stage2.clearance": 0.5, "study.to": 0.3}``.
+    name
+        Which of its studies, if it has several.
+
+    Raises
+    ------
+    ModelFileError
+        With everything that is wrong, each problem with its line.
+    ModelError
+        If there is no study of that name, or the file has several and no name is given.
+    """
+    return _one_of(read_studies(path, changes), name, "the text" if isinstance(path, io.StringIO) else os.fspath(path))
+
+
+def read_studies(
+    path: str | os.PathLike[str] | io.StringIO, changes: Mapping[str, object] | None = None
+) -> tuple[Study, ...]:
+    """Read a model file with all of its studies, in their order; parameters and errors as `read_study`."""
+    return check_studies(read_source(path), changes)
+
+
+def check_study(source: Source, changes: Mapping[str, object] | None = None, name: str = "") -> Study:
+    """The study that a source describes; see `read_study`."""
+    return _one_of(check_studies(source, changes), name, source.name)
+
+
+def check_studies(source: Source, changes: Mapping[str, object] | None = None) -> tuple[Study, ...]:
+    """The studies that a source describes; see `read_studies`."""
+    asked = dict(changes or {})
+    source, rest, problems = change_source(source, asked)
+    model, found = check_model(source)
+    problems += found
+    reduction, found = reduction_part(source)
+    problems += found
+    sketch = Sketch(model.system) if model else sketch_of(source)
+    system = sketch.system if sketch else None
+    if reduction and system and system.units:
+        message = "reduces equations without units; write the numbers of this file without units"
+        problems.append(source.problem(message, ("reduction",)))
+    problems += check_measurement(source, system)[1]
+    tables = study_tables(source)
+    if source.data.get("study") is None:
+        example = 'add [study] with kind = "response", parameter, from and to'
+        problems.append(source.problem(f"is missing; {example}", ("study",)))
+        problems += _changed(sketch, source, {}, rest)[1]
+    studies = []
+    for at in tables:
+        study, found = _check_table(source, at, None if problems else model, sketch, rest, asked, reduction)
+        studies.append(study)
+        problems += found
+    if model is None or problems:
+        raise ModelFileError(in_order(list(dict.fromkeys(problems))))
+    return tuple(study for study in studies if study)
+
+
+def _check_table(
+    source: Source,
+    at: Path,
+    model: Model | None,
+    sketch: Sketch | None,
+    changes: Mapping[str, object],
+    asked: Mapping[str, object],
+    reduction: ReductionPart | None,
+) -> tuple[Study | None, list[Problem]]:
+    """The study of one table; None if something is wrong with it."""
+    own, problems = study_changes(source, at, sketch.system if sketch else None)
+    # what is given from outside of the file has the last word
+    sketch, found = _changed(sketch, source, {key: own[key] for key in own if key not in asked}, changes)
+    problems += found
+    system, reduced = sketch.system if sketch else None, None
+    if reduction and model and system and not problems:
+        reduced, problems = reduce_for(source, at, reduction, system)
+        system = reduced.reduction.system if reduced and reduced.reduction else system
+        sketch = Sketch(system)
+    has_frequency = has_pace(source) or any(name in own for name in PACES)
+    table, found = _validated(source, at, sketch, has_frequency)
+    problems += found
+    if not has_frequency:
+        problems += _frequency_problems(source, at, system)
+    if model is None or system is None or table is None or problems:
+        return None, problems
+    title = table.title or (f"{model.title}: {table.name}" if model.title and table.name else model.title)
+    try:
+        options = table.options(system)
+        system = options.first_system(system)
+    except ModelError as error:
+        return None, [_refused(source, at, table, error)]
+    changed = tuple(asked.items())
+    name = table.name or ""
+    return Study(system, options, title, source.text, changed, name, reduced, table.unused, model.matrices), []
+
+
+def _changed(
+    sketch: Sketch | None, source: Source, own: Mapping[str, Change], changes: Mapping[str, object]
+) -> tuple[Sketch | None, list[Problem]]:
+    """With other values, as far as they are allowed; where the numbers mean nothing, only names are looked at."""
+    if sketch is None:
+        return None, []
+    if sketch.guessed:
+        return sketch, unknown_names(sketch.system, source, changes)
+    system, problems = change_system(sketch.system, source, own, changes)
+    return Sketch(system), problems
+
+
+def _validated(
+    source: Source, at: Path, sketch: Sketch | None, has_frequency: bool
+) -> tuple[DerivedPart | None, list[Problem]]:
+    tables = study_tables(source)
+    kind = tables[at].get("kind")
+    if not isinstance(kind, str) or kind not in kinds():
+        return None, [source.problem(_kind_problem(tables[at]), (*at, "kind"))]
+    places = list(tables)
+    earlier = tuple(str(tables[place].get("name", "")) for place in places[: places.index(at)])
+    system, guessed = (sketch.system, sketch.guessed) if sketch else (None, False)
+    surroundings = Surroundings(system, has_frequency, len(tables) == 1, earlier, all_keys, guessed)
+    return validate(study_schema(kind_of(kind)), tables[at], source, at, lambda: surroundings)
+
+
+def _kind_problem(table: Mapping[str, object]) -> str:
+    known = ", ".join(given(kind) for kind in kinds())
+    if "kind" not in table:
+        return f"is missing; it must be one of {known}"
+    kind = table["kind"]
+    hint = did_you_mean(kind, kinds()) if isinstance(kind, str) else ""
+    return f"is {given(kind)}; it must be one of {known}" + (f"; {hint}" if hint.endswith("?") else "")
+
+
+def _refused(source: Source, at: Path, table: StudyPart, error: ModelError) -> Problem:
+    """What a kind of study refuses as a whole, at the key with which its message begins."""
+    fields = type(table).model_fields.items()
+    keys = {name: info.alias or name for name, info in fields}
+    name, _, _ = str(error).partition(" ")
+    return source.problem(refusal(error, name if name in keys else ""), (*at, keys[name]) if name in keys else at)
+
+
+def _frequency_problems(source: Source, at: Path, system: System | None) -> Iterator[Problem]:
+    """A frequency may be left out only where the study gives one; a misspelt parameter may be meant for it."""
+    table = study_tables(source)[at]
+    walked = walked_parameters(table)
+    kind = table.get("kind")
+    if isinstance(kind, str) and kind in kinds() and "parameter" not in study_schema(kind_of(kind)).model_fields:
+        yield source.problem("is missing; the study walks nothing, so write at which frequency", ("frequency",))
+    known = [name for name in walked if system is None or name in system.structure.names]
+    if known == walked and walked and not any(name in walked for name in PACES):
+        message = f"is missing; the study walks {' and '.join(walked)}, so write at which frequency"
+        yield source.problem(message, ("frequency",))
+
+
+def _one_of(studies: tuple[Study, ...], name: str, file: str) -> Study:
+    """The study of a name, or the only one."""
+    named = [study for study in studies if study.name == name] if name else list(studies)
+    if len(named) == 1:
+        return named[0]
+    known = [study.name for study in studies if study.name]
+    if name and not known:
+        raise ModelError(f"{file} has one study, and no name for it; leave the name {name!r} out")
+    if name:
+        raise ModelError(f"{file} has no study {name!r}; {did_you_mean(name, known)}")
+    raise ModelError(f"{file} has {len(studies)} studies, so name the one that is meant: {', '.join(known)}")
+
+
+def template() -> str:
+    """The text of a complete model file whose comments explain it."""
+    return files("gapwalk.studies").joinpath("template.toml").read_text(encoding="utf-8")
+
+
+def write_template(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write the model file to begin with.
+
+    Parameters
+    ----------
+    path
+        Where to.
+    overwrite
+        Whether a file that is there already may be lost.
+
+    Raises
+    ------
+    ModelError
+        If there is a file of that name, or none can be written.
+    """
+    name = os.fspath(path)
+    if overwrite and (why := why_no_file(name)):
+        raise ModelError(f"{name} {why}")
+    try:
+        with open(name, "w" if overwrite else "x", encoding="utf-8", newline="\n") as file:
+            file.write(template())
+    except FileExistsError:
+        raise ModelError(f"{name} exists already; choose another name") from None
+    except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
+        reason = getattr(error, "strerror", None) or error
+        raise ModelError(f"{name} cannot be written: {reason}") from None

@@ -1,0 +1,267 @@
+"""The record of a sweep, settled motions over a parameter, seen once every forcing period; and its options."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.errors import ModelError
+from gapwalk.model.system import System
+from gapwalk.notebook import Shown
+from gapwalk.studies.kinds import INLINE, Counted
+from gapwalk.studies.sweep_segment import Band, Patience, SweepSegment, bands_of
+
+_MOST = 100_000_000  # states that are kept
+
+
+class Way(StrEnum):
+    """How the values are visited."""
+
+    UP = "up"
+    """From the lowest to the highest, the state carried over."""
+    DOWN = "down"
+    """From the highest to the lowest, the state carried over."""
+    AFRESH = "afresh"
+    """At each value from the start again."""
+
+    @property
+    def number(self) -> int:
+        """A number of its own, whatever other ways there are."""
+        return list(Way).index(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SweepOptions:
+    """How a sweep is driven.
+
+    Parameters
+    ----------
+    steps
+        Number of values, spread evenly over the range, both ends included.
+    ways
+        ``"up and down"``, ``"up"``, ``"down"``, or ``"afresh"``: at each value from the starts again. Any of them may
+        be joined by "and".
+    points
+        Section points at each value: states a forcing period apart, once the transient has settled.
+    starts
+        How many: the first one is rest, the others are spread over the box of states. Or the states themselves, 2n
+        numbers each.
+    seed
+        Of the starts and of the kicks: the same seed gives the same result.
+    max_period
+        Longest period, in forcing periods, that is distinguished from a motion that is not periodic.
+    patience
+        How long a transient is let settle at each value.
+    kick
+        Size of a random disturbance at each value, in half-widths of the box of states. It does what noise does in a
+        test rig: no motion stays on an unstable orbit for want of one. 0: none.
+    workers
+        Processes to work in; by default one for each local core. The result does not depend on it.
+    """
+
+    steps: int = 500
+    ways: str = "up and down"
+    points: int = 100
+    starts: int | tuple[tuple[float, ...], ...] = 1
+    seed: int = 0
+    max_period: int = 12
+    patience: Annotated[Patience, INLINE] = Patience()
+    kick: float = 1e-7
+    workers: Counted | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, least in (("steps", 2), ("points", 2), ("seed", 0), ("max_period", 1)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
+            raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
+        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
+        if (states := self.steps * self.points * starts) > _MOST:
+            raise ModelError(
+                f"steps is {self.steps:,}, with {self.points:,} points from {starts:,} starts: that makes {states:,} "
+                f"states; {_MOST:,} can be kept"
+            )
+        if not self.starts:
+            raise ModelError("starts is empty; name at least one state, or how many there are to be")
+        if self.points <= self.max_period:
+            raise ModelError(
+                f"points is {self.points}; it must be more than max_period, {self.max_period}, so that a return is seen"
+            )
+        if not 0.0 <= self.kick <= 1e-2:
+            raise ModelError(
+                f"kick is {self.kick!r}; it must lie between 0 and 1e-2 (half-widths of the box of states)"
+            )
+        self.each_way()
+
+    def each_way(self) -> tuple[Way, ...]:
+        """The ways, in the order in which they are written."""
+        words = [word.strip() for word in self.ways.split(" and ")]
+        if not set(words) <= set(Way) or len(set(words)) < len(words):
+            raise ModelError(
+                f'ways is {self.ways!r}; write "up and down", "up", "down" or "afresh", or several joined by "and"'
+            )
+        return tuple(Way(word) for word in words)
+
+
+BLOCK = 20
+"""Values in a segment: one piece of work, and what a killed run loses at most of each lane."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lane:
+    """One start of a sweep, taken one way.
+
+    Attributes
+    ----------
+    way
+        How the values are visited.
+    start
+        Number of the start, from 1.
+    state : shape (2n,)
+        The start.
+    """
+
+    way: Way
+    start: int
+    state: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        return f"Lane({self.way}, start {self.start})"
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Shown):
+    """The settled motions over a parameter.
+
+    Attributes
+    ----------
+    system
+        The system; its own value of the parameter plays no role.
+    parameter
+        Name of the parameter.
+    values : shape (steps,)
+        Its values, increasing.
+    lanes
+        The starts and ways, in the order of the first axis of all that follows.
+    sections : shape (lanes, steps, points, 2n)
+        The states at the start of forcing periods, one after the other; nan where there is nothing.
+    transients : shape (lanes, steps)
+        Forcing periods that were let pass before them.
+    settled : shape (lanes, steps), bool
+        Whether the transient had settled by then, or the patience was used up.
+    regimes : shape (lanes, steps), str
+        What each motion is, in words: ``period 3``, ``quasi-periodic``, ``chaotic``, ``undecided``, ``diverges``, or
+        ``not periodic`` where no more can be said of a large system; empty where there is nothing.
+    complete
+        False if the work was stopped before its end.
+    notes
+        What could not be done, in sentences.
+    """
+
+    system: System
+    parameter: str
+    values: NDArray[np.float64]
+    lanes: tuple[Lane, ...]
+    sections: NDArray[np.float64]
+    transients: NDArray[np.intp]
+    settled: NDArray[np.bool_]
+    regimes: NDArray[np.str_]
+    complete: bool = False
+    notes: tuple[str, ...] = ()
+
+    def bands(self, lane: int = 0) -> tuple[Band, ...]:
+        """The bands of equal regimes along a lane, in the order of the parameter."""
+        return bands_of(self.values, self.regimes[lane].tolist())
+
+    def section(self, coordinate: str | None = None, lane: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
+        """All section points of a coordinate or of its velocity: the values of the parameter, and its own.
+
+        Parameters
+        ----------
+        coordinate
+            Its name, or that with a dash for its velocity: ``q1'``. By default the first one.
+        lane
+            Of which lane; by default of all.
+
+        Raises
+        ------
+        ModelError
+            If there is no such coordinate.
+        """
+        place = self.place(coordinate)
+        sections = self.sections if lane is None else self.sections[lane : lane + 1]
+        y = sections[..., place]
+        x = np.broadcast_to(self.values[:, None], y.shape)
+        seen = ~np.isnan(y)
+        return x[seen], y[seen]
+
+    def place(self, coordinate: str | None) -> int:
+        """Where a coordinate, or a velocity, stands in a state; errors as `section`."""
+        names = [*self.system.coordinates, *(f"{name}'" for name in self.system.coordinates)]
+        name = names[0] if coordinate is None else coordinate
+        if name not in names:
+            raise ModelError(f"there is no coordinate {name!r}; there are {', '.join(names)}")
+        return names.index(name)
+
+    def plot(self, coordinate: str | None = None, **options: Any) -> Any:
+        """Draw the section points over the parameter, with bands of regimes; see `gapwalk.plot.cells.draw_sweep`."""
+        from gapwalk.plot import draw
+
+        return draw(self, coordinate, **options)
+
+    def __repr__(self) -> str:
+        low, high = self.values[0], self.values[-1]
+        seen = int(np.count_nonzero(self.regimes != ""))
+        state = "complete" if self.complete else f"{seen} of {self.regimes.size} values"
+        return f"Sweep({self.parameter} from {low:g} to {high:g}, {len(self.lanes)} lanes, {state})"
+
+
+def blank_sweep(
+    system: System, parameter: str, values: NDArray[np.float64], lanes: tuple[Lane, ...], points: int
+) -> Sweep:
+    """A sweep in which nothing has been done yet; its arrays are there to be filled by `enter`."""
+    count, steps, size = len(lanes), len(values), 2 * system.size
+    return Sweep(
+        system,
+        parameter,
+        values,
+        lanes,
+        np.full((count, steps, points, size), np.nan),
+        np.zeros((count, steps), dtype=np.intp),
+        np.zeros((count, steps), dtype=bool),
+        np.full((count, steps), "", dtype="<U16"),
+    )
+
+
+def enter(sweep: Sweep, segment: SweepSegment) -> str:
+    """Write a segment into the arrays of a sweep; a sentence on what could not be done, or an empty text.
+
+    So the section points are in memory once, however many there are.
+    """
+    lane = sweep.lanes[segment.lane]
+    places = places_of(lane.way, len(sweep.values), segment.number)
+    sweep.sections[segment.lane, places] = segment.sections
+    sweep.transients[segment.lane, places] = segment.transients
+    sweep.settled[segment.lane, places] = segment.settled
+    sweep.regimes[segment.lane, places] = segment.regimes
+    if not segment.note:
+        return ""
+    ends = "" if lane.way is Way.AFRESH else " and was not carried on"
+    return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
+
+
+def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:
+    """The places of the values of a segment, in the order in which they are visited."""
+    places = np.arange(number * BLOCK, min((number + 1) * BLOCK, steps))
+    return steps - 1 - places if way is Way.DOWN else places
+
+
+def segments_of(steps: int) -> int:
+    """Number of segments of a lane."""
+    return math.ceil(steps / BLOCK)

@@ -1,0 +1,396 @@
+"""The study of a sweep: the state is carried over a range of a parameter, segment by segment of its values."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, ValidationInfo
+
+from gapwalk.attractors.box import state_names
+from gapwalk.bifurcation.isolated.search_options import spread_starts, state_box
+from gapwalk.errors import ModelError, WorkError
+from gapwalk.flow.motion import check_state
+from gapwalk.model.system import System, check_system
+from gapwalk.model.words import parameter_symbol
+from gapwalk.notebook import shows_progress
+from gapwalk.parallel.workers import Workers
+from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.columns import parameter_headings
+from gapwalk.studies.kind import Content, Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.kinds import OPEN
+from gapwalk.studies.options import RangeStudy
+from gapwalk.studies.runner import Report, call
+from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, Way, blank_sweep, enter, places_of, segments_of
+from gapwalk.studies.sweep_segment import SweepSegment, Task, sweep_stretch
+from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+_BANDS = 40  # bands of equal motions that a summary lists
+
+
+@dataclass(frozen=True)
+class SweepFinding(Finding):
+    """A sweep, as far as it has been driven."""
+
+    sweep: Sweep
+
+    @property
+    def record(self) -> Sweep:
+        """The sweep."""
+        return self.sweep
+
+    @property
+    def complete(self) -> bool:
+        """Whether it was driven to its end."""
+        return self.sweep.complete
+
+    @property
+    def stored(self) -> str:
+        """How many values have been done."""
+        done = int(np.count_nonzero(self.sweep.regimes != ""))
+        return f"{done} of {self.sweep.regimes.size} values are stored"
+
+    @property
+    def can_be_drawn(self) -> bool:
+        """Whether there is any section point: all motions may have diverged."""
+        return not np.isnan(self.sweep.sections).all()
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Where motions could not be followed."""
+        return self.sweep.notes
+
+    def summary(self) -> Iterator[str]:
+        """Return the bands of equal motions for each direction and start."""
+        sweep = self.sweep
+        symbol = parameter_symbol(sweep.parameter, sweep.system.units)
+        yield f"{symbol} from {sweep.values[0]:.10g} to {sweep.values[-1]:.10g}: {len(sweep.values)} values"
+        for number, lane in enumerate(sweep.lanes):
+            bands = sweep.bands(number)
+            unsettled = int((~sweep.settled[number] & (sweep.regimes[number] != "")).sum())
+            text = f"{lane.way.value}, start {lane.start}: {len(bands)} bands of equal motions"
+            if unsettled:
+                text += f"; at {unsettled} values the transient had not settled within the allowed time"
+            yield text
+            for band in bands[:_BANDS]:
+                yield f"  {band.low:.8g} to {band.high:.8g}: {band.regime}, {band.count} values"
+            if len(bands) > _BANDS:
+                yield f"  and {len(bands) - _BANDS} more: see the table of regimes"
+
+    def document(self, points: bool) -> dict[str, Any]:
+        """The lanes with their bands of equal regimes; with the section points if wanted."""
+        sweep = self.sweep
+        document: dict[str, Any] = {
+            "parameter": sweep.parameter,
+            "values": sweep.values.tolist(),
+            "lanes": [self._lane_document(number) for number in range(len(sweep.lanes))],
+        }
+        if points:
+            for number, lane in enumerate(document["lanes"]):
+                lane["sections"] = plain_numbers(sweep.sections[number].tolist())
+        return document
+
+    def tables(self) -> Mapping[str, Callable[[], Rows]]:
+        """The section points, and what each motion is."""
+        return {"points": self._point_rows, "regimes": self._regime_rows}
+
+    def _lane_document(self, number: int) -> dict[str, Any]:
+        sweep, lane = self.sweep, self.sweep.lanes[number]
+        return {
+            "way": lane.way.value,
+            "start": lane.start,
+            "state": lane.state.tolist(),
+            "bands": [
+                {"regime": band.regime, "from": band.low, "to": band.high, "values": band.count}
+                for band in sweep.bands(number)
+            ],
+            "transients": sweep.transients[number].tolist(),
+            "settled": sweep.settled[number].tolist(),
+            "regimes": sweep.regimes[number].tolist(),
+        }
+
+    def _point_rows(self) -> Iterator[list[object]]:
+        names = self.sweep.system.coordinates
+        yield ["way", "start", *parameter_headings([self.sweep.parameter], names), "point", *state_names(names)]
+        sections = self.sweep.sections.reshape(-1, *self.sweep.sections.shape[2:])
+        for head, section in zip(self._heads(), sections, strict=True):
+            for number, state in enumerate(section[~np.isnan(section[:, 0])].tolist(), start=1):
+                yield [*head, number, *state]
+
+    def _regime_rows(self) -> Iterator[list[object]]:
+        names = self.sweep.system.coordinates
+        yield ["way", "start", *parameter_headings([self.sweep.parameter], names), "regime", "transient", "settled"]
+        flat = (self.sweep.regimes.ravel(), self.sweep.transients.ravel(), self.sweep.settled.ravel())
+        for head, regime, transient, settled in zip(self._heads(), *(part.tolist() for part in flat), strict=True):
+            yield [*head, regime, transient, settled]
+
+    def _heads(self) -> Iterator[tuple[object, ...]]:
+        values = self.sweep.values.tolist()
+        return ((lane.way.value, lane.start, value) for lane in self.sweep.lanes for value in values)
+
+
+STRETCH = Part("segment", SweepSegment, numbered=True)
+
+
+def _is_a_signal(signal: str | None, info: ValidationInfo[Surroundings]) -> str | None:
+    system = info.context.system
+    return signal and check_signal(signal, state_names(system.coordinates) if system else [])
+
+
+@dataclass(frozen=True)
+class SweepStudy(SweepOptions, RangeStudy):
+    """A sweep: settled motions over one parameter.
+
+    Parameters
+    ----------
+    parameter, begin, end
+        The parameter, and its range.
+    steps, ways, points, starts, seed, max_period, patience, kick, workers
+        How it is driven, as `gapwalk.SweepOptions`.
+    signal
+        What the picture shows: a coordinate, or its velocity (``q1'``). By default the first coordinate.
+    block
+        Values in a segment, no key of a table: a file of other segments cannot be continued.
+    """
+
+    kind: ClassVar[str] = "sweep"
+    table_types: ClassVar[Mapping[str, Any]] = {"starts": CountOrStates, "block": None}
+
+    signal: Annotated[str, OPEN, AfterValidator(_is_a_signal)] = ""
+    block: int = BLOCK
+
+    @property
+    def plan(self) -> str:
+        """What is to be done, in a line."""
+        starts = self.starts if isinstance(self.starts, int) else len(self.starts)
+        many = f", from {starts} starts" if starts > 1 else ""
+        return f"sweep over {self.range_words} at {self.steps} values, {self.ways}{many}, showing {self.signal}"
+
+    @classmethod
+    def of_table(cls, values: dict[str, Any], system: System) -> Self:
+        """The study of a table; the picture shows the first coordinate if the table says nothing else."""
+        values["signal"] = values.get("signal") or system.coordinates[0]
+        return super().of_table(values, system)
+
+    def work(self, system: System) -> SweepWork:
+        """The work on the sweep."""
+        return SweepWork(system, self)
+
+
+class _Done(NamedTuple):
+    """What is remembered of a segment besides what stands in the sweep: what failed, and where it ended."""
+
+    note: str
+    last: NDArray[np.float64]
+
+
+class SweepWork(Work):
+    """The segments of one sweep: which are to be done, in what order, and what they make together.
+
+    Parameters
+    ----------
+    system
+        The system; its own value of the parameter plays no role.
+    asked
+        What is asked for.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or starts that are no states.
+    """
+
+    def __init__(self, system: System, asked: SweepStudy) -> None:
+        parameter, (low, high) = asked.parameter, asked.ends
+        at_ends = [system.at({parameter: value}) for value in (low, high)]  # refuses what no system can have
+        if not low < high:
+            raise ModelError(f"the range of {parameter} is from {low:g} to {high:g}: it is empty")
+        self.system, self.asked = system, asked
+        self.values = np.linspace(low, high, asked.steps)
+        self.box = np.maximum(*(state_box(end) for end in at_ends))
+        starts = _starts(at_ends[0], asked, self.box)
+        self.lanes = tuple(
+            Lane(way, number, state) for way in asked.each_way() for number, state in enumerate(starts, start=1)
+        )
+        self._sweep = blank_sweep(system, parameter, self.values, self.lanes, asked.points)
+        self._done: dict[tuple[int, int], _Done] = {}
+        self._never = 0  # segments after the end of a lane that could not be carried on
+
+    def take(self, known: Parts) -> None:
+        """Take over the segments of a file; a ModelError, or another ValueError, if they are not of this sweep."""
+        if self.asked.block != BLOCK:
+            raise ModelError(f"its segments have {self.asked.block} values, and {BLOCK} are expected")
+        for place, segment in known.all(STRETCH):
+            lane, number = segment.lane, segment.number
+            if not (0 <= lane < len(self.lanes) and 0 <= number < self._per_lane):
+                raise ModelError(f"segment {number} of lane {lane} is none of this sweep")
+            if place != self._place(segment):
+                raise ValueError("a segment stands in the place of another")
+            count = len(places_of(self.lanes[lane].way, self.asked.steps, number))
+            shape = (count, self.asked.points, 2 * self.system.size)
+            if not segment.sections.shape == shape or not (
+                len(segment.regimes) == len(segment.transients) == len(segment.settled) == count
+            ):
+                raise ModelError(f"segment {number} of lane {lane} has another size than those of this sweep")
+            self._keep(segment)
+
+    def parts(self, hands: Workers) -> Generator[Found]:
+        """The segments that are not done yet; a lane that is carried over becomes a chain of tasks."""
+        tasks = self._first_tasks()
+        try:
+            for _, segment in hands.each(sweep_stretch, tasks, in_order=False):
+                self._keep(segment)
+                if self.lanes[segment.lane].way is not Way.AFRESH:
+                    tasks.extend(self._next_task(segment.lane, segment.number))
+                yield Found.part(STRETCH, segment, self._place(segment))
+        except WorkError as error:
+            names = {str(self.lanes[tasks[index].lane]) for index in error.pieces}
+            raise WorkError(f"{', '.join(sorted(names))}: {error}" if names else str(error), error.pieces) from None
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.done == self.total
+
+    @property
+    def done(self) -> int:
+        """Stretches that are done, or not to be done."""
+        return len(self._done) + self._never
+
+    @property
+    def total(self) -> int:
+        """Stretches of the whole sweep."""
+        return len(self.lanes) * self._per_lane
+
+    @property
+    def record(self) -> Sweep:
+        """The sweep, as far as it has been driven."""
+        notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
+        return replace(self._sweep, complete=self.complete, notes=notes)
+
+    def content(self) -> Content:
+        """The sweep as what a study has found."""
+        return Content(self.complete, finding=SweepFinding(self.record))
+
+    @property
+    def _per_lane(self) -> int:
+        return segments_of(self.asked.steps)
+
+    def _place(self, segment: SweepSegment) -> int:
+        """The number of a segment in a file."""
+        return segment.lane * self._per_lane + segment.number
+
+    def _keep(self, segment: SweepSegment) -> None:
+        self._done[segment.lane, segment.number] = _Done(enter(self._sweep, segment), segment.last.copy())
+        if self._ends(segment.lane, segment.number):
+            self._never += self._per_lane - 1 - segment.number
+
+    def _ends(self, lane: int, number: int) -> bool:
+        return bool(self._done[lane, number].note) and self.lanes[lane].way is not Way.AFRESH
+
+    def _first_tasks(self) -> list[Task]:
+        tasks = []
+        for index, lane in enumerate(self.lanes):
+            if lane.way is Way.AFRESH:
+                numbers = range(self._per_lane)
+                tasks += [self._task(index, n, lane.state) for n in numbers if (index, n) not in self._done]
+                continue
+            known = [number for owner, number in self._done if owner == index]
+            if not known:
+                tasks.append(self._task(index, 0, lane.state))
+            else:
+                tasks += self._next_task(index, max(known))
+        return tasks
+
+    def _next_task(self, lane: int, number: int) -> list[Task]:
+        """What follows a segment of a lane that is carried over; nothing at its end."""
+        if self._ends(lane, number) or number + 1 == self._per_lane:
+            return []
+        return [self._task(lane, number + 1, self._done[lane, number].last)]
+
+    def _task(self, index: int, number: int, state: NDArray[np.float64]) -> Task:
+        lane, asked = self.lanes[index], self.asked
+        places = places_of(lane.way, asked.steps, number)
+        return Task(
+            index,
+            number,
+            self.system,
+            asked.parameter,
+            places,
+            self.values[places],
+            state,
+            lane.way is not Way.AFRESH,
+            self.box,
+            asked.points,
+            asked.max_period,
+            asked.patience,
+            asked.kick,
+            (asked.seed, lane.way.number, lane.start),
+        )
+
+
+def _starts(system: System, options: SweepOptions, box: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The states from which a sweep starts."""
+    if not isinstance(options.starts, int):
+        return [check_state(system, start) for start in options.starts]
+    rest = np.zeros(len(box))
+    return [rest, *spread_starts(box, options.starts, options.seed, 0.0)[1:]]
+
+
+@shows_progress(lambda count, part, pace: str(pace))
+def sweep(
+    system: System,
+    parameter: str,
+    to: tuple[float, float],
+    *,
+    options: SweepOptions | None = None,
+    hands: Workers | None = None,
+    report: Report | None = None,
+    output: str | os.PathLike[str] | None = None,
+) -> Sweep:
+    """Drive a sweep over a range of one parameter.
+
+    At each value the transient is let settle, for as long as it takes, and section points are recorded. The state is
+    carried over exactly to the next value, up to a tiny kick.
+
+    Parameters
+    ----------
+    system
+        The system; its own value of the parameter plays no role.
+    parameter, to
+        Name of the parameter, and the range.
+    options
+        How it is driven.
+    hands
+        Who does the work; by default as many local processes as the options say, or a cluster inside of
+        `gapwalk.on_cluster`. The result does not depend on it.
+    report
+        Called with each segment of values when it is done, and is in the file.
+    output
+        A file to write while it is driven; `gapwalk.load` reads it. If it holds a part of the same sweep, that is
+        continued, and comes to the same result.
+
+    Raises
+    ------
+    ModelError
+        For an unknown parameter, an empty range, or starts that are no states.
+    StoreError
+        If the file is of something else, is being written by another run, or cannot be written.
+    WorkError
+        If other processes cannot do the work; what they have done is in the file.
+    Interrupted
+        After Ctrl-C; its `found` is what there is by then, not `complete`.
+    """
+    check_system(system, "sweep")
+    low, high = sorted((float(to[0]), float(to[1])))
+    asked = SweepStudy(parameter, low, high, **values_of(options or SweepOptions()))
+    work = asked.work(system)
+    return call(asked, work, asked.first_system(system), hands=hands, report=report, output=output).record

@@ -1,0 +1,90 @@
+"""``gapwalk modes``: rest and natural vibrations in words, in JSON, and as a picture."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import main
+from gapwalk.cli.output import show
+from gapwalk.summary import Table
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+TRAIN = str(EXAMPLES / "train.toml")
+
+
+def test_it_shows_rest_and_modes_of_a_train(capsys) -> None:
+    assert main(["modes", TRAIN]) == 0
+    text = capsys.readouterr().out
+    assert "6 inertias, 3 shafts, 2 gears; free to rotate as a whole" in text
+    assert "static equilibrium with clutch closed+ (stage2), third closed+, final closed+" in text
+    system = gw.read_study(TRAIN, name="drive").system
+    for frequency in gw.modes_of(system, gw.rest_of(system).equilibria[0]).frequencies:
+        assert f" {frequency:.6g} " in text
+    assert text.count("Natural vibrations") == 1  # at rest all is closed
+
+
+def test_open_clearances_have_their_own_table(capsys) -> None:
+    assert main(["modes", TRAIN, "--set", "mean.engine=3"]) == 0
+    text = capsys.readouterr().out
+    assert "static equilibrium with clutch open, third closed+, final closed+" in text
+    assert "with the first stage of every contact closed" in text
+
+
+def test_json_has_all_of_it(capsys) -> None:
+    assert main(["modes", TRAIN, "--set", "mean.engine=0", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["inertias"][0] == "engine"
+    (rest,) = found["rest"]
+    assert [contact["open"] for contact in rest["contacts"]] == [True, True, True]
+    assert rest["loose"] == 2
+    assert [mode["frequency"] for mode in rest["modes"]][:2] == [0.0, 0.0]
+    closed = gw.modes_of(gw.read_study(TRAIN, name="drive").system)
+    assert [mode["frequency"] for mode in found["closed"]] == pytest.approx(closed.frequencies.tolist())
+    assert found["closed"][0]["angles"]["engine"] == 1.0
+
+
+@pytest.mark.parametrize("name", ["train", "drivetrain", "clutch", "gear", "stop"])
+@pytest.mark.parametrize("form", ["png", "svg"])
+def test_modes_are_drawn(name: str, form: str, tmp_path, capsys) -> None:
+    picture = tmp_path / f"modes.{form}"
+    assert main(["modes", str(EXAMPLES / f"{name}.toml"), "--picture", str(picture)]) == 0
+    assert picture.stat().st_size > 5000
+    assert f"written: {picture}" in capsys.readouterr().out
+
+
+def test_many_inertias_are_told_by_the_largest(tmp_path, capsys) -> None:
+    parts = [f'[[inertia]]\nname = "d{i}"\ninertia = 1.0' for i in range(42)]
+    parts += [f'[[shaft]]\nname = "s{i}"\nbetween = ["d{i}", "d{i + 1}"]\nstiffness = 1.0' for i in range(41)]
+    path = tmp_path / "chain.toml"
+    path.write_text("mean = { d0 = 42.0 }\n" + "\n".join(parts), encoding="utf-8")
+    assert main(["modes", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "d0 at 1; reaction" in text
+    assert "moves most" in text
+    assert "d0 +1.000" in text
+    assert "... and 11 more, up to W = 1.9986" in text
+
+
+def test_bad_input_is_told(tmp_path, capsys) -> None:
+    assert main(["modes", TRAIN, "--set", "third.clearence=1"]) == 2
+    assert "did you mean 'third.clearance'" in capsys.readouterr().err
+    assert main(["modes", TRAIN, "--picture", "modes.jpg"]) == 2
+    assert "give it the ending .png, .svg or .pdf" in capsys.readouterr().err
+    path = tmp_path / "bad.toml"
+    path.write_text("inertia = 3")
+    assert main(["modes", str(path)]) == 2
+    assert "bad.toml" in capsys.readouterr().err
+
+
+def test_check_says_what_a_train_is_made_of(capsys) -> None:
+    assert main(["check", TRAIN]) == 0
+    assert "6 inertias, 3 shafts, 2 gears" in capsys.readouterr().out
+
+
+def test_a_table_in_a_file_has_each_row_in_one_line(capsys) -> None:
+    show([Table(["a wide column"] * 12, [[f"value {number:09.3f}" for number in range(12)]])])
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if "value" in line]
+    assert row.count("value") == 12
+    assert len(row) > 120

@@ -1,0 +1,134 @@
+"""Every kind of study goes through the same: file, run, result file, Ctrl-C and resume, tables, picture."""
+
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gapwalk as gw
+from gapwalk.cli import main
+from gapwalk.errors import StoreError
+from gapwalk.flow import Flow
+from gapwalk.model.model_source import parse_source
+from gapwalk.studies.kind import StudyKind
+from gapwalk.studies.kinds import kinds
+from gapwalk.studies.regime_work import Carry
+from gapwalk.studies.study_file import check_study
+from tests import models
+from tests.interruption import until_ctrl_c
+from tests.results.again import again
+from tests.studies import families, jobs
+from tests.studies.same import assert_same_result
+from tests.studies.test_locus_study import STUDY, SYSTEM
+from tests.toys import amplitudes
+
+TREE = models.CLUTCH + '[study]\nparameter = "frequency"\nmeasure = "half.q1"\nworkers = 1\n'
+TEXTS = {
+    "response": models.STOP + models.response(1.9),
+    "diagram": TREE + 'kind = "diagram"\nfrom = 0.85\nto = 0.6\nmax_period = 4\n',
+    "map": TREE + 'kind = "map"\nfrom = 1.4\nto = 1.1\nsections = 2\nmax_period = 1\n'
+    'second = { parameter = "mean.q1", from = 0.2, to = 0.3 }\n',
+    "locus": SYSTEM + STUDY.replace("2.0\nto = 0.6", "1.5\nto = 1.0").replace("0.09, to = 0.6", "0.25, to = 0.35"),
+    "family": families.MODEL,
+    **jobs.MODELS,
+    "amplitudes": amplitudes.MODEL,
+}
+"""A model file for each kind of study."""
+
+
+@pytest.fixture
+def small_parts(monkeypatch) -> None:
+    """Chunks of so few cells that each job has some."""
+    for module, name, value in jobs.SMALL:
+        monkeypatch.setattr(module, name, value)
+
+
+def kept_arrays(*names: str) -> Callable[[Any], list[bytes]]:
+    return lambda record: [getattr(record, name).tobytes() for name in names]
+
+
+PLANE, CLUTCH = {"q1": (-4.0, 4.0), "q1'": (-3.0, 3.0)}, gw.paper.case("15").at(frequency=0.45)
+FUNCTIONS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
+    "settle": (lambda: gw.settle(CLUTCH), lambda record: record.orbit.state.tolist()),
+    "sweep": (
+        lambda: gw.sweep(CLUTCH, "frequency", (0.5, 0.6), options=gw.SweepOptions(steps=45, points=13, workers=1)),
+        kept_arrays("sections", "transients", "settled", "regimes"),
+    ),
+    "basins": (
+        lambda: gw.basins(
+            CLUTCH,
+            PLANE,
+            (100, 90),
+            fixed={"q3": 0.5},
+            options=gw.BasinOptions(exact_borders=False, check=8, workers=1),
+        ),
+        kept_arrays("labels"),
+    ),
+    "regimes": (
+        lambda: gw.regimes(
+            CLUTCH,
+            {"frequency": (0.5, 0.7), "harmonic1.amplitude": (0.4, 0.5)},
+            (4, 9),
+            options=gw.RegimeMapOptions(Carry.UP, gw.RegimeOptions(longest=400), check=2, workers=1),
+        ),
+        kept_arrays("regimes", "periods", "exponents", "peak_force", "impacts", "states"),
+    ),
+}
+"""The function of the same name with the same numbers, written out once more; and what of its record is compared."""
+
+
+def test_there_is_a_file_of_each_kind() -> None:
+    assert set(TEXTS) == set(kinds())
+
+
+@pytest.mark.parametrize("kind", TEXTS)
+@pytest.mark.usefixtures("small_parts")
+def test_every_study(kind, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    study, path = check_study(parse_source(TEXTS[kind])), Path("x.gapwalk")
+    assert (study.options.kind, again(study.options, StudyKind)) == (kind, study.options)
+
+    function, said = FUNCTIONS.get(kind, (lambda: gw.run(study), None))
+    expected = function()
+
+    presses = iter([signal.SIGINT])
+
+    def stop(*_: object) -> None:
+        for press in presses:
+            signal.raise_signal(press)
+
+    if kind != "settle":  # which has one part
+        stopped = until_ctrl_c(gw.run, study, path, report=stop)
+        assert not stopped.complete
+        assert_same_result(stopped, gw.load(path))
+        with pytest.raises(StoreError, match="exists already"):
+            gw.run(study, path)
+    result = gw.run(study, path, resume=True)
+    assert result.complete
+    assert result.failures == ()
+    if said is None:
+        assert_same_result(result, expected)
+    else:
+        assert result.finding is not None
+        assert said(result.finding.record) == said(expected)
+
+    loaded, content, calls = gw.load(path), path.read_bytes(), Flow.calls
+    assert loaded.study == study
+    assert_same_result(loaded, result)
+    assert_same_result(gw.run(study, path, resume=True), result)
+    assert (Flow.calls, path.read_bytes()) == (calls, content)
+
+    assert main(["show", "x.gapwalk"]) == 0
+    assert "x.gapwalk: complete" in capsys.readouterr().out
+    assert main(["show", "x.gapwalk", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["kind"], document["complete"]) == (kind, True)
+    assert main(["export", "x.gapwalk", "--output", "x.csv"]) == 0
+    header, *rows = Path("x.csv").read_text(encoding="utf-8").splitlines()
+    assert "," in header
+    assert rows
+    assert main(["export", "x.gapwalk", "--output", "x.png"]) == 0
+    assert Path("x.png").stat().st_size > 1000
