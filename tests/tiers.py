@@ -53,6 +53,11 @@ def is_quick(file: Path) -> bool:
     return any(fnmatch(name, pattern) for pattern in QUICK)
 
 
+def in_campaign(*values: Any) -> Any:
+    """A case of a broad test that `make test` leaves to `make campaign`."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 def some_of(cases: Iterable[str | int], *kept: str | int) -> list[Any]:
     """The cases of a broad test, of which `make test` keeps some and `make campaign` runs the others."""
     cases = list(cases)

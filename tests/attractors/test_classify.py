@@ -28,6 +28,7 @@ from gapwalk.results.plain import plain
 from tests.attractors.references import figure15, next_strobes, strobes
 from tests.attractors.test_lyapunov import ueda_system
 from tests.systems import linear
+from tests.tiers import in_campaign
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -87,7 +88,7 @@ def test_figure_15_period_three(frequency):
     assert found.lyapunov.exponents[0] < 0
 
 
-@pytest.mark.parametrize(("frequency", "curves"), [(0.855, 3), (1.12, 2)])
+@pytest.mark.parametrize(("frequency", "curves"), [in_campaign(0.855, 3), (1.12, 2)])
 def test_figure_15_tori_agree_with_scipy(frequency, curves):
     found = from_rest(frequency)
     assert found.kind is AttractorKind.QUASI_PERIODIC
@@ -117,6 +118,7 @@ def test_figure_15_tori_by_scipy_alone(frequency, curves):
     assert again.number == pytest.approx(found.rotation.number, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_young_torus_turns_with_the_angle_of_its_pair(fig15):
     # the period-3 motion is born stable at the Neimark-Sacker point near W = 0.86; just below it is a small torus
     start = [1.0643, 0.6204, 0.2334, -0.3085]
@@ -129,7 +131,7 @@ def test_a_young_torus_turns_with_the_angle_of_its_pair(fig15):
     assert found.rotation.number == pytest.approx(np.angle(pair) / (2 * np.pi), abs=1e-4)
 
 
-@pytest.mark.parametrize("frequency", [0.2, 0.4])
+@pytest.mark.parametrize("frequency", [0.2, in_campaign(0.4)])
 def test_figure_15_chaos(frequency):
     found = from_rest(frequency)
     assert found.kind is AttractorKind.CHAOTIC

@@ -80,6 +80,7 @@ def test_chaos_of_the_duffing_oscillator_agrees_with_scipy():
     assert found.dimension == pytest.approx(1 + found.exponents[0] / abs(found.exponents[1]))
 
 
+@pytest.mark.slow
 def test_chaos_of_figure_15_agrees_with_scipy():
     system = gw.paper.case("15").at(frequency=0.4)
     state = settle(system).state

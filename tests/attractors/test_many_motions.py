@@ -6,13 +6,14 @@ import pytest
 from gapwalk.attractors.many_motions import BatchMotions, ExactMotions, motions_of
 from gapwalk.errors import FlowError
 from tests.systems import clutch
+from tests.tiers import in_campaign
 
 SYSTEM = clutch(frequency=0.6)
 STATES = np.random.default_rng(2).uniform(-1.5, 1.5, (20, 4))
 VALUES = {"frequency": np.linspace(0.4, 1.6, 20), "harmonic1.amplitude": np.linspace(0.1, 0.5, 20)}
 
 
-@pytest.mark.parametrize("values", [None, VALUES])
+@pytest.mark.parametrize("values", [in_campaign(None), VALUES])
 def test_both_flows_agree(values):
     fast, exact = motions_of(SYSTEM, STATES, values), ExactMotions(SYSTEM, values)
     assert isinstance(fast, BatchMotions)

@@ -76,6 +76,7 @@ def test_balanced_loci_pass_through_the_special_points_of_balanced_branches(kind
         assert nearest(balanced(mean), kind, frequency).value == pytest.approx(frequency, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_closed_balanced_locus_has_the_corners_and_cusps_of_shooting():
     special, exact = response().special(Kind.FOLD)[4], locus(Kind.FOLD, 4)
     errors = []
@@ -91,6 +92,7 @@ def test_a_closed_balanced_locus_has_the_corners_and_cusps_of_shooting():
     assert errors[1] < 5e-6
 
 
+@pytest.mark.slow
 def test_the_islands_of_figures_27_and_28_lie_on_one_balanced_fold_locus():
     special, plane = islands()[0.25][0], ((0.24, 0.3), (0.3, 0.8))
     exact = follow_locus(special, "frequency", "harmonic1.amplitude", plane)
@@ -124,6 +126,7 @@ def test_a_grazing_locus_has_the_points_of_shooting_and_no_echo_of_its_own_touch
         assert point.orbit.deflections.states(np.array([point.angle]))[0] == pytest.approx([-1.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_fold_of_doubled_motions_ends_at_a_generalised_flip():
     flip, ranges = response().special(Kind.FLIP)[0], ((0.15, 2.0), (0.2, 0.5))
     fold = walk_out(switch(flip, "frequency", (0.15, 2.0))).special(Kind.FOLD)[0]
@@ -137,6 +140,7 @@ def test_a_fold_of_doubled_motions_ends_at_a_generalised_flip():
     assert generalised.values == pytest.approx(found.ends[-1].values, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_viscous_stop_has_corners_too():
     special = nearest(follow(find_orbit(viscous_stop(1.0)), "frequency", (0.3, 1.0)), Kind.FOLD, 0.4494)
     ranges = ((0.3, 1.0), (0.25, 0.5))

@@ -106,6 +106,7 @@ def test_the_child_of_figure_29_that_turns_round_is_in_no_cascade_with_its_paren
     assert all(ratio > 1.0 for ratio in cascade.ratios)
 
 
+@pytest.mark.slow
 def test_an_end_is_tied_to_the_flip_whose_orbit_it_shares_and_to_no_other_nearby():
     # where the parent is known only up to a place before the flip at which the last branch ends, that flip is on no
     # known branch, but another flip of the parent is 0.001 away

@@ -20,6 +20,7 @@ from gapwalk.paper import case
 from tests.bifurcation.test_special_points import lowest_deflection, preloaded, symmetric
 from tests.computed import once
 from tests.systems import viscous_stop
+from tests.tiers import in_campaign
 
 WIDE = ((0.15, 2.0), (0.0, 1.0))
 
@@ -40,7 +41,7 @@ def nearest(branch, kind: Kind, value: float):
     return min(branch.special(kind), key=lambda special: abs(special.value - value))
 
 
-@pytest.mark.parametrize("kind", [Kind.FOLD, Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING])
+@pytest.mark.parametrize("kind", [in_campaign(Kind.FOLD), Kind.FLIP, Kind.NEIMARK_SACKER, Kind.GRAZING])
 def test_loci_pass_through_the_special_points_of_branches_at_other_loads(kind):
     specials, met = response().special(kind), 0
     for special in specials:
@@ -157,6 +158,7 @@ def test_a_locus_goes_round_the_corner_where_a_contact_grazes():
     assert patterns[0] != patterns[-1]
 
 
+@pytest.mark.slow
 def test_a_neimark_sacker_locus_ends_where_folds_or_flips_say_so():
     # each end is found twice: on the locus of pairs, and on that of a fold or a flip, by other equations
     special = nearest(response(0.45, 0.55), Kind.NEIMARK_SACKER, 0.6)

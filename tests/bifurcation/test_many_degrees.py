@@ -31,6 +31,7 @@ def rod(size: int) -> System:
     )
 
 
+@pytest.mark.slow
 def test_every_pair_that_leaves_the_unit_circle_has_its_special_point() -> None:
     method = Balance(5, error=1.0)
     orbit = find_orbit(rod(40), start="rest", method=method)

@@ -29,6 +29,7 @@ def loop():
     return follow(find_orbit(start.system, start=start.state), AMPLITUDE, to=(-1.0, 1.0))
 
 
+@pytest.mark.slow
 def test_every_orbit_of_a_finer_walk_lies_on_the_branch(response):
     finer = follow(find_orbit(case("13"), frequency=2.0), "frequency", to=0.3, walk=FINER)
     assert len(finer.points) > 1.5 * len(response.points)

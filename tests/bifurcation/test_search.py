@@ -115,6 +115,7 @@ def test_every_orbit_found_is_one_with_its_true_period(figure_27):
             )
 
 
+@pytest.mark.slow
 def test_the_islands_of_figure_28_have_grown():
     main = main_branch("28", AMPLITUDE, -1.0, 1.0)
     result = search(case("28"), AMPLITUDE, [0.2, 0.6], known=[main], options=replace(QUICK, starts=48, patience=100))
@@ -311,6 +312,7 @@ class Backwards:
                 accept(number, function(pieces[number]))
 
 
+@pytest.mark.slow
 def test_the_result_depends_neither_on_the_order_of_work_nor_on_who_does_it():
     options = SearchOptions(starts=16, newton_starts=4, block=8, newton_periods=(1, 2))
     arguments = (case("27"), AMPLITUDE, [0.0, 0.6])

@@ -17,7 +17,7 @@ from gapwalk.orbit import Orbit, find_orbit
 from gapwalk.paper import case, frequency_responses
 from tests.computed import paper_response
 from tests.independent import integrate
-from tests.tiers import some_of
+from tests.tiers import in_campaign, some_of
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "special_points.json").read_text())["figures"]
 
@@ -93,7 +93,7 @@ def steps(longest: float) -> WalkOptions:
     return WalkOptions(initial_step=min(0.002, longest / 5), largest_step=longest)
 
 
-@pytest.mark.parametrize("longest", [0.005, 0.014, 0.021])
+@pytest.mark.parametrize("longest", [in_campaign(0.005), 0.014, in_campaign(0.021)])
 def test_a_pair_of_flips_within_one_step_is_found(longest):
     # two multipliers meet, one just passes -1 and comes back, and both part again
     flips = response("9b", walk=steps(longest)).special(Kind.FLIP)
@@ -101,7 +101,7 @@ def test_a_pair_of_flips_within_one_step_is_found(longest):
     assert pair == pytest.approx([0.1842869819, 0.1833494533], abs=1e-9)
 
 
-@pytest.mark.parametrize("longest", [0.005, 0.011, 0.021])
+@pytest.mark.parametrize("longest", [in_campaign(0.005), in_campaign(0.011), 0.021])
 def test_grazing_points_are_where_a_contact_touches_whatever_the_steps(longest):
     # an extremum is born by the breakpoint, so it cannot be tracked over the step; two may change sides at once
     grazes = response("23b", walk=steps(longest)).special(Kind.GRAZING)
@@ -176,7 +176,7 @@ def mirrored(orbit: Orbit) -> Orbit:
     return find_orbit(orbit.system.at({AMPLITUDE: -orbit.system[AMPLITUDE]}), orbit.period, later)
 
 
-@pytest.mark.parametrize(("value", "longest"), [(0.383, 0.01), (0.3882, 0.02), (0.4025, 0.003)])
+@pytest.mark.parametrize(("value", "longest"), [in_campaign(0.383, 0.01), (0.3882, 0.02), in_campaign(0.4025, 0.003)])
 def test_mirror_images_have_mirrored_special_points_wherever_they_are_entered(value, longest):
     # over the amplitude of one load the system is its own mirror image, with the other sign, half a period later
     start = find_orbit(case("28"), 2, [2.46807309, 1.11607739, 0.01055129, -0.01674301], at={AMPLITUDE: 0.393})

@@ -214,6 +214,7 @@ def test_a_picture_can_be_exported(loop) -> None:
     assert "period 4" in text
 
 
+@pytest.mark.slow
 def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturbed, capsys) -> None:
     program = command("run", str(clutch), "--output", "a.gapwalk")
     until(lambda: has_branches("a-loop.gapwalk"), "a branch is stored")

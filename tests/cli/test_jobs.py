@@ -162,6 +162,7 @@ def test_progress_tells_how_much_is_done(tmp_path, monkeypatch) -> None:
     assert shown[-1][1].startswith("6 of 6")
 
 
+@pytest.mark.slow
 def test_a_cluster_does_the_work(tmp_path, monkeypatch, capsys) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra gapwalk[cluster]")
     monkeypatch.chdir(tmp_path)

@@ -158,6 +158,7 @@ def test_a_picture_can_be_exported(result, capsys) -> None:
     assert "no measure; leave it out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_ctrl_c_then_resume_equals_an_undisturbed_run(clutch, command, undisturbed) -> None:
     program = command("run", str(clutch), "--output", "a.gapwalk")
     until(lambda: has_sections("a.gapwalk"), "a section is stored")

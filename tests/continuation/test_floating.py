@@ -83,6 +83,7 @@ def with_drag_alone(firing: float) -> gw.System:
     return train(firing).replaced("bearing", stiffness=None).system()
 
 
+@pytest.mark.slow
 def test_a_bearing_that_only_drags_rattles_as_in_the_limit_of_a_soft_one():
     dragging, soft = (
         gw.follow(gw.find_orbit(system), "speed", 700.0) for system in (with_drag_alone(9.7), train(9.7).system())

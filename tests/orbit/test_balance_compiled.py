@@ -62,6 +62,7 @@ print(total(np.random.default_rng(1).normal(size=50)).hex())
 """
 
 
+@pytest.mark.slow
 def test_a_kernel_that_was_kept_computes_the_same_bits(tmp_path) -> None:
     script = tmp_path / "small.py"
     script.write_text(SMALL, encoding="utf-8")

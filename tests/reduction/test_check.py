@@ -30,6 +30,7 @@ def difference(orbit, other) -> float:
     return np.abs(two - one).sum(axis=1).max() / np.abs(one[:, 1:]).sum(axis=1).max()
 
 
+@pytest.mark.slow
 def test_a_chain_of_a_hundred_with_three_clearances_has_its_special_points_within_the_estimate() -> None:
     full = rod(100, 3)
     theirs = response(full)
@@ -134,6 +135,7 @@ def test_a_branch_by_shooting_along_a_load_is_checked() -> None:
             assert each.error < 2e-2
 
 
+@pytest.mark.slow
 def test_a_parameter_of_a_kept_coordinate_has_its_own_value_in_the_full_system() -> None:
     """Under a load on all coordinates, that on a kept one contains what the others give at rest."""
     full = rod(20, 1, load=0.3).at({f"mean.q{k}": 0.002 for k in range(20)})

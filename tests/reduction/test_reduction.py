@@ -92,6 +92,7 @@ def test_its_words_say_what_it_is() -> None:
     assert text.endswith(" up to frequency 0.5)")
 
 
+@pytest.mark.slow
 def test_whatever_serves_a_system_serves_a_reduced_one() -> None:
     """Settling and classifying, and many motions at once, beside the full system's."""
     names = tuple(f"q{index}" for index in range(4))

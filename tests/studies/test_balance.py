@@ -145,6 +145,7 @@ def test_it_is_resumed_wherever_the_number_of_harmonics_has_grown(growing, tmp_p
         assert_same_result(gw.run(growing_study(), path, resume=True), growing)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_comes_to_the_same_result(growing, tmp_path) -> None:
     path, reported, kills = tmp_path / "result.gapwalk", 0, 0
     random.seed(5)

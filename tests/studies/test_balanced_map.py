@@ -44,6 +44,7 @@ def test_what_is_loaded_is_what_was_found(undisturbed, tmp_path) -> None:
     assert_same_result(gw.load(path), undisturbed)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_at_any_moment_goes_on_to_the_same_map(undisturbed, tmp_path) -> None:
     path = tmp_path / "balanced.gapwalk"
     random.seed(5)

@@ -143,6 +143,7 @@ def window():
     return diagram(case("15").at(frequency=high), "frequency", (low, high), options=options)
 
 
+@pytest.mark.slow
 def test_every_attractor_by_the_island_of_period_3_is_on_a_branch(window):
     """At W = 0.45 a branch of period 1 and an island of period 3 share the box of starts."""
     ends = ends_of(case("15").at(frequency=0.45), 200)

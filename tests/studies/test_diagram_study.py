@@ -19,6 +19,7 @@ from tests.studies.diagrams import clutch_diagram, many_branches
 from tests.studies.killing import killed_after
 from tests.studies.same import assert_same_branch, assert_same_result
 from tests.studies.studies import stop_study
+from tests.tiers import in_campaign
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -135,7 +136,7 @@ def whole() -> gw.Result:
     return gw.run(many_branches())
 
 
-@pytest.mark.parametrize(("workers", "aims"), [(1, [1, 2]), (2, [3])])
+@pytest.mark.parametrize(("workers", "aims"), [in_campaign(1, [1, 2]), (2, [3])])
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, whole) -> None:
     random.seed(29 + workers)
     for aim in [*aims, 100]:

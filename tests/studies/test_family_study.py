@@ -50,6 +50,7 @@ def test_a_study_finds_what_the_function_finds(result) -> None:
     assert "Family(frequency over mean.q3: 3 members" in repr(result)
 
 
+@pytest.mark.slow
 def test_a_killed_study_goes_on_to_the_same_result(tmp_path) -> None:
     path = tmp_path / "r.gapwalk"
     code = f"from tests.studies.families import main\nmain({str(path)!r})"

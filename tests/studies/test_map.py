@@ -38,6 +38,7 @@ def crossings(locus, frequency):
     return a[hit, 0] + share * (b[hit, 0] - a[hit, 0])
 
 
+@pytest.mark.slow
 def test_one_curve_of_folds_bounds_the_island_of_figure_27(chart):
     """The loop over Te1 = 0.484 ... 0.602 at W = 0.25 begins and ends on one locus, whose lowest point is near."""
     loop = follow(find_orbit(case("27"), at={"harmonic1.amplitude": 0.6}), "harmonic1.amplitude", to=(-1.0, 1.0))

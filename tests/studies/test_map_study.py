@@ -148,6 +148,7 @@ def test_ctrl_c_before_the_first_section_leaves_nothing(path, monkeypatch) -> No
     assert not list(path.parent.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "aims"), [(1, [2, 5]), (2, [4])])
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(path, workers, aims, undisturbed) -> None:
     random.seed(27 + workers)

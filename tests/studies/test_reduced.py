@@ -137,6 +137,7 @@ def test_a_wrong_table_is_told(tmp_path: Path, old: str, new: str, path: str, wo
     assert words in found[0].message
 
 
+@pytest.mark.slow
 def test_the_result_says_what_the_full_system_says(finished) -> None:
     study, result, path = finished
     assert result.complete

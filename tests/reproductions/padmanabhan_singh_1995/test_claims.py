@@ -13,7 +13,7 @@ from reproductions.padmanabhan_singh_1995.jobs import JOBS, USUAL
 from reproductions.padmanabhan_singh_1995.report import reproduce
 from tests.reproductions.padmanabhan_singh_1995.expected import EXPECTED
 
-QUICK = [claim for claim in CLAIMS if not claim.others and all(job.effort <= 2.0 for job in claim.jobs)]
+QUICK = [claim for claim in CLAIMS if not claim.others and sum(job.effort for job in claim.jobs) <= 2.0]
 SLOW = [claim for claim in CLAIMS if claim not in QUICK]
 
 

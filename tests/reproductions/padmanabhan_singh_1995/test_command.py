@@ -61,6 +61,7 @@ def test_one_figure_is_one_document(capsys) -> None:
     assert not list(Path().iterdir())
 
 
+@pytest.mark.slow
 def test_several_figures_are_a_list_in_one_reading(capsys) -> None:
     assert main(["12", "fig. 20(A)", "--json", "--slope", "literal", "--damping", "as-printed"]) == 0
     documents = json.loads(capsys.readouterr().out)

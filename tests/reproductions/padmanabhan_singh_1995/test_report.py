@@ -93,6 +93,7 @@ def test_a_folder_that_cannot_be_made(tmp_path) -> None:
         done([JOB], tmp_path / "file" / "results")
 
 
+@pytest.mark.slow
 def test_other_processes_do_the_same(tmp_path) -> None:
     with gw.workers(2) as workers:
         results, failures = compute([JOB, JOBS["18"]], tmp_path, workers)
