@@ -118,6 +118,7 @@ def test_modal_coordinates_change_nothing():
     assert rms(run.states - exact(system, states, 2)) < 1e-5
 
 
+@pytest.mark.slow
 def test_cutting_the_code_into_many_loops_changes_nothing(monkeypatch):
     system, states = paper.case("25").at(frequency=0.5), draw(paper.case("25"), 70, 2.0)
     flow = batch_flow_of(system, BatchOptions(steps=100))

@@ -157,6 +157,7 @@ def test_ctrl_c_keeps_what_there_is_and_is_resumed(after, hysteresis, tmp_path) 
     assert Flow.calls == calls  # a complete sweep is not driven again
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_at_any_moment_loses_nothing_it_reported(tmp_path, hysteresis) -> None:
     path = tmp_path / "killed.sweep"
     for aim in (1, 2, 100):
@@ -248,6 +249,7 @@ def test_a_kick_leaves_what_is_unstable() -> None:
     assert np.abs(kicked.sections[..., 0]).min() > 1.0  # against one side of the gap
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_each_time_is_told_with_its_lane(monkeypatch) -> None:
     from gapwalk.studies import sweep_study as study
     from tests.studies.pieces import die

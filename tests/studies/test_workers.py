@@ -11,6 +11,7 @@ import pytest
 from gapwalk.errors import WorkError
 from gapwalk.parallel.workers import sharing, workers
 from tests.studies.pieces import die_at_three, die_once, fail_at_three, slow_double, slow_pid
+from tests.tiers import in_campaign
 from tests.waiting import children, until
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,6 +53,7 @@ def test_processes_are_shared_by_all_work_of_a_while() -> None:
         assert hands is not shared
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_while_it_is_idle_is_replaced() -> None:
     pids = []
     with workers(2) as hands:
@@ -62,7 +64,7 @@ def test_a_process_that_is_killed_while_it_is_idle_is_replaced() -> None:
     assert len(set(pids)) == 4
 
 
-@pytest.mark.parametrize(("in_order", "kept"), [(True, [0, 1, 2]), (False, [0, 1, 2, 4, 5, 6])])
+@pytest.mark.parametrize(("in_order", "kept"), [in_campaign(True, [0, 1, 2]), (False, [0, 1, 2, 4, 5, 6])])
 def test_a_piece_that_kills_its_process_each_time_is_named(in_order, kept) -> None:
     accepted = []
     with workers(2) as hands, pytest.raises(WorkError, match="over piece 4 of 7 at each of 3 tries") as caught:
@@ -80,7 +82,7 @@ def test_an_error_of_a_piece_comes_in_its_turn(count) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-@pytest.mark.parametrize("bad", [fail_at_three, die_at_three])
+@pytest.mark.parametrize("bad", [fail_at_three, in_campaign(die_at_three)])
 def test_what_fails_and_is_superfluous_in_its_turn_hinders_nothing(count, bad) -> None:
     accepted = []
 
@@ -102,8 +104,7 @@ def test_out_of_order_each_result_is_accepted_when_it_comes(count) -> None:
     assert (accepted[0] == (0, 0)) is (count == 1)  # the second process was quicker
 
 
-@pytest.mark.parametrize("in_order", [True, False])
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(("count", "in_order"), [(1, True), in_campaign(1, False), in_campaign(2, True), (2, False)])
 def test_pieces_may_become_more_while_they_are_done(count, in_order) -> None:
     pieces, accepted = [1, 5], {}
 

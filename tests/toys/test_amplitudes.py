@@ -29,6 +29,7 @@ def test_it_finds_the_amplitudes_of_the_closed_form() -> None:
     )
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_two_processes_and_they_go_on_bit_for_bit(tmp_path) -> None:
     path, paces = tmp_path / "parts", []
     asked = check_study(parse_source(MODEL.replace("workers = 1", "workers = 2")))
