@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gapwalk.attractors.settle import recurrences
+from gapwalk.attractors.convergence import recurrences
 
 
 def test_an_alternating_decay_offers_one_and_two():

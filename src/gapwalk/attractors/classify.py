@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
+from gapwalk.attractors.convergence import TOLERANCES, Recurrence, recurrences
 from gapwalk.attractors.lyapunov import Lyapunov, LyapunovOptions, lyapunov_run, of_multipliers
 from gapwalk.attractors.rotation import Rotation, rotation
 from gapwalk.attractors.section import Strobe, size_of
-from gapwalk.attractors.settle import Recurrence, SettleOptions, recurrences, settle
+from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.trapping_region import nearby_orbit, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -26,7 +27,6 @@ _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes stored in an attractor
 _RELAXED = 12.0  # a torus counts as reached when its slowest mode has decayed by exp(-12)
 _AGAIN = 512  # forcing periods after which a chaotic motion is examined again: its chaos may have been a transient
-_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, below which any period is tried
 _LEAD = 1e-3  # largest error of the leading exponent per forcing period with which a torus differs from chaos
 
 
@@ -183,7 +183,7 @@ def _returns(system: System, strobes: NDArray[np.float64]) -> list[Recurrence]:
     """Find periods after which the last strobes return more closely than on any torus, however small, or in chaos."""
     tail = strobes[-_KEPT:]
     tail = tail - tail.mean(axis=0)
-    return recurrences(tail / size_of(system, tail), len(tail) // 2, _TIGHT)
+    return recurrences(tail / size_of(system, tail), len(tail) // 2, TOLERANCES.exact)
 
 
 def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _Verdict:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.classify import classify
+from gapwalk.attractors.convergence import judge_returns
 from gapwalk.attractors.many_motions import ExactMotions, ManyMotions
 from gapwalk.attractors.regimes import Regime
 from gapwalk.attractors.section import check_count
@@ -28,10 +29,6 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
 
 _FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
-_RETURNED = 1e-6  # change over one return, relative to the size of the motion, below which it may have converged
-_ARRIVED = 1e-4  # distance from the extrapolated end of all returns below which a motion counts as periodic
-_EXACT = 1e-11  # change over one return below which only rounding is left
-_CLEAR = 1e3  # a motion must have been this many times farther away between two returns than it still has to move
 LONGEST_RETURN = 128  # longest period in forcing periods that is tried for a contracting motion
 _APART = 1e-9  # distance of the second motion, relative to the size of the motion
 _STRETCH = 16  # forcing periods after which the second motion is reset to that distance
@@ -134,7 +131,7 @@ class _RegimeJudge:
         while len(rest) and total < self.options.longest:
             step = min(max(_FIRST, total // 2), self.options.longest - total)
             rest = self._find_returns(rest, self.options.max_period, step)
-            total += step + 2 * self.options.max_period + 1
+            total += step + 3 * self.options.max_period + 1
 
     def measure_growth(self) -> None:
         """Classify the motions that are not periodic by their largest exponent."""
@@ -170,12 +167,14 @@ class _RegimeJudge:
         """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
         if not len(which):
             return which
-        track = self.motions.part(which).strobes(self.states[which], 2 * longest + 1, after)
+        track = self.motions.part(which).strobes(self.states[which], 3 * longest + 1, after)
         self.states[which] = track[-1]
         is_lost = ~np.isfinite(track).all(axis=(0, 2))
         self.regimes[which[is_lost]] = Regime.RUNAWAY
         which = which[~is_lost]
-        periods = _periods(track[:, ~is_lost] * self.weights[which], longest)
+        track = track[:, ~is_lost] * self.weights[which]
+        sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+        periods = judge_returns(track / sizes[:, None], longest).periods
         returned = which[periods > 0]
         self.periods[returned], self.regimes[returned] = periods[periods > 0], Regime.PERIODIC
         return which[periods == 0]
@@ -200,33 +199,6 @@ class _RegimeJudge:
         logs = logs[len(logs) // 8 :] / _STRETCH  # omit the start, before the directions have aligned
         blocks = np.array([block.mean(axis=0) for block in np.array_split(logs, _BLOCKS)])
         return logs.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
-
-
-def _periods(track: NDArray[np.float64], longest: int) -> NDArray[np.int_]:
-    """Return the number of forcing periods after which motions return, at most `longest`; 0 if they do not.
-
-    With d1 and d2 the changes over two successive returns, all further changes add up to ``d2^2 / (d1 - d2)``. A motion
-    that spirals into an orbit also returns by chance after longer times, so it must have been far away in between.
-
-    Parameters
-    ----------
-    track : shape (2 longest + 1, count, 2n)
-        Strobes of the motions, weighted.
-    longest
-        The longest period.
-    """
-    sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
-    periods, nearest = np.zeros(track.shape[1], dtype=int), np.full(track.shape[1], np.inf)
-    for m in range(1, longest + 1):
-        first = np.abs(track[m] - track[0]).max(axis=1) / sizes
-        second = np.abs(track[2 * m] - track[m]).max(axis=1) / sizes
-        with np.errstate(divide="ignore", invalid="ignore"):  # where it does not shrink
-            missing = np.where(second < first, second + second**2 / (first - second), np.inf)
-        missing[second <= _EXACT] = _EXACT
-        ends = (second <= _RETURNED) & (missing <= _ARRIVED) & (nearest > _CLEAR * missing)
-        periods[ends & (periods == 0)] = m
-        nearest = np.minimum(nearest, first)
-    return periods
 
 
 Finding = tuple[int, int]
