@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.lyapunov import birkhoff_mean, birkhoff_spread
+from gapwalk.attractors.section import size_of
+from gapwalk.model.system import System
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,12 @@ def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[
             found.append(Recurrence(period, distance))
         best = min(best, distance)
     return found
+
+
+def exact_returns(system: System, states: NDArray[np.float64]) -> list[Recurrence]:
+    """Find periods after which strobes return more closely than on any torus, however small, or in chaos."""
+    states = states - states.mean(axis=0)
+    return recurrences(states / size_of(system, states), len(states) // 2, TOLERANCES.exact)
 
 
 class Drift(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
-from gapwalk.attractors.convergence import TOLERANCES, Drift, drift_of, recurrences
+from gapwalk.attractors.convergence import TOLERANCES, Drift, drift_of, exact_returns, recurrences
 from gapwalk.attractors.section import Strobe, check_count, size_of
 from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.errors import ModelError
@@ -95,104 +95,72 @@ def settle(
 
 
 class _Transient:
-    """A transient that is being followed."""
+    """A transient that is being followed, with its strobes since the start or since it was displaced."""
 
     def __init__(self, system: System, state: NDArray[np.float64], options: SettleOptions) -> None:
         self.strobe, self.options = Strobe(system), options
-        self.blocks = [state[None, :]]
-        self.periods, self.drift = 0, Drift(np.inf, np.inf, irregular=False, steady=False)
+        self.states, self.periods = state[None, :], 0
+        self.drift = Drift(np.inf, np.inf, irregular=False, steady=False)
         self.notes: list[str] = []
         self.largest = 0.0  # size of the motion so far
 
     def follow(self) -> Settled:
         """Test the motion at growing intervals until it is decided to which motion it leads."""
-        target = _FIRST
+        target, options = _FIRST, self.options
         while True:
-            self._advance(min(target, self.options.max_periods) - self.periods)
+            self._advance(min(target, options.max_periods) - self.periods)
             approach = self._look()
             if approach is not None:
-                return self._arrived(approach)
+                orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
+                how = f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period}"
+                how += f" (largest multiplier {rate:.6g}) and contracts to it"
+                return self._record(True, orbit, approach.distance, how)
             if self._is_stationary():
-                words = self._words(self.drift.text(self.options.tolerance), *self._returns())
-                return self._record(True, None, self.drift.change, words)
-            if self.periods >= self.options.max_periods:
+                return self._record(True, None, self.drift.change, self.drift.text(options.tolerance))
+            if self.periods >= options.max_periods:
                 unsettled = f"it had not settled after {self.periods} forcing periods; raise max_periods"
-                return self._record(False, None, self.drift.change, self._words(unsettled, *self._returns()))
+                return self._record(False, None, self.drift.change, unsettled)
             target = self.periods + max(_FIRST, self.periods // 2)
-
-    @property
-    def state(self) -> NDArray[np.float64]:
-        return next(block[-1] for block in reversed(self.blocks) if len(block))
 
     def _advance(self, count: int) -> None:
         if count > 0:
-            self.blocks.append(self.strobe.run(self.state, count))
-            self.periods += count
-            self.largest = float(size_of(self.strobe.system, self.blocks[-1], self.largest)[0])
-
-    def _tail(self, count: int) -> NDArray[np.float64]:
-        states = np.concatenate(self.blocks)
-        self.blocks = [states]
-        return states[-count:]
+            more = self.strobe.run(self.states[-1], count)
+            self.states, self.periods = np.vstack((self.states, more)), self.periods + count
+            self.largest = float(size_of(self.strobe.system, more, self.largest)[0])
 
     def _look(self) -> Approach | None:
         """Search for orbits of the promising periods, always including period 1; test stable orbits first."""
-        tail = self._tail(4 * self.options.max_period)
-        scaled, least = tail / size_of(self.strobe.system, tail), _REST * self.largest
+        tail, least = self.states[-4 * self.options.max_period :], _REST * self.largest
+        scaled = tail / size_of(self.strobe.system, tail)
         periods = {1, *(each.period for each in recurrences(scaled, self.options.max_period, TOLERANCES.promising))}
-        nearby = [nearby_orbit(self.strobe, self.state, period, least) for period in sorted(periods)]
+        nearby = [nearby_orbit(self.strobe, tail[-1], period, least) for period in sorted(periods)]
         for orbit in sorted((orbit for orbit in nearby if orbit is not None), key=lambda orbit: not orbit.stable):
             approach = watch(self.strobe, tail[-1], orbit, least)
             if approach.converging or approach.leaving:
-                self.blocks.append(approach.strobes)
+                self.states = np.vstack((self.states, approach.strobes))
                 self.periods += len(approach.strobes)
             if approach.converging:
                 return approach
             if approach.leaving:
-                self._leave(approach)
+                # a motion that starts next to an unstable orbit looks settled until it has left that orbit
+                if approach.distance < _FAR:
+                    self.notes.append(f"it was displaced from an unstable motion of period {orbit.period} next to it")
+                    # forget the states before: the motion restarts here, at the same phase
+                    self.states = pushed_off(orbit, self.states[-1], least)[None, :]
                 return None
         return None
 
-    def _leave(self, approach: Approach) -> None:
-        """Displace the motion from an unstable orbit, unless it is already far enough away.
-
-        A motion that starts next to an unstable orbit looks settled until it has left that orbit.
-        """
-        if approach.distance >= _FAR:
-            return
-        self.notes.append(f"it was displaced from an unstable motion of period {approach.orbit.period} next to it")
-        # forget the states before: the motion restarts here, at the same phase
-        self.blocks = [pushed_off(approach.orbit, self.state, _REST * self.largest)[None, :]]
-
     def _is_stationary(self) -> bool:
-        remembered = sum(map(len, self.blocks))
-        if remembered <= _STATIONARY:
+        if len(self.states) <= _STATIONARY:
             return False
-        tail = self._tail(remembered // 2)
-        scaled = tail / size_of(self.strobe.system, tail)
-        self.drift = drift_of(scaled, self.options.max_period)
+        tail = self.states[-(len(self.states) // 2) :]
+        self.drift = drift_of(tail / size_of(self.strobe.system, tail), self.options.max_period)
         return self.drift.is_settled(self.options.tolerance)
 
-    def _arrived(self, approach: Approach) -> Settled:
-        orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
-        how = (
-            f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period} (largest multiplier "
-            f"{rate:.6g}) and contracts to it"
-        )
-        return self._record(True, orbit, approach.distance, self._words(how))
-
-    def _words(self, *more: str) -> tuple[str, ...]:
-        return (*self.notes, *more)
-
-    def _returns(self) -> tuple[str, ...]:
-        """Report a period longer than those that were searched for, if the motion has one."""
-        tail = self._tail(_KEPT)
-        tail = tail[len(tail) // 2 :]
-        tail = tail - tail.mean(axis=0)
-        found = recurrences(tail / size_of(self.strobe.system, tail), len(tail) // 2, TOLERANCES.exact)
-        longer = [each for each in found if each.period > self.options.max_period]
-        return tuple(f"it returns to {d:.1e} after {m} forcing periods: raise max_period" for m, d in longer[:1])
-
-    def _record(self, converged: bool, orbit: Orbit | None, residual: float, evidence: tuple[str, ...]) -> Settled:
-        kept = self._tail(_KEPT).copy()
+    def _record(self, converged: bool, orbit: Orbit | None, residual: float, how: str) -> Settled:
+        kept, evidence = self.states[-_KEPT:].copy(), (*self.notes, how)
+        if orbit is None:  # its period may be longer than those that were searched for
+            found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
+            for period, away in [each for each in found if each.period > self.options.max_period][:1]:
+                evidence += (f"it returns to {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
