@@ -269,7 +269,7 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
     losses = damping_power(system, along) * along.weights[:, None]
     names = [form.name for form in system.structure.contacts]
     found = []
-    for contact, side, switch in _innermost(system):
+    for contact, side, switch in innermost_switches(system):
         place = names.index(contact)
         for closes, opens in _closures(along.motion.events, switch):
             inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
@@ -288,7 +288,7 @@ def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
     return (motion.forces - springs) * rates
 
 
-def _innermost(system: System) -> list[tuple[str, int, int]]:
+def innermost_switches(system: System) -> list[tuple[str, int, int]]:
     """List contact, side and switch of the innermost stage on each side of each contact."""
     found: dict[tuple[str, int], int] = {}
     for switch, (contact, _, side) in enumerate(switch_names(system)):
