@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
-from gapwalk.ensemble.accuracy import Trial, judge
 from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
-from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, batch_flow_of
+from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, batch_flow_of, judge
 from gapwalk.errors import FlowError
 from gapwalk.flow.motion import integrate
 from gapwalk.model.system import System
