@@ -208,13 +208,6 @@ _LOCKED = SettleOptions(max_periods=4 * LONGEST_RETURN, max_period=LONGEST_RETUR
 _CONTRACTING = -1e-3
 """Exponent per forcing period below which a motion that seems quasi-periodic may be locked to a long period."""
 
-_REGIMES = {
-    AttractorKind.PERIODIC: Regime.PERIODIC,
-    AttractorKind.QUASI_PERIODIC: Regime.QUASI_PERIODIC,
-    AttractorKind.CHAOTIC: Regime.CHAOTIC,
-    AttractorKind.UNDECIDED: Regime.UNDECIDED,
-}
-
 
 def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
     """Search for a stable orbit near each motion that seems quasi-periodic or is undecided.
@@ -248,4 +241,4 @@ def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:
     except FlowError:
         return int(Regime.RUNAWAY), 0
     is_periodic = attractor.kind is AttractorKind.PERIODIC
-    return int(_REGIMES[attractor.kind]), attractor.period if is_periodic else 0
+    return int(Regime[attractor.kind.name]), attractor.period if is_periodic else 0

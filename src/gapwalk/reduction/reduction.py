@@ -154,13 +154,9 @@ class Reduction:
         NumericalError
             If so few harmonics do not suffice for the motion.
         """
-        if isinstance(found, Orbit):
-            from gapwalk.reduction.reduction_error import check_orbit
+        from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 
-            return check_orbit(self, found, method)
-        from gapwalk.reduction.reduction_error import check_branch
-
-        return check_branch(self, found, method)
+        return check_orbit(self, found, method) if isinstance(found, Orbit) else check_branch(self, found, method)
 
     @cached_property
     def _shared(self) -> tuple[list[int], list[int]]:
