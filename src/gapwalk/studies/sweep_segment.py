@@ -84,9 +84,8 @@ def let_settle(
 ) -> Settled:
     """Follow the transient from a state until it has settled.
 
-    It has if its returns after m forcing periods, for one m up to `max_period`, shrink towards a motion that is closer
-    than the tolerance; or if no returns shrink or grow any more, and it does not repeat: it is then on a torus or
-    chaotic. Returns that grow are those of a motion that leaves an unstable one.
+    `gapwalk.attractors.convergence` judges it: its nearest returns shrink towards an orbit that is closer than the
+    tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
 
     Parameters
     ----------
