@@ -16,7 +16,7 @@ TESTS = Path(__file__).parent
 QUICK = (
     "attractors/test_average.py",
     "attractors/test_box.py",
-    "attractors/test_recurrence.py",
+    "attractors/test_convergence.py",
     "attractors/test_rotation.py",
     "attractors/test_section.py",
     "attractors/test_spectrum.py",

@@ -6,7 +6,7 @@ import pytest
 import gapwalk as gw
 from gapwalk.errors import ConvergenceError, ModelError
 from gapwalk.flow.signal import signal_of
-from gapwalk.measurement.misfit import Misfit
+from gapwalk.measurement.alignment import Misfit
 from gapwalk.orbit.find import carry
 from gapwalk.orbit.sensitivity import signal_along
 from tests.systems import linear

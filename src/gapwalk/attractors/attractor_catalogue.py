@@ -23,11 +23,9 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import is_same
 
-_WIDE = 3.0  # largest distance of a motion from an attractor's strobes, in distances between these strobes
-_SHARE = 0.9  # fraction of a motion's strobes that must be so near
+_SPACING = 4.0  # largest distance of a strobe from the sample of its torus or chaos, in spacings of the sample
+_MOST = 0.9  # fraction of the strobes that must be so near
 _CLOSEST = 2e-3  # relative distance that always counts as near: the two may come from different flows
-_SPACING = 4.0  # largest distance of a strobe from the sample of its attractor, in spacings of the sample
-_MOST = 0.9  # fraction of the strobes that must be near
 UNRESOLVED, RUNAWAY = -1, -2
 """Labels of states that lead to no known attractor, and of motions that diverge."""
 
@@ -72,30 +70,32 @@ class AttractorSignature:
         States of the attractor, one forcing period apart.
     scale : shape (2n,)
         Size of the attractor.
+    reach
+        Distance from the strobes, relative to that size, up to which a state belongs to the attractor.
     """
 
     region: TrappingRegion | None
     strobes: NDArray[np.float64]
     scale: NDArray[np.float64]
+    reach: float
 
     @property
     def wide(self) -> bool:
         """True if motions are recognised by their strobes alone."""
         return self.region is None
 
-    def is_home_of(self, track: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Mark the motions that stay near the attractor, shape (count,), from their strobes (strobes, count, 2n)."""
-        from scipy.spatial import cKDTree  # imported late: it takes long
+    def distance(self, track: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Compute the distance of most strobes of motions, shape (strobes, ...); up to 1 they are on the attractor.
 
-        known = self.strobes / self.scale
-        tree = cKDTree(known)
-        apart = float(np.quantile(tree.query(known, k=2)[0][:, 1], 0.99)) if len(known) > 1 else 0.0
-        reach = max(_WIDE * apart, _CLOSEST)
-        finite = np.isfinite(track).all(axis=(0, 2))
-        near = np.zeros(track.shape[1], dtype=bool)
-        distances = tree.query(track[:, finite] / self.scale, distance_upper_bound=reach)[0]
-        near[finite] = (distances < reach).mean(axis=0) >= _SHARE
-        return near
+        The strobes have the shape (strobes, ..., 2n). A motion that has diverged is nan, and its distance is inf.
+        """
+        from scipy.spatial import KDTree  # imported late: it takes long
+
+        finite = np.isfinite(track).all(axis=(0, -1))
+        away = np.full(finite.shape, np.inf)
+        distances = KDTree(self.strobes / self.scale).query(track[:, finite] / self.scale)[0]
+        away[finite] = np.quantile(distances, _MOST, axis=0) / self.reach
+        return away
 
 
 class Sorted(NamedTuple):
@@ -116,27 +116,8 @@ class Sorted(NamedTuple):
     periods: NDArray[np.int_]
 
 
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """Limits on the work of finding the attractors to which states lead.
-
-    Parameters
-    ----------
-    longest
-        The most forcing periods for which a motion is followed with the fast flow.
-    max_period
-        The longest period m of the orbits that are searched for.
-    tries
-        The most motions that are settled and classified one by one with the exact flow.
-    """
-
-    longest: int
-    max_period: int
-    tries: int
-
-
 def explore(
-    catalogue: Catalogue, advance: Advance, states: NDArray[np.float64], effort: Effort
+    catalogue: Catalogue, advance: Advance, states: NDArray[np.float64], *, longest: int, max_period: int, tries: int
 ) -> tuple[Catalogue, NDArray[np.int_]]:
     """Classify states that lead to no known attractor: settle the first, sort the others by its attractor, and repeat.
 
@@ -148,8 +129,12 @@ def explore(
         The flow of many motions.
     states : shape (count, 2n)
         The states.
-    effort
-        Limits on the work.
+    longest
+        The most forcing periods for which a motion is followed with the fast flow.
+    max_period
+        The longest period m of the orbits that are searched for.
+    tries
+        The most motions that are settled and classified one by one with the exact flow.
 
     Returns
     -------
@@ -159,22 +144,22 @@ def explore(
     states = np.array(states, dtype=float)
     labels = np.full(len(states), UNRESOLVED)
     rest = np.arange(len(states))
-    for _ in range(effort.tries):
+    for _ in range(tries):
         if not len(rest):
             break
         first, rest = rest[0], rest[1:]
         known = len(catalogue.attractors)
-        catalogue, labels[first] = _settle_one(catalogue, states[first], effort)
+        catalogue, labels[first] = _settle_one(catalogue, states[first], max_period)
         if labels[first] == known:  # a new attractor, to which others may lead too
-            found = sort_states(advance, states[rest], catalogue.signatures, effort.longest)
+            found = sort_states(advance, states[rest], catalogue.signatures, longest)
             states[rest], labels[rest] = found.states, found.labels
             rest = rest[found.labels == UNRESOLVED]
     return catalogue, labels
 
 
-def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], effort: Effort) -> tuple[Catalogue, int]:
+def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], max_period: int) -> tuple[Catalogue, int]:
     """Label one state with the exact flow; return the catalogue, extended if its attractor is new, and the label."""
-    options = ClassifyOptions(settle=SettleOptions(max_period=effort.max_period))
+    options = ClassifyOptions(settle=SettleOptions(max_period=max_period))
     try:
         attractor = classify(catalogue.system, state, options)
     except FlowError:
@@ -183,10 +168,7 @@ def _settle_one(catalogue: Catalogue, state: NDArray[np.float64], effort: Effort
         return catalogue, UNRESOLVED
     track = attractor.strobes[-_COMPARED:]
     for index, signature in enumerate(catalogue.signatures):
-        if signature.region is None:
-            if signature.is_home_of(track[:, None, :])[0]:
-                return catalogue, index
-        elif signature.region.holds(track).all():
+        if signature.distance(track) <= 1.0 if signature.region is None else signature.region.holds(track).all():
             return catalogue, index
     return catalogue.with_one_more(attractor), len(catalogue.attractors)
 
@@ -225,7 +207,7 @@ def sort_states(
             strobe[:] = states[alive] = advance(states[alive], 1)
         periods[alive] += _WATCHED
         for index, signature in wide:
-            labels[alive[(labels[alive] == UNRESOLVED) & signature.is_home_of(track)]] = index
+            labels[alive[(labels[alive] == UNRESOLVED) & (signature.distance(track) <= 1.0)]] = index
     return Sorted(labels, states, periods)
 
 
@@ -284,22 +266,25 @@ def match(
 
 def distance(attractor: Attractor, states: NDArray[np.float64], tolerance: float = 1e-3) -> float:
     """Return the distance of most of some states, shape (count, 2n), from an attractor; up to 1 they belong to it."""
-    from scipy.spatial import KDTree  # imported late: it takes long
-
-    known = attractor.strobes
-    if states.ndim != 2 or states.shape[1] != known.shape[1]:
-        raise ModelError(f"the states have the shape {states.shape}; it must be (count, {known.shape[1]})")
-    scale = size_of(attractor.system, known)
-    tree = KDTree(known / scale)
-    reach = tolerance
-    if attractor.kind is not AttractorKind.PERIODIC and len(known) > 1:
-        spacing = tree.query(known / scale, k=2)[0][:, 1]
-        reach = max(tolerance, _SPACING * float(np.quantile(spacing, 0.95)))
-    away = tree.query(states / scale)[0]
-    return float(np.quantile(away, _MOST)) / reach
+    length = attractor.strobes.shape[1]
+    if states.ndim != 2 or states.shape[1] != length:
+        raise ModelError(f"the states have the shape {states.shape}; it must be (count, {length})")
+    return float(_signature(attractor, None, tolerance).distance(states))
 
 
 def signature_of(attractor: Attractor) -> AttractorSignature:
     """Build the signature of an attractor."""
     region = None if attractor.orbit is None else trapping_region_of(attractor.orbit)
-    return AttractorSignature(region, attractor.strobes, size_of(attractor.system, attractor.strobes))
+    return _signature(attractor, region, _CLOSEST)
+
+
+def _signature(attractor: Attractor, region: TrappingRegion | None, reach: float) -> AttractorSignature:
+    """Build a signature whose reach is at least the given one, and more for the sample of a torus or of chaos."""
+    from scipy.spatial import KDTree  # imported late: it takes long
+
+    scale = size_of(attractor.system, attractor.strobes)
+    known = attractor.strobes / scale
+    if attractor.kind is not AttractorKind.PERIODIC and len(known) > 1:
+        spacing = KDTree(known).query(known, k=2)[0][:, 1]
+        reach = max(reach, _SPACING * float(np.quantile(spacing, 0.95)))
+    return AttractorSignature(region, attractor.strobes, scale, reach)

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Attractor, AttractorKind, Settled
+from gapwalk.attractors.convergence import exact_returns
 from gapwalk.attractors.lyapunov import Lyapunov, LyapunovOptions, lyapunov_run, of_multipliers
 from gapwalk.attractors.rotation import Rotation, rotation
-from gapwalk.attractors.section import Strobe, size_of
-from gapwalk.attractors.settle import Recurrence, SettleOptions, recurrences, settle
+from gapwalk.attractors.section import Strobe
+from gapwalk.attractors.settle import SettleOptions, settle
 from gapwalk.attractors.trapping_region import nearby_orbit, watch
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
@@ -26,8 +26,9 @@ _STROBES = 4096  # strobes for a rotation number, if the exponents needed fewer
 _KEPT = 2048  # strobes stored in an attractor
 _RELAXED = 12.0  # a torus counts as reached when its slowest mode has decayed by exp(-12)
 _AGAIN = 512  # forcing periods after which a chaotic motion is examined again: its chaos may have been a transient
-_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, below which any period is tried
 _LEAD = 1e-3  # largest error of the leading exponent per forcing period with which a torus differs from chaos
+
+Strobes = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,36 +99,13 @@ def identify(settled: Settled, options: ClassifyOptions | None = None) -> Attrac
     options = options or ClassifyOptions()
     if settled.orbit is not None:
         return _periodic(settled.orbit, settled.evidence)
-    settled, measured = _measured(settled, options)
-    orbit = _late_orbit(settled, measured, options)
+    settled, exponents, strobes = _measured(settled, options)
+    orbit = _late_orbit(settled.system, strobes, options)
     if orbit is not None:
         return _periodic(orbit, (*settled.evidence, "it converged to an orbit while its exponents were averaged"))
-    verdict = _judge(settled, measured, options)
-    strobes = measured.strobes[-_KEPT:]
-    curves = 0 if verdict.rotation is None else verdict.rotation.curves
-    return Attractor(
-        verdict.kind,
-        settled.system,
-        curves,
-        strobes,
-        None,
-        measured.exponents,
-        verdict.rotation,
-        (*settled.evidence, *verdict.evidence),
-    )
-
-
-class _Measured(NamedTuple):
-    """Exponents of a settled motion, and the strobes over which they were averaged."""
-
-    exponents: Lyapunov
-    strobes: NDArray[np.float64]
-
-
-class _Verdict(NamedTuple):
-    kind: AttractorKind
-    rotation: Rotation | None
-    evidence: tuple[str, ...]
+    kind, found, words = _judge(settled, exponents, strobes, options)
+    curves, evidence = 0 if found is None else found.curves, (*settled.evidence, *words)
+    return Attractor(kind, settled.system, curves, strobes[-_KEPT:], None, exponents, found, evidence)
 
 
 def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
@@ -136,86 +114,64 @@ def _periodic(orbit: Orbit, evidence: tuple[str, ...]) -> Attractor:
     return Attractor(AttractorKind.PERIODIC, orbit.system, orbit.period, strobes, orbit, exponents, None, evidence)
 
 
-def _measured(settled: Settled, options: ClassifyOptions) -> tuple[Settled, _Measured]:
-    """Compute the exponents; first settle a slowly approached torus further, until its slowest mode has decayed."""
-    measured = _Measured(*lyapunov_run(settled.system, settled.state, options.lyapunov))
-    missing = _missing_periods(measured.exponents, settled.periods, options)
+def _measured(settled: Settled, options: ClassifyOptions) -> tuple[Settled, Lyapunov, Strobes]:
+    """Compute the exponents, and the strobes over which they are averaged.
+
+    A slowly approached torus is first settled further, until its slowest mode has decayed.
+    """
+    exponents, strobes = lyapunov_run(settled.system, settled.state, options.lyapunov)
+    rates = exponents.per_period
+    falling = rates[rates < -np.maximum(options.zero, options.errors * exponents.errors_per_period)]
+    if not exponents.regular or not len(falling):
+        return settled, exponents, strobes
+    decay = -float(falling.max())  # of the slowest mode, per forcing period
+    missing = int(np.ceil(_RELAXED / decay)) - settled.periods
     if missing <= 0:
-        return settled, measured
-    allowed = min(missing, options.settle.max_periods - settled.periods - len(measured.strobes))
-    state, periods = measured.strobes[-1], settled.periods + len(measured.strobes)
+        return settled, exponents, strobes
+    state, periods = strobes[-1], settled.periods + len(strobes)
+    allowed = min(missing, options.settle.max_periods - periods)
     if allowed > 0:
         state, periods = Strobe(settled.system).run(state, allowed)[-1], periods + allowed
-    note = f"its slowest mode had decayed by exp(-{_decay(measured.exponents, options) * periods:.1f})"
-    measured = _Measured(*lyapunov_run(settled.system, state, options.lyapunov))
-    return replace(settled, periods=periods, evidence=(*settled.evidence, note)), measured
+    evidence = (*settled.evidence, f"its slowest mode had decayed by exp(-{decay * periods:.1f})")
+    return replace(settled, periods=periods, evidence=evidence), *lyapunov_run(settled.system, state, options.lyapunov)
 
 
-def _missing_periods(exponents: Lyapunov, periods: int, options: ClassifyOptions) -> int:
-    decay = _decay(exponents, options)
-    if not exponents.regular or decay <= 0.0:
-        return 0
-    return int(np.ceil(_RELAXED / decay)) - periods
-
-
-def _decay(exponents: Lyapunov, options: ClassifyOptions) -> float:
-    """Return the decay rate per forcing period of the slowest decaying mode; 0 if no mode decays."""
-    rates, errors = exponents.per_period, exponents.errors_per_period
-    falling = rates[rates < -np.maximum(options.zero, options.errors * errors)]
-    return -float(falling.max()) if len(falling) else 0.0
-
-
-def _late_orbit(settled: Settled, measured: _Measured, options: ClassifyOptions) -> Orbit | None:
+def _late_orbit(system: System, strobes: Strobes, options: ClassifyOptions) -> Orbit | None:
     """Return the orbit to which the motion has converged meanwhile, if any; its period may be long."""
-    again = replace(options.settle, max_periods=_AGAIN)
-    orbit = settle(settled.system, measured.strobes[-1], again).orbit
+    last, strobe = strobes[-1], Strobe(system)
+    orbit = settle(system, last, replace(options.settle, max_periods=_AGAIN)).orbit
     if orbit is not None:
         return orbit
-    last, strobe = measured.strobes[-1], Strobe(settled.system)
-    for period in [each.period for each in _returns(settled.system, measured.strobes)]:
-        orbit = nearby_orbit(strobe, last, period, 0.0)
+    for each in exact_returns(system, strobes[-_KEPT:]):
+        orbit = nearby_orbit(strobe, last, each.period, 0.0)
         if orbit is not None and watch(strobe, last, orbit, 0.0).converging:
             return orbit
     return None
 
 
-def _returns(system: System, strobes: NDArray[np.float64]) -> list[Recurrence]:
-    """Find periods after which the last strobes return more closely than on any torus, however small, or in chaos."""
-    tail = strobes[-_KEPT:]
-    tail = tail - tail.mean(axis=0)
-    return recurrences(tail / size_of(system, tail), len(tail) // 2, _TIGHT)
-
-
-def _judge(settled: Settled, measured: _Measured, options: ClassifyOptions) -> _Verdict:
-    lead = float(measured.exponents.per_period[0])
-    error = float(measured.exponents.errors_per_period[0])
+def _judge(
+    settled: Settled, exponents: Lyapunov, strobes: Strobes, options: ClassifyOptions
+) -> tuple[AttractorKind, Rotation | None, tuple[str, ...]]:
+    """Return the kind of a motion that is not periodic, its rotation number if it has one, and the evidence."""
+    lead, error = float(exponents.per_period[0]), float(exponents.errors_per_period[0])
     text = f"its largest exponent is {lead:.3g} +- {error:.1g} per forcing period"
     if lead > options.zero and lead > options.errors * error:
-        if measured.exponents.regular:  # a regular motion on an attractor has no positive exponent
-            return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",))
-        return _Verdict(AttractorKind.CHAOTIC, None, (f"{text}: positive",))
+        if exponents.regular:  # a regular motion on an attractor has no positive exponent
+            return AttractorKind.UNDECIDED, None, (f"{text}, but regular: it is leaving an unstable motion",)
+        return AttractorKind.CHAOTIC, None, (f"{text}: positive",)
     if lead < -options.zero and lead < -options.errors * error:
-        return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",))
-    returns = _returns(settled.system, measured.strobes)
-    if returns:
-        words = (
-            f"it returns to {returns[0].distance:.1e} after {returns[0].period} forcing periods, but attracts nothing"
-        )
-        return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: zero", words))
-    found = rotation(_enough(settled, measured))
+        return AttractorKind.UNDECIDED, None, (f"{text}: negative, but no orbit was found; raise max_period",)
+    for period, away in exact_returns(settled.system, strobes[-_KEPT:])[:1]:
+        words = f"it returns to {away:.1e} after {period} forcing periods, but attracts nothing"
+        return AttractorKind.UNDECIDED, None, (f"{text}: zero", words)
+    if len(strobes) < _STROBES:
+        strobes = np.vstack((strobes, Strobe(settled.system).run(strobes[-1], _STROBES - len(strobes))))
+    found = rotation(strobes)
     if found is not None and error <= _LEAD:
         how = f"its strobes go round {found.curves} closed curve{'s' * (found.curves > 1)} (roughness"
-        words = (f"{text}: zero", f"{how} {found.roughness:.3f}), rotation number {found.number:.9g}")
-        return _Verdict(AttractorKind.QUASI_PERIODIC, found, words)
-    zeros = int(np.sum(np.abs(measured.exponents.per_period) <= options.zero))
-    if zeros > 1 and measured.exponents.regular and settled.converged:
-        return _Verdict(AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as are {zeros - 1} others",))
-    return _Verdict(AttractorKind.UNDECIDED, None, (f"{text}: zero within its error, but its strobes lie on no curve",))
-
-
-def _enough(settled: Settled, measured: _Measured) -> NDArray[np.float64]:
-    """Return enough strobes for a rotation number; follow the motion further if necessary."""
-    missing = _STROBES - len(measured.strobes)
-    if missing <= 0:
-        return measured.strobes
-    return np.vstack((measured.strobes, Strobe(settled.system).run(measured.strobes[-1], missing)))
+        words = f"{how} {found.roughness:.3f}), rotation number {found.number:.9g}"
+        return AttractorKind.QUASI_PERIODIC, found, (f"{text}: zero", words)
+    zeros = int(np.sum(np.abs(exponents.per_period) <= options.zero))
+    if zeros > 1 and exponents.regular and settled.converged:
+        return AttractorKind.QUASI_PERIODIC, None, (f"{text}: zero, as are {zeros - 1} others",)
+    return AttractorKind.UNDECIDED, None, (f"{text}: zero within its error, but its strobes lie on no curve",)

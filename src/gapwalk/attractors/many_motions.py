@@ -14,12 +14,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.rattle import innermost_switches
 from gapwalk.attractors.section import Strobe
-from gapwalk.ensemble.accuracy import Trial, judge
 from gapwalk.ensemble.batch import Batch, BatchOptions, batch_of
-from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, batch_flow_of
+from gapwalk.ensemble.batch_flow import LIMIT, BlockPlan, Blocks, Trial, batch_flow_of, judge
 from gapwalk.errors import FlowError
-from gapwalk.flow.motion import integrate, switch_names
+from gapwalk.flow.motion import integrate
 from gapwalk.model.system import System
 
 _SAMPLES = 512  # per forcing period, for peaks of forces
@@ -142,6 +142,7 @@ class ExactMotions:
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self.system.structure.contacts)), np.nan)
         impacts = np.full(peaks.shape, np.nan)
+        names, innermost = [contact.name for contact in self.system.structure.contacts], innermost_switches(self.system)
         for index in np.flatnonzero(finite_rows(states)).tolist():
             try:
                 motion = integrate(self._system(index), states[index], periods, _SAMPLES)
@@ -149,7 +150,11 @@ class ExactMotions:
                 continue
             ends[index] = np.concatenate((motion.q[-1], motion.v[-1]))
             peaks[index] = np.abs(motion.forces).max(axis=0)
-            impacts[index] = _closings(self.system, motion.events) / periods
+            closings = np.zeros(impacts.shape[1])
+            for contact, _, switch in innermost:
+                entries = [event for event in motion.events if event.enters and event.switch == switch]
+                closings[names.index(contact)] += len(entries)
+            impacts[index] = closings / periods
         return ContactFigures(ends, peaks, impacts)
 
     def part(self, which: NDArray[np.intp]) -> ExactMotions:
@@ -165,18 +170,6 @@ class ExactMotions:
 def finite_rows(states: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the states, shape (count, 2n), of motions that have not diverged."""
     return np.asarray(np.isfinite(states).all(axis=1))
-
-
-def _closings(system: System, events) -> NDArray[np.float64]:
-    """Count the closings of the innermost stages of each contact."""
-    places = {contact.name: index for index, contact in enumerate(system.structure.contacts)}
-    innermost: dict[tuple[str, int], int] = {}
-    for switch, (name, _, side) in enumerate(switch_names(system)):
-        innermost.setdefault((name, side), switch)
-    counts = np.zeros(len(places))
-    for (name, _), switch in innermost.items():
-        counts[places[name]] += sum(event.enters and event.switch == switch for event in events)
-    return counts
 
 
 class BatchMotions:
@@ -210,22 +203,20 @@ class BatchMotions:
     def advance(self, states: NDArray[np.float64], periods: int) -> NDArray[np.float64]:
         """See `ManyMotions.advance`."""
         ends = np.full(states.shape, np.nan)
-        finite = finite_rows(states)
-        if finite.any():
-            ends[finite] = self._run(states, finite, periods).states
+        if run := self._run(states, periods):
+            which, blocks = run
+            ends[which] = blocks.states
         return ends
 
     def strobes(self, states: NDArray[np.float64], periods: int, after: int = 0) -> NDArray[np.float64]:
         """See `ManyMotions.strobes`; computed in one run, because each run starts with a small error of its own."""
         track = np.full((periods, *states.shape), np.nan)
-        finite = finite_rows(states)
-        if not finite.any():
-            return track
-        blocks = self._run(states, finite, after + 1)
-        for row in track[:-1]:
-            row[finite] = blocks.states
-            blocks.advance(1)
-        track[-1, finite] = blocks.states
+        if run := self._run(states, after + 1):
+            which, blocks = run
+            for row in track[:-1]:
+                row[which] = blocks.states
+                blocks.advance(1)
+            track[-1, which] = blocks.states
         return track
 
     def contacts(self, states: NDArray[np.float64], periods: int) -> ContactFigures:
@@ -233,9 +224,10 @@ class BatchMotions:
         ends = np.full(states.shape, np.nan)
         peaks = np.full((len(states), len(self._batch.systems[0].structure.contacts)), np.nan)
         impacts = peaks.copy()
-        finite = finite_rows(states)
-        if finite.any():
-            ends[finite], peaks[finite], impacts[finite] = self._run(states, finite, periods, True).figures(periods)
+        if run := self._run(states, periods, survey=True):
+            which, blocks = run
+            survey = blocks.survey(periods)
+            ends[which], peaks[which], impacts[which] = blocks.states, survey.peak_force, survey.impacts.sum(axis=2)
         return ContactFigures(ends, peaks, impacts)
 
     def part(self, which: NDArray[np.intp]) -> BatchMotions:
@@ -244,43 +236,28 @@ class BatchMotions:
         return BatchMotions(self._batch, self._block_plan, lanes, self._trials)
 
     def _run(
-        self, states: NDArray[np.float64], finite: NDArray[np.bool_], periods: int, survey: bool = False
-    ) -> _Blocks:
-        """Advance the motions that have not diverged; compare some of them with the exact flow in the first period."""
-        which = np.flatnonzero(finite)
+        self, states: NDArray[np.float64], periods: int, survey: bool = False
+    ) -> tuple[NDArray[np.intp], Blocks] | None:
+        """Advance the motions that have not diverged; compare some of them with the exact flow in the first period.
+
+        Returns the indices of these motions, and their blocks; None if all have diverged.
+        """
+        which = np.flatnonzero(finite_rows(states))
+        count = len(which)
+        if not count:
+            return None
+        if count == 1:  # a single lane would need another compiled kernel
+            which = np.repeat(which, 2)
         lanes = np.zeros(len(which), dtype=np.intp) if self._lanes is None else self._lanes[which]
-        blocks = _Blocks(self._block_plan, lanes, states[which], survey)
+        block_plan = self._block_plan if self._block_plan.shared else self._block_plan.some(lanes)
+        blocks = Blocks(block_plan, states[which], 0, 0, survey, 1)
+        if survey:
+            blocks.begin_survey()
         blocks.advance(1)
         after = blocks.states
-        for index in self._random.choice(len(which), min(_LOOKS, len(which)), replace=False):
+        for index in self._random.choice(count, min(_LOOKS, count), replace=False):
             trial = Trial(0, states[which[index]], after[index])
             self._trials.append((trial, self._batch.system(int(lanes[index]))))
         if periods > 1:
             blocks.advance(periods - 1)
-        return blocks
-
-
-class _Blocks:
-    """The run of some lanes; a single lane is duplicated, because one lane would need another compiled kernel."""
-
-    def __init__(
-        self, block_plan: BlockPlan, lanes: NDArray[np.intp], states: NDArray[np.float64], survey: bool
-    ) -> None:
-        self.count = len(states)
-        if self.count == 1:
-            lanes, states = np.repeat(lanes, 2), np.repeat(states, 2, axis=0)
-        self._blocks = Blocks(block_plan if block_plan.shared else block_plan.some(lanes), states, 0, 0, survey, 1)
-        if survey:
-            self._blocks.begin_survey()
-
-    @property
-    def states(self) -> NDArray[np.float64]:
-        return self._blocks.states[: self.count]
-
-    def advance(self, periods: int) -> None:
-        self._blocks.advance(periods)
-
-    def figures(self, periods: int) -> ContactFigures:
-        survey = self._blocks.survey(periods)
-        impacts = survey.impacts.sum(axis=2)
-        return ContactFigures(self.states, survey.peak_force[: self.count], impacts[: self.count])
+        return which, blocks

@@ -23,22 +23,11 @@ from gapwalk.flow.motion import Motion, sample, signal_factor, switch_names
 from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.system import System
-from gapwalk.model.units import Units
 from gapwalk.orbit.orbit import Orbit
 
 _ORDER = 12  # nodes in each interval
 _WIDEST = PERIOD / 32  # largest width of an interval
 _NARROWEST = 1e-9  # narrower intervals between events are omitted
-_OF_SIDES = ("velocity", "fastest", "peak force", "loss", "costliest")
-_OF_CONTACTS = ("peak force", "rms force", "power")
-_OF_SIGNALS = ("rms", "peak")
-_UNITS = dict(
-    zip(
-        (*_OF_SIDES, *_OF_CONTACTS[1:], *_OF_SIGNALS),
-        ("", "", "N m", "J", "J", "N m", "W", "rad/s^2", "rad/s^2"),
-        strict=True,
-    )
-)
 _PERIODS = 256  # forcing periods over which a motion without period is evaluated
 
 
@@ -80,20 +69,27 @@ class Rattle:
         return max(each.kurtosis for each in self.coordinates)
 
     def __repr__(self) -> str:
+        units = self.system.units
+        velocity = units.state("'") if units else ""
+
+        def of(name: str, unit: str) -> str:
+            return f"{name} [{unit}]" if units else name
+
+        peak = of("peak force", "N m")
+        speeds = of("velocity", velocity), of("fastest", velocity)
         sides = [
             (f"{s.contact} {s.side:+d}", s.impacts, s.velocity, s.fastest, s.peak, s.loss, s.costliest)
             for s in self.sides
         ]
         loads = [(c.contact, c.closed, c.peak, c.rms, c.power) for c in self.contacts]
-        units = self.system.units
         signals = [(f"{c.coordinate}''", c.rms, c.peak, c.crest, c.kurtosis) for c in self.coordinates]
-        return "\n\n".join(
-            (
-                _table(_headed(("impacts", "a period", *_OF_SIDES), units), sides),
-                _table(_headed(("contact", "closed", *_OF_CONTACTS), units), loads),
-                _table(_headed(("signal", *_OF_SIGNALS, "crest factor", "kurtosis"), units), signals),
-            )
+        sizes = of("rms", "rad/s^2"), of("peak", "rad/s^2")
+        tables = (
+            _table(("impacts", "a period", *speeds, peak, of("loss", "J"), of("costliest", "J")), sides),
+            _table(("contact", "closed", peak, of("rms force", "N m"), of("power", "W")), loads),
+            _table(("signal", *sizes, "crest factor", "kurtosis"), signals),
         )
+        return "\n\n".join(tables)
 
 
 class Quadrature(NamedTuple):
@@ -269,7 +265,7 @@ def impacts(system: System, along: Quadrature) -> tuple[Impact, ...]:
     losses = damping_power(system, along) * along.weights[:, None]
     names = [form.name for form in system.structure.contacts]
     found = []
-    for contact, side, switch in _innermost(system):
+    for contact, side, switch in innermost_switches(system):
         place = names.index(contact)
         for closes, opens in _closures(along.motion.events, switch):
             inside = np.flatnonzero((along.motion.theta > closes.theta) & (along.motion.theta < opens.theta))
@@ -288,7 +284,7 @@ def damping_power(system: System, along: Quadrature) -> NDArray[np.float64]:
     return (motion.forces - springs) * rates
 
 
-def _innermost(system: System) -> list[tuple[str, int, int]]:
+def innermost_switches(system: System) -> list[tuple[str, int, int]]:
     """List contact, side and switch of the innermost stage on each side of each contact."""
     found: dict[tuple[str, int], int] = {}
     for switch, (contact, _, side) in enumerate(switch_names(system)):
@@ -396,11 +392,3 @@ def _table(head: tuple[str, ...], rows: list[tuple]) -> str:
         for row in cells
     ]
     return "\n".join(line.rstrip() for line in lines)
-
-
-def _headed(head: tuple[str, ...], units: Units | None) -> tuple[str, ...]:
-    """Add the units to the headings of the columns."""
-    if units is None:
-        return head
-    known = _UNITS | dict.fromkeys(_OF_SIDES[:2], units.state("'"))
-    return tuple(f"{name} [{known[name]}]" if name in known else name for name in head)

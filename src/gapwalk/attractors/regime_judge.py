@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import AttractorKind
 from gapwalk.attractors.classify import classify
+from gapwalk.attractors.convergence import judge_returns
 from gapwalk.attractors.many_motions import ExactMotions, ManyMotions
 from gapwalk.attractors.regimes import Regime
 from gapwalk.attractors.section import check_count
@@ -28,10 +29,6 @@ from gapwalk.errors import FlowError, ModelError
 from gapwalk.model.system import System
 
 _FIRST = 64  # forcing periods before the first test for returns; the total grows by half before each further test
-_RETURNED = 1e-6  # change over one return, relative to the size of the motion, below which it may have converged
-_ARRIVED = 1e-4  # distance from the extrapolated end of all returns below which a motion counts as periodic
-_EXACT = 1e-11  # change over one return below which only rounding is left
-_CLEAR = 1e3  # a motion must have been this many times farther away between two returns than it still has to move
 LONGEST_RETURN = 128  # longest period in forcing periods that is tried for a contracting motion
 _APART = 1e-9  # distance of the second motion, relative to the size of the motion
 _STRETCH = 16  # forcing periods after which the second motion is reset to that distance
@@ -105,84 +102,81 @@ def judge(
     regime_judge = _RegimeJudge(motions, states, frequencies, options)
     regime_judge.wait_for_returns()
     regime_judge.measure_growth()
-    regime_judge.look_at_contacts()
-    return regime_judge.verdicts()
+    if options.forces:
+        regime_judge.look_at_contacts()
+    return regime_judge.found
 
 
 class _RegimeJudge:
-    """Classifies many motions."""
+    """Classifies many motions; fills in what it has found."""
 
     def __init__(
         self, motions: ManyMotions, states: NDArray[np.float64], frequencies: NDArray, options: RegimeOptions
     ) -> None:
         self.motions, self.options = motions, options
-        self.states = np.array(states, dtype=float)
-        self.weights = np.ones_like(self.states)  # velocities become derivatives over theta
-        self.weights[:, self.states.shape[1] // 2 :] = 1.0 / frequencies[:, None]
-        count = len(states)
-        self.regimes = np.full(count, int(Regime.UNDECIDED))
-        self.periods = np.zeros(count, dtype=int)
-        self.exponents = np.full(count, np.nan)
-        self.peaks = self.impacts = np.empty((count, 0))
-
-    def verdicts(self) -> Verdicts:
-        return Verdicts(self.regimes, self.periods, self.exponents, self.peaks, self.impacts, self.states)
+        count, size = states.shape
+        self.weights = np.ones((count, size))  # velocities become derivatives over theta
+        self.weights[:, size // 2 :] = 1.0 / frequencies[:, None]
+        none = np.empty((count, 0))
+        regimes, periods = np.full(count, int(Regime.UNDECIDED)), np.zeros(count, dtype=int)
+        self.found = Verdicts(regimes, periods, np.full(count, np.nan), none, none, np.array(states, dtype=float))
 
     def wait_for_returns(self) -> None:
         """Follow each motion until it is periodic, or up to the allowed number of forcing periods."""
-        rest, total = np.arange(len(self.states)), 0
+        rest, total = np.arange(len(self.found.states)), 0
         while len(rest) and total < self.options.longest:
             step = min(max(_FIRST, total // 2), self.options.longest - total)
             rest = self._find_returns(rest, self.options.max_period, step)
-            total += step + 2 * self.options.max_period + 1
+            total += step + 3 * self.options.max_period + 1
 
     def measure_growth(self) -> None:
         """Classify the motions that are not periodic by their largest exponent."""
-        rest = np.flatnonzero(self.regimes == Regime.UNDECIDED)
+        rest = np.flatnonzero(self.found.regimes == Regime.UNDECIDED)
         for periods, folds in zip(_LOOKS, _FOLDS, strict=True):
             if not len(rest):
                 return
             mean, error = self._exponents(rest, periods)
-            self.exponents[rest] = mean
+            self.found.exponents[rest] = mean
             is_sure = (np.abs(mean) > _ERRORS * error) & (np.abs(mean) * periods > folds)
-            self.regimes[rest[is_sure & (mean > 0)]] = Regime.CHAOTIC
+            self.found.regimes[rest[is_sure & (mean > 0)]] = Regime.CHAOTIC
             self._find_returns(rest[is_sure & (mean < 0)], LONGEST_RETURN)
             rest = rest[~is_sure]
         rest = self._find_returns(rest, self.options.max_period)  # a slow transient may have ended meanwhile
-        is_bounded = np.abs(self.exponents[rest]) * _LOOKS[-1] <= _FOLDS[-1]
-        self.regimes[rest[is_bounded]] = Regime.QUASI_PERIODIC
+        is_bounded = np.abs(self.found.exponents[rest]) * _LOOKS[-1] <= _FOLDS[-1]
+        self.found.regimes[rest[is_bounded]] = Regime.QUASI_PERIODIC
 
     def look_at_contacts(self) -> None:
         """Compute peak forces and impacts, over whole periods for the periodic motions."""
-        if not self.options.forces:
-            return
-        lengths = np.where(self.periods > 0, self.periods, _FORCES)
+        peaks = impacts = self.found.peaks
+        lengths = np.where(self.found.periods > 0, self.found.periods, _FORCES)
         for length in np.unique(lengths):
             which = np.flatnonzero(lengths == length)
-            found = self.motions.part(which).contacts(self.states[which], int(length))
-            if not self.peaks.size:
-                self.peaks = np.full((len(self.states), found.peaks.shape[1]), np.nan)
-                self.impacts = self.peaks.copy()
-            self.states[which] = found.states
-            self.peaks[which], self.impacts[which] = found.peaks, found.impacts
+            found = self.motions.part(which).contacts(self.found.states[which], int(length))
+            if not peaks.size:
+                peaks = np.full((len(lengths), found.peaks.shape[1]), np.nan)
+                impacts = peaks.copy()
+            self.found.states[which], peaks[which], impacts[which] = found
+        self.found = self.found._replace(peaks=peaks, impacts=impacts)
 
     def _find_returns(self, which: NDArray[np.intp], longest: int, after: int = _FIRST) -> NDArray[np.intp]:
         """Follow motions, mark those that return within `longest` forcing periods afterwards, and return the others."""
         if not len(which):
             return which
-        track = self.motions.part(which).strobes(self.states[which], 2 * longest + 1, after)
-        self.states[which] = track[-1]
+        track = self.motions.part(which).strobes(self.found.states[which], 3 * longest + 1, after)
+        self.found.states[which] = track[-1]
         is_lost = ~np.isfinite(track).all(axis=(0, 2))
-        self.regimes[which[is_lost]] = Regime.RUNAWAY
+        self.found.regimes[which[is_lost]] = Regime.RUNAWAY
         which = which[~is_lost]
-        periods = _periods(track[:, ~is_lost] * self.weights[which], longest)
+        track = track[:, ~is_lost] * self.weights[which]
+        sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
+        periods = judge_returns(track / sizes[:, None], longest).periods
         returned = which[periods > 0]
-        self.periods[returned], self.regimes[returned] = periods[periods > 0], Regime.PERIODIC
+        self.found.periods[returned], self.found.regimes[returned] = periods[periods > 0], Regime.PERIODIC
         return which[periods == 0]
 
     def _exponents(self, which: NDArray[np.intp], periods: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the largest exponent of motions per forcing period, and its standard error."""
-        state, weights = self.states[which], self.weights[which]
+        state, weights = self.found.states[which], self.weights[which]
         pairs = self.motions.part(np.concatenate((which, which)))
         apart = _APART * np.abs(state * weights).max(axis=1, keepdims=True)
         direction = np.random.default_rng(_SEED).normal(size=state.shape[1])
@@ -196,37 +190,10 @@ class _RegimeJudge:
             grown = growth > np.finfo(float).eps / _APART  # else only rounding is left: use the previous direction
             row[:] = np.log(np.where(grown, growth, np.finfo(float).eps / _APART))
             direction = np.where(grown[:, None], offset / np.where(grown, growth, 1.0)[:, None], direction)
-        self.states[which] = state
+        self.found.states[which] = state
         logs = logs[len(logs) // 8 :] / _STRETCH  # omit the start, before the directions have aligned
         blocks = np.array([block.mean(axis=0) for block in np.array_split(logs, _BLOCKS)])
         return logs.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(_BLOCKS)
-
-
-def _periods(track: NDArray[np.float64], longest: int) -> NDArray[np.int_]:
-    """Return the number of forcing periods after which motions return, at most `longest`; 0 if they do not.
-
-    With d1 and d2 the changes over two successive returns, all further changes add up to ``d2^2 / (d1 - d2)``. A motion
-    that spirals into an orbit also returns by chance after longer times, so it must have been far away in between.
-
-    Parameters
-    ----------
-    track : shape (2 longest + 1, count, 2n)
-        Strobes of the motions, weighted.
-    longest
-        The longest period.
-    """
-    sizes = np.maximum(np.abs(track).max(axis=(0, 2)), np.finfo(float).tiny)
-    periods, nearest = np.zeros(track.shape[1], dtype=int), np.full(track.shape[1], np.inf)
-    for m in range(1, longest + 1):
-        first = np.abs(track[m] - track[0]).max(axis=1) / sizes
-        second = np.abs(track[2 * m] - track[m]).max(axis=1) / sizes
-        with np.errstate(divide="ignore", invalid="ignore"):  # where it does not shrink
-            missing = np.where(second < first, second + second**2 / (first - second), np.inf)
-        missing[second <= _EXACT] = _EXACT
-        ends = (second <= _RETURNED) & (missing <= _ARRIVED) & (nearest > _CLEAR * missing)
-        periods[ends & (periods == 0)] = m
-        nearest = np.minimum(nearest, first)
-    return periods
 
 
 Finding = tuple[int, int]
@@ -240,13 +207,6 @@ _LOCKED = SettleOptions(max_periods=4 * LONGEST_RETURN, max_period=LONGEST_RETUR
 
 _CONTRACTING = -1e-3
 """Exponent per forcing period below which a motion that seems quasi-periodic may be locked to a long period."""
-
-_REGIMES = {
-    AttractorKind.PERIODIC: Regime.PERIODIC,
-    AttractorKind.QUASI_PERIODIC: Regime.QUASI_PERIODIC,
-    AttractorKind.CHAOTIC: Regime.CHAOTIC,
-    AttractorKind.UNDECIDED: Regime.UNDECIDED,
-}
 
 
 def settle_doubts(verdicts: Verdicts, systems: Sequence[Callable[[], System]]) -> Verdicts:
@@ -281,4 +241,4 @@ def take_another_look(system: System, state: NDArray[np.float64]) -> Finding:
     except FlowError:
         return int(Regime.RUNAWAY), 0
     is_periodic = attractor.kind is AttractorKind.PERIODIC
-    return int(_REGIMES[attractor.kind]), attractor.period if is_periodic else 0
+    return int(Regime[attractor.kind.name]), attractor.period if is_periodic else 0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
+from gapwalk.flow.flow import PERIOD, Arc, flow_of
 from gapwalk.flow.forces import accelerations
 from gapwalk.flow.motion import Motion, check_state
 from gapwalk.model.coefficients import coefficients_of, layout_of
@@ -165,7 +165,7 @@ class _Crossings:
     """Finds the crossings of one plane by one motion, one forcing period at a time."""
 
     def __init__(self, system: System, plane: Plane) -> None:
-        self._plane, self._height = plane, Height(system, plane)
+        self._system, self._plane, self._weights = system, plane, plane.weights(system)
         self._flow, self._coefficients = flow_of(system), coefficients_of(system)
         self.found: list[tuple[float, NDArray[np.float64]]] = []
 
@@ -173,72 +173,50 @@ class _Crossings:
         """Record all crossings of the period that begins at `start`; return the state at its end."""
         thetas = start + PERIOD * np.arange(_SAMPLES + 1) / _SAMPLES
         states, _ = self._flow.sample(self._coefficients, state, thetas)
-        heights, slopes = self._height.of(states), self._height.slope(thetas, states)
+        heights, slopes = self._height(states), self._slope(thetas, states)
         crossed = np.sign(heights[:-1]) != np.sign(heights[1:])
         approaching = (heights[:-1] * slopes[:-1] < 0.0) & (heights[1:] * slopes[1:] > 0.0)
         for k in np.flatnonzero(crossed | approaching):
-            step = _Step(self._flow, self._coefficients, float(thetas[k]), float(thetas[k + 1]), states[k])
-            for theta, before in step.crossings(self._height):
-                if self._plane.crossing.takes(before):
-                    self.found.append((theta, step.at(theta)))
+            self._find(float(thetas[k]), float(thetas[k + 1]), states[k])
         return states[-1]
 
+    def _height(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the signed distance of states, shape (..., 2n), from the plane."""
+        return states @ self._weights - self._plane.level
 
-class Height:
-    """Computes the signed distance of states from a plane, and its derivative over theta."""
-
-    def __init__(self, system: System, plane: Plane) -> None:
-        self._weights, self._level, self._n = plane.weights(system), plane.level, system.size
-        self._layout, self._coefficients = layout_of(system.structure), coefficients_of(system)
-        self._rate = 1.0 / system.frequency
-
-    def of(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the signed distance of states, shape (..., 2n)."""
-        return states @ self._weights - self._level
-
-    def slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slope(self, theta: NDArray[np.float64] | float, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivative of that distance over theta."""
-        n = self._n
+        n = self._system.size
         q, v = states[..., :n], states[..., n:]
-        a = accelerations(self._layout, self._coefficients, theta, q, v)
-        return self._rate * (v @ self._weights[:n] + a @ self._weights[n:])
+        a = accelerations(layout_of(self._system.structure), self._coefficients, theta, q, v)
+        return (1.0 / self._system.frequency) * (v @ self._weights[:n] + a @ self._weights[n:])
 
+    def _find(self, start: float, stop: float, state: NDArray[np.float64]) -> None:
+        """Record the crossings in a short interval that begins at a state."""
 
-class _Step:
-    """A short interval of a motion in which it may cross a plane."""
+        def at(theta: float) -> NDArray[np.float64]:
+            return self._flow.integrate(self._coefficients, state, start, theta).state if theta > start else state
 
-    def __init__(self, flow: Flow, coefficients, start: float, stop: float, state: NDArray[np.float64]) -> None:
-        self._flow, self._coefficients = flow, coefficients
-        self.start, self.stop, self.state = start, stop, state
-
-    def at(self, theta: float) -> NDArray[np.float64]:
-        """Return the state at an angle in the interval."""
-        if theta <= self.start:
-            return self.state
-        return self._flow.integrate(self._coefficients, self.state, self.start, theta).state
-
-    def crossings(self, height: Height) -> list[tuple[float, float]]:
-        """Return the angles of the crossings in order, each with the height before it."""
-
-        def level(theta: float) -> float:
-            return float(height.of(self.at(theta)))
+        def height(theta: float) -> float:
+            return float(self._height(at(theta)))
 
         def slope(theta: float) -> float:
-            return float(height.slope(theta, self.at(theta)))
+            return float(self._slope(theta, at(theta)))
 
-        first, last = level(self.start), level(self.stop)
-        if first == 0.0:  # starts on the plane: that crossing belongs to the previous interval
-            first = slope(self.start)
-            if first * last > 0.0:
-                return []
-            return [(_root(level, _root(slope, self.start, self.stop), self.stop), first)]  # it turns and comes back
-        if first * last <= 0.0:
-            return [(_root(level, self.start, self.stop), first)]
-        turn = _root(slope, self.start, self.stop)
-        middle = level(turn)
-        if middle * first >= 0.0:
-            return []
-        return [(_root(level, self.start, turn), first), (_root(level, turn, self.stop), middle)]
+        crossings: list[tuple[float, float]] = []  # the angle of each, and the height (or slope) before it
+        first, last = height(start), height(stop)
+        if first == 0.0:  # it starts on the plane: that crossing belongs to the previous interval
+            first = slope(start)
+            if first * last <= 0.0:  # it turns and comes back
+                crossings = [(_root(height, _root(slope, start, stop), stop), first)]
+        elif first * last <= 0.0:
+            crossings = [(_root(height, start, stop), first)]
+        else:
+            turn = _root(slope, start, stop)
+            middle = height(turn)
+            if middle * first < 0.0:
+                crossings = [(_root(height, start, turn), first), (_root(height, turn, stop), middle)]
+        self.found += [(theta, at(theta)) for theta, before in crossings if self._plane.crossing.takes(before)]
 
 
 def _root(function: Callable[[float], float], start: float, stop: float) -> float:

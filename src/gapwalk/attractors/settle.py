@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.attractors.attractor import Settled
-from gapwalk.attractors.lyapunov import birkhoff_mean, birkhoff_spread
+from gapwalk.attractors.convergence import TOLERANCES, Drift, drift_of, exact_returns, recurrences
 from gapwalk.attractors.section import Strobe, check_count, size_of
 from gapwalk.attractors.trapping_region import Approach, nearby_orbit, pushed_off, watch
 from gapwalk.errors import ModelError
@@ -24,56 +23,11 @@ from gapwalk.model.system import System, check_system
 from gapwalk.orbit.find import initial_state
 from gapwalk.orbit.orbit import Orbit
 
-_BETTER = 0.5  # a longer period counts only if its distance is smaller than the shorter ones' by this factor
-# Numbers of blocks, and the allowed trend over them in standard errors. Few long blocks show the slow decay of a torus,
-# because its weighted averages are then sharp; but errors from few blocks are themselves uncertain.
-_LEVELS = ((16, 4.5), (8, 6.0), (5, 12.0))
-_SMALL = 0.01  # weight of the differences over a nearest return: they may change by a hundred times the tolerance
-_NOTHING = 1e-20  # square of a difference that is only rounding
-_IRREGULAR = 1e-3  # spread of weighted averages, relative to the signal's deviation, above which a motion is chaotic
 _FIRST = 8  # forcing periods before the first test; the total grows by half before each further test
 _STATIONARY = 1024  # the fewest forcing periods after which a motion may count as settled without being periodic
-_PROMISING = 0.05  # distance of return, relative to the motion, below which a period is tried
-_TIGHT = 1e-6  # distance of return, relative to the spread of the strobes, that no torus and no chaos reaches
 _REST = 1e-3  # size of a motion, relative to the largest so far, below which it may approach a static equilibrium
 _KEPT = 1024  # strobes stored in the record
 _FAR = 0.01  # distance from an unstable orbit, relative to the motion, above which the motion is not displaced
-
-
-class Recurrence(NamedTuple):
-    """A number of forcing periods, and the distance of the motion from its start after them, relative to its size."""
-
-    period: int
-    distance: float
-
-
-class Drift(NamedTuple):
-    """The change of the averages of a motion along part of it.
-
-    Attributes
-    ----------
-    change
-        The largest change, between the halves, of the weighted average of a scaled state or of a product of two.
-    trend
-        The largest linear trend of averages over blocks, in its standard errors, relative to the allowed one. The
-        errors come from the residual of the trend, so a slow decay cannot hide by increasing its own error.
-    irregular
-        True if weighted averages converge as slowly as those of chaotic motion.
-    """
-
-    change: float
-    trend: float
-    irregular: bool
-
-    def is_settled(self, tolerance: float) -> bool:
-        """Return True if the change is within the tolerance, or, for irregular motion, the trend within its errors."""
-        return self.change <= tolerance or (self.irregular and self.trend <= 1.0)
-
-    def text(self, tolerance: float) -> str:
-        """Describe a settled motion in words."""
-        if self.change > tolerance:
-            return f"its averages fluctuate without a trend (at most {self.trend:.2f} of a significant one)"
-        return f"its averages change by no more than {self.change:.1e}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,160 +95,72 @@ def settle(
 
 
 class _Transient:
-    """A transient that is being followed."""
+    """A transient that is being followed, with its strobes since the start or since it was displaced."""
 
     def __init__(self, system: System, state: NDArray[np.float64], options: SettleOptions) -> None:
         self.strobe, self.options = Strobe(system), options
-        self.blocks = [state[None, :]]
-        self.periods, self.drift = 0, Drift(np.inf, np.inf, irregular=False)
+        self.states, self.periods = state[None, :], 0
+        self.drift = Drift(np.inf, np.inf, irregular=False, steady=False)
         self.notes: list[str] = []
         self.largest = 0.0  # size of the motion so far
 
     def follow(self) -> Settled:
         """Test the motion at growing intervals until it is decided to which motion it leads."""
-        target = _FIRST
+        target, options = _FIRST, self.options
         while True:
-            self._advance(min(target, self.options.max_periods) - self.periods)
+            self._advance(min(target, options.max_periods) - self.periods)
             approach = self._look()
             if approach is not None:
-                return self._arrived(approach)
+                orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
+                how = f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period}"
+                how += f" (largest multiplier {rate:.6g}) and contracts to it"
+                return self._record(True, orbit, approach.distance, how)
             if self._is_stationary():
-                words = self._words(self.drift.text(self.options.tolerance), *self._returns())
-                return self._record(True, None, self.drift.change, words)
-            if self.periods >= self.options.max_periods:
+                return self._record(True, None, self.drift.change, self.drift.text(options.tolerance))
+            if self.periods >= options.max_periods:
                 unsettled = f"it had not settled after {self.periods} forcing periods; raise max_periods"
-                return self._record(False, None, self.drift.change, self._words(unsettled, *self._returns()))
+                return self._record(False, None, self.drift.change, unsettled)
             target = self.periods + max(_FIRST, self.periods // 2)
-
-    @property
-    def state(self) -> NDArray[np.float64]:
-        return next(block[-1] for block in reversed(self.blocks) if len(block))
 
     def _advance(self, count: int) -> None:
         if count > 0:
-            self.blocks.append(self.strobe.run(self.state, count))
-            self.periods += count
-            self.largest = float(size_of(self.strobe.system, self.blocks[-1], self.largest)[0])
-
-    def _tail(self, count: int) -> NDArray[np.float64]:
-        states = np.concatenate(self.blocks)
-        self.blocks = [states]
-        return states[-count:]
+            more = self.strobe.run(self.states[-1], count)
+            self.states, self.periods = np.vstack((self.states, more)), self.periods + count
+            self.largest = float(size_of(self.strobe.system, more, self.largest)[0])
 
     def _look(self) -> Approach | None:
         """Search for orbits of the promising periods, always including period 1; test stable orbits first."""
-        tail = self._tail(4 * self.options.max_period)
-        scaled, least = tail / size_of(self.strobe.system, tail), _REST * self.largest
-        periods = {1, *(each.period for each in recurrences(scaled, self.options.max_period, _PROMISING))}
-        nearby = [nearby_orbit(self.strobe, self.state, period, least) for period in sorted(periods)]
+        tail, least = self.states[-4 * self.options.max_period :], _REST * self.largest
+        scaled = tail / size_of(self.strobe.system, tail)
+        periods = {1, *(each.period for each in recurrences(scaled, self.options.max_period, TOLERANCES.promising))}
+        nearby = [nearby_orbit(self.strobe, tail[-1], period, least) for period in sorted(periods)]
         for orbit in sorted((orbit for orbit in nearby if orbit is not None), key=lambda orbit: not orbit.stable):
             approach = watch(self.strobe, tail[-1], orbit, least)
             if approach.converging or approach.leaving:
-                self.blocks.append(approach.strobes)
+                self.states = np.vstack((self.states, approach.strobes))
                 self.periods += len(approach.strobes)
             if approach.converging:
                 return approach
             if approach.leaving:
-                self._leave(approach)
+                # a motion that starts next to an unstable orbit looks settled until it has left that orbit
+                if approach.distance < _FAR:
+                    self.notes.append(f"it was displaced from an unstable motion of period {orbit.period} next to it")
+                    # forget the states before: the motion restarts here, at the same phase
+                    self.states = pushed_off(orbit, self.states[-1], least)[None, :]
                 return None
         return None
 
-    def _leave(self, approach: Approach) -> None:
-        """Displace the motion from an unstable orbit, unless it is already far enough away.
-
-        A motion that starts next to an unstable orbit looks settled until it has left that orbit.
-        """
-        if approach.distance >= _FAR:
-            return
-        self.notes.append(f"it was displaced from an unstable motion of period {approach.orbit.period} next to it")
-        # forget the states before: the motion restarts here, at the same phase
-        self.blocks = [pushed_off(approach.orbit, self.state, _REST * self.largest)[None, :]]
-
     def _is_stationary(self) -> bool:
-        remembered = sum(map(len, self.blocks))
-        if remembered <= _STATIONARY:
+        if len(self.states) <= _STATIONARY:
             return False
-        tail = self._tail(remembered // 2)
-        scaled = tail / size_of(self.strobe.system, tail)
-        nearest = recurrences(scaled, self.options.max_period, np.inf)[-1].period
-        self.drift = drift_of(scaled, nearest)
+        tail = self.states[-(len(self.states) // 2) :]
+        self.drift = drift_of(tail / size_of(self.strobe.system, tail), self.options.max_period)
         return self.drift.is_settled(self.options.tolerance)
 
-    def _arrived(self, approach: Approach) -> Settled:
-        orbit, rate = approach.orbit, float(np.abs(approach.orbit.multipliers).max())
-        how = (
-            f"it is {approach.distance:.1e} from a stable orbit of period {orbit.period} (largest multiplier "
-            f"{rate:.6g}) and contracts to it"
-        )
-        return self._record(True, orbit, approach.distance, self._words(how))
-
-    def _words(self, *more: str) -> tuple[str, ...]:
-        return (*self.notes, *more)
-
-    def _returns(self) -> tuple[str, ...]:
-        """Report a period longer than those that were searched for, if the motion has one."""
-        tail = self._tail(_KEPT)
-        tail = tail[len(tail) // 2 :]
-        tail = tail - tail.mean(axis=0)
-        found = recurrences(tail / size_of(self.strobe.system, tail), len(tail) // 2, _TIGHT)
-        longer = [each for each in found if each.period > self.options.max_period]
-        return tuple(f"it returns to {d:.1e} after {m} forcing periods: raise max_period" for m, d in longer[:1])
-
-    def _record(self, converged: bool, orbit: Orbit | None, residual: float, evidence: tuple[str, ...]) -> Settled:
-        kept = self._tail(_KEPT).copy()
+    def _record(self, converged: bool, orbit: Orbit | None, residual: float, how: str) -> Settled:
+        kept, evidence = self.states[-_KEPT:].copy(), (*self.notes, how)
+        if orbit is None:  # its period may be longer than those that were searched for
+            found = exact_returns(self.strobe.system, kept[len(kept) // 2 :])
+            for period, away in [each for each in found if each.period > self.options.max_period][:1]:
+                evidence += (f"it returns to {away:.1e} after {period} forcing periods: raise max_period",)
         return Settled(self.strobe.system, kept, self.periods, converged, orbit, float(residual), evidence)
-
-
-def recurrences(states: NDArray[np.float64], longest: int, near: float) -> list[Recurrence]:
-    """Find periods up to `longest` after which scaled strobes nearly return, each nearer than those before it.
-
-    Parameters
-    ----------
-    states : shape (strobes, 2n)
-        Strobes of the motion, divided by its size; the last ones are compared.
-    longest
-        The longest period; at most half the number of strobes is used.
-    near
-        The distance below which a return counts.
-    """
-    found: list[Recurrence] = []
-    best = np.inf
-    for period in range(1, min(longest, len(states) // 2) + 1):
-        recent = states[-2 * period :]
-        distance = float(np.abs(recent[period:] - recent[:period]).max())
-        if distance < near and distance < _BETTER * best:
-            found.append(Recurrence(period, distance))
-        best = min(best, distance)
-    return found
-
-
-def drift_of(states: NDArray[np.float64], period: int = 1) -> Drift:
-    """Compute the drift along a sequence of scaled strobes, shape (count, 2n) with a count of 64 or more.
-
-    `period` is that of the nearest return. The difference of the motion over it (for example the size of a torus about
-    an orbit) is scaled and tested separately: it may be small compared with the motion, and yet far from settled.
-    """
-    i, j = np.triu_indices(states.shape[1])
-    left = (states[period:] - states[:-period]) ** 2
-    left = _SMALL * left / np.maximum(left.mean(axis=0), _NOTHING)
-    states = states[period:]
-    observed = np.hstack((states, states[:, i] * states[:, j], left))
-    half = len(observed) // 2
-    change = np.abs(birkhoff_mean(observed[-half:]) - birkhoff_mean(observed[:half]))
-    rough = birkhoff_spread(observed[-half:]) > _IRREGULAR * observed.std(axis=0)
-    return Drift(float(change.max()), _trend(observed), bool(rough.any()))
-
-
-def _trend(values: NDArray[np.float64]) -> float:
-    """Return the largest linear trend of block averages, in its standard errors, relative to the allowed one."""
-    largest = 0.0
-    for count, allowed in _LEVELS:
-        length = len(values) // count
-        blocks = values[-length * count :].reshape(count, length, -1)
-        means = np.array([birkhoff_mean(block) for block in blocks])
-        place = np.arange(count) - (count - 1) / 2
-        slope = place @ means / (place @ place)
-        left = means - means.mean(axis=0) - np.outer(place, slope)
-        error = np.sqrt((left**2).sum(axis=0) / (count - 2) / (place @ place))
-        largest = max(largest, float((np.abs(slope) / (error + np.finfo(float).eps)).max()) / allowed)
-    return largest

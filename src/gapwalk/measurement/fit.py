@@ -8,18 +8,18 @@ Method: docs/numerics/measurement.md
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.section import check_count
 from gapwalk.errors import ConvergenceError, ModelError, NumericalError
 from gapwalk.flow.signal import Signal, signal_of
-from gapwalk.measurement.alignment import Alignment, aligned, found_phase
+from gapwalk.measurement.alignment import Alignment, Misfit, Slopes, aligned, found_phase
 from gapwalk.measurement.measured_record import Record
-from gapwalk.measurement.misfit import Estimate, Misfit, Slopes, Verdict, judge
 from gapwalk.model.laws import never_negative
 from gapwalk.notebook import Shown
 from gapwalk.orbit.find import carry
@@ -29,6 +29,12 @@ _SETTLED = 1e-4  # change of the sum of squares, in noise variances, that is sma
 _TOLERANCE = 1e-12  # relative tolerance of step and gradient
 _INDEPENDENT = 1e-7  # smallest independent part of a slope, relative to its size, for which a parameter is fitted
 _ROUNDS = 3  # most minimisations, each with the parameters that have an effect by then
+_RANK = 1e-7  # singular value, relative to the largest of slopes of equal size, below which a direction is undetermined
+_SHARE = 0.05  # component of an undetermined direction above which a parameter counts as undetermined
+_COLOURED = 0.2  # correlation of neighbouring residuals above which standard errors are too small
+_NOISE = 4.0  # that correlation must also exceed this many of its own standard errors
+_BOUND = 1e-4  # distance from a bound, relative to the parameter, below which it counts as at the bound
+_ROUNDING = 1e-6  # residual, relative to the record, below which its correlation has no meaning
 _EDGE = 1e-3  # cosine between residual and slopes above which a minimum was not reached
 
 
@@ -98,10 +104,7 @@ class FitOptions:
     max_evaluations: int = 200
 
     def __post_init__(self) -> None:
-        if isinstance(self.max_evaluations, bool) or not isinstance(self.max_evaluations, int):
-            raise ModelError(f"max_evaluations is {self.max_evaluations!r}; it must be an integer >= 1")
-        if self.max_evaluations < 1:
-            raise ModelError(f"max_evaluations is {self.max_evaluations}; it must be an integer >= 1")
+        check_count("max_evaluations", self.max_evaluations)
 
 
 class Descent(NamedTuple):
@@ -187,8 +190,17 @@ def fit(
     residual, size = after.computed - after.measured, float(np.linalg.norm(after.measured))
     all_names = (*names, "phase")[: len(first)]
     verdict = judge(all_names, first, found.values, (low, high), residual, found.slopes, size)
-    lost = _edge(found, after, verdict)
-    return _fit(names, phase, verdict, before, after, found.evaluations, lost)
+    count = len(names)
+    return Fit(
+        verdict.estimates[:count],
+        verdict.estimates[count] if phase is None else Estimate("phase", after.phase, after.phase, 0.0),
+        verdict.correlation[:count, :count],
+        before,
+        after,
+        found.evaluations,
+        (*verdict.notes, *after.doubts),
+        (*verdict.failures, *_edge(found, after, verdict)),
+    )
 
 
 def _checked(orbit: Orbit, parameters: Sequence[str], bounds: Mapping[str, tuple[float, float]], record: Record):
@@ -320,16 +332,145 @@ def _edge(found: Descent, after: Alignment, verdict: Verdict) -> tuple[str, ...]
     return (text,) if cosine > _EDGE else ()
 
 
-def _fit(names, phase, verdict: Verdict, before: Alignment, after: Alignment, evaluations: int, lost) -> Fit:
-    count = len(names)
-    fixed = Estimate("phase", after.phase, after.phase, 0.0)
-    return Fit(
-        verdict.estimates[:count],
-        verdict.estimates[count] if phase is None else fixed,
-        verdict.correlation[:count, :count],
-        before,
-        after,
-        evaluations,
-        (*verdict.notes, *after.doubts),
-        (*verdict.failures, *lost),
+class Estimate(NamedTuple):
+    """One fitted parameter.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    start, value
+        The first guess, and the fitted value.
+    error
+        Standard error; infinite if the record does not determine the parameter, nan if it ended at a bound.
+    """
+
+    name: str
+    start: float
+    value: float
+    error: float
+
+    def __str__(self) -> str:
+        if np.isnan(self.error):
+            return f"{self.value:.6g} (at its bound)"
+        return f"{self.value:.6g} ± {self.error:.2g}" if np.isfinite(self.error) else f"{self.value:.6g} (undetermined)"
+
+
+class Verdict(NamedTuple):
+    """The information of a record about all parameters of a fit.
+
+    Attributes
+    ----------
+    estimates
+        The estimates of the parameters.
+    correlation : shape (k, k)
+        Correlations of the errors; nan where there are none.
+    held : shape (k,)
+        True for parameters that ended at a bound.
+    notes, failures
+        Notes and failures, in sentences.
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: NDArray[np.float64]
+    held: NDArray[np.bool_]
+    notes: tuple[str, ...]
+    failures: tuple[str, ...]
+
+
+def judge(
+    names: Sequence[str],
+    first: NDArray[np.float64],
+    values: NDArray[np.float64],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    residual: NDArray[np.float64],
+    slopes: Slopes,
+    size: float,
+) -> Verdict:
+    """Estimate errors of fitted parameters, and find those that the record does not determine.
+
+    Parameters
+    ----------
+    names
+        Names of the k parameters.
+    first, values : shape (k,)
+        The first guess, and the fitted values.
+    bounds
+        Lowest and highest values.
+    residual : shape (samples,)
+        Residual at the fitted values.
+    slopes
+        Derivatives of the residual by the parameters.
+    size
+        Norm of the record.
+    """
+    count, samples = len(names), len(residual)
+    scale = np.maximum(np.abs(values), np.abs(first))
+    held = (values - bounds[0] <= _BOUND * scale) | (bounds[1] - values <= _BOUND * scale)
+    sizes = np.linalg.norm(slopes.table, axis=0)
+    idle = ~held & ~slopes.moving
+    free = np.flatnonzero(~held & ~idle)
+    covariance = np.full((count, count), np.nan)
+    covariance[idle, idle] = np.inf
+    undetermined = [
+        f"the record does not determine {names[k]}: it changes nothing in this signal"
+        for k in np.flatnonzero(idle).tolist()
+    ]
+    if len(free):
+        within, directions = _covariance(slopes.table[:, free], residual, samples - count - 1)
+        covariance[np.ix_(free, free)] = within
+        undetermined += [
+            _sentence([names[k] for k in free.tolist()], direction / sizes[free]) for direction in directions
+        ]
+    variances = np.diag(covariance)
+    errors = np.sqrt(variances)
+    with np.errstate(invalid="ignore"):
+        correlation = covariance / np.outer(errors, errors)
+    estimates = tuple(
+        Estimate(*row) for row in zip(names, first.tolist(), values.tolist(), errors.tolist(), strict=True)
     )
+    return Verdict(estimates, correlation, held, tuple(_notes(estimates, residual, size)), tuple(undetermined))
+
+
+def _covariance(slopes: NDArray[np.float64], residual: NDArray[np.float64], freedom: int):
+    """Compute the covariance of the errors, infinite for undetermined parameters, and the undetermined directions.
+
+    Directions are given in units of the parameters in which all slopes have equal size.
+    """
+    sizes = np.linalg.norm(slopes, axis=0)
+    _, singular, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
+    seen = singular > _RANK * singular[0]
+    variance = float(residual @ residual) / max(1, freedom)
+    inverse = (rows[seen].T / singular[seen] ** 2) @ rows[seen]
+    covariance = variance * inverse / np.outer(sizes, sizes)
+    blurred = np.any(np.abs(rows[~seen]) > _SHARE, axis=0)
+    covariance[blurred, :] = covariance[:, blurred] = np.nan
+    covariance[blurred, blurred] = np.inf
+    return covariance, rows[~seen]
+
+
+def _sentence(names: Sequence[str], direction: NDArray[np.float64]) -> str:
+    """Describe parameters that can be changed together without changing the signal."""
+    weights = np.abs(direction) / np.abs(direction).max()
+    parts = [(name, value) for name, value, weight in zip(names, direction, weights, strict=True) if weight > 1e-4]
+    ratio = " : ".join(f"{value / parts[0][1]:.3g}" for _, value in parts)
+    together = " and ".join(name for name, _ in parts)
+    return (
+        f"the record does not determine {together}: changing them as {ratio} leaves the signal unchanged; "
+        "fit one fewer of them"
+    )
+
+
+def _notes(estimates: Sequence[Estimate], residual: NDArray[np.float64], size: float) -> Iterator[str]:
+    for each in estimates:
+        if np.isnan(each.error):
+            yield f"{each.name} ended at its bound {each.value:.6g}; the errors of the others hold for this value"
+        elif np.isfinite(each.error) and each.error > abs(each.value) and each.name != "phase":
+            yield f"{each.name} is poorly determined: its standard error is larger than its value"
+    squares = float(residual @ residual)
+    near = float(residual[1:] @ residual[:-1]) / squares if squares > (_ROUNDING * size) ** 2 else 0.0
+    if near > max(_COLOURED, _NOISE / np.sqrt(len(residual))):
+        yield (
+            f"neighbouring residuals correlate ({near:.2f}): they are not only noise, so standard errors are too "
+            "small; perhaps the model lacks something, or the record was filtered"
+        )

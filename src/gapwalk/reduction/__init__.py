@@ -1,6 +1,5 @@
 """Reduction of systems with many degrees of freedom to few, with an estimate of the error."""
 
-from gapwalk.reduction.reduce import reduce
-from gapwalk.reduction.reduction import Reduction
+from gapwalk.reduction.reduction import Reduction, reduce
 
 __all__ = ["Reduction", "reduce"]

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -94,17 +94,41 @@ class Bases:
     ----------
     matrices
         The full system.
-    kept
-        The coordinates and forces that are retained.
+    kept : shape (kept,)
+        Indices of the coordinates that are retained, in the order of the full system.
+    spread : shape (n, spread)
+        Forces that act on more than a few coordinates: their static response is included instead.
     """
 
     matrices: Matrices
-    kept: Kept
+    kept: NDArray[np.intp]
+    spread: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, matrices: Matrices, coordinates: Sequence[str], names: Sequence[str] = ()) -> Bases:
+        """Create the bases of a system with these coordinates, which retain also those of the given `names`.
+
+        Raises
+        ------
+        ModelError
+            If a name is not that of a coordinate.
+        """
+        if isinstance(names, str):
+            raise ModelError(f'keep is {names!r}; it must be a list of coordinates: write keep=["{names}"]')
+        for name in names:
+            if name not in coordinates:
+                known = did_you_mean(str(name), coordinates)
+                raise ModelError(f"keep names {name!r}, which is not a coordinate; {known}")
+        ports = matrices.ports
+        counts = np.count_nonzero(ports, axis=0)
+        near = np.flatnonzero(ports[:, counts <= _FEW].any(axis=1)).tolist()
+        asked = [coordinates.index(name) for name in names]
+        return cls(matrices, np.array(sorted({*near, *asked}), dtype=np.intp), ports[:, counts > _FEW])
 
     @cached_property
     def interior(self) -> Interior:
         """The system with the retained coordinates fixed, including any in which it could still move rigidly."""
-        interior = Interior(self.matrices, self.kept.places)
+        interior = Interior(self.matrices, self.kept)
         while (loose := interior.loose_coordinate()) is not None:
             interior = Interior(self.matrices, np.sort(np.append(interior.kept, loose)))
         return interior
@@ -112,7 +136,7 @@ class Bases:
     def with_modes(self, count: int, *, inertia: bool = False) -> Basis:
         """Return the basis with the lowest modes and, if `inertia`, the response to the inertia of the shapes Psi."""
         interior = self.interior
-        forces = np.hstack((self.kept.spread, interior.inertial_forces)) if inertia else self.kept.spread
+        forces = np.hstack((self.spread, interior.inertial_forces)) if inertia else self.spread
         squares, shapes = interior.enriched(count, forces)
         b = len(interior.kept)
         vectors = np.zeros((self.matrices.size, b + len(squares)))
@@ -130,21 +154,6 @@ class Bases:
             if below < len(squares) or len(squares) < wanted or len(squares) == interior.size:
                 return below
             wanted *= 2
-
-
-class Kept(NamedTuple):
-    """The coordinates and forces that are retained.
-
-    Attributes
-    ----------
-    places : shape (kept,)
-        Indices of the coordinates, in the order of the full system.
-    spread : shape (n, spread)
-        Forces that act on more than a few coordinates: their static response is included instead.
-    """
-
-    places: NDArray[np.intp]
-    spread: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,19 +260,15 @@ class Interior:
 
     def _few_modes(self, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute modes by the Lanczos method, from just below zero upwards."""
-        known = self._found.get("modes")
+        known = self.__dict__.get("_known_modes")
         if known is None or len(known[0]) < count:
             shift = -_ASIDE * float(self._stiffness.diagonal().sum() / self._mass.diagonal().sum())
             wanted = min(self.size - 1, max(count, 20))
             start = np.random.default_rng(0).normal(size=self.size)  # the same in every run
             known = eigsh(sp.csc_array(self._stiffness), wanted, self._mass, sigma=shift, v0=start)
             order = np.argsort(known[0])
-            known = self._found["modes"] = (known[0][order], known[1][:, order])
+            known = self.__dict__["_known_modes"] = (known[0][order], known[1][:, order])
         return known
-
-    @cached_property
-    def _found(self) -> dict[str, Any]:
-        return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,26 +359,6 @@ def resonances_of(reduced: Matrices) -> NDArray[np.float64]:
     held = stiffness + (reduced.deflections.T * reduced.springs) @ reduced.deflections
     squares = [scipy.linalg.eigvalsh(each, mass) for each in (stiffness, held)]
     return np.sqrt(np.maximum(np.concatenate(squares), 0.0))
-
-
-def kept_of(matrices: Matrices, coordinates: Sequence[str], names: Sequence[str] = ()) -> Kept:
-    """Select what is retained of a system with these coordinates, including those of the given `names`.
-
-    Raises
-    ------
-    ModelError
-        If a name is not that of a coordinate.
-    """
-    if isinstance(names, str):
-        raise ModelError(f'keep is {names!r}; it must be a list of coordinates: write keep=["{names}"]')
-    for name in names:
-        if name not in coordinates:
-            raise ModelError(f"keep names {name!r}, which is not a coordinate; {did_you_mean(str(name), coordinates)}")
-    ports = matrices.ports
-    counts = np.count_nonzero(ports, axis=0)
-    near = np.flatnonzero(ports[:, counts <= _FEW].any(axis=1)).tolist()
-    asked = [coordinates.index(name) for name in names]
-    return Kept(np.array(sorted({*near, *asked}), dtype=np.intp), ports[:, counts > _FEW])
 
 
 def flexibility_of(matrices: Matrices, frequencies: NDArray[np.float64]) -> Flexibility:

@@ -1,10 +1,11 @@
-"""The record of a reduction: the full system, the reduced one, and the conversion between the two.
+"""Reduction of a system with many degrees of freedom to those at its contacts and its lowest modes.
 
-`Translation` finds corresponding parameters, and converts systems in both directions.
+Method: docs/numerics/reduction.md
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,8 +18,8 @@ from gapwalk.flow.motion import Motion
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.reduction.basis import Basis
-from gapwalk.reduction.sparse_matrices import Matrices
+from gapwalk.reduction.basis import HARMONICS, Accuracy, Bases, Basis, resonances_of
+from gapwalk.reduction.sparse_matrices import Matrices, matrices_of
 
 if TYPE_CHECKING:
     from gapwalk.bifurcation.branch import Branch
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 _MODES = "mode"
 _ROUNDING = 1e-13  # relative change of a parameter below which it is only rounding
 MATRICES = ("mass", "damping", "stiffness")
+_ERROR = 1e-2
+_REFERENCE = 2.0  # highest frequency, in highest harmonics, of the modes that approximate the resonances
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,24 @@ class Reduction:
         ModelError
             If it is not the reduced system at other values, or a parameter of a mode was changed.
         """
-        return self._translation.full_at(reduced)
+        if reduced.structure != self.system.structure:
+            raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
+        ours, theirs = self._shared
+        values = self.full.values.copy()
+        values[theirs] = reduced.values[ours]
+        change = reduced.values - self.system.values
+        change[np.abs(change) <= _ROUNDING * np.abs(self.system.values)] = 0.0
+        change[ours] = 0.0
+        ours, theirs = self._retained
+        values[theirs] += change[ours]
+        change[ours] = 0.0
+        if change.any():
+            name = reduced.structure.names[int(np.flatnonzero(change)[0])]
+            raise ModelError(
+                f"{name} was changed, but belongs to a mode: the full system has no such parameter; change the full "
+                "system and reduce it again"
+            )
+        return System.from_values(self.full.structure, values)
 
     def expand(self, motion: Orbit | Motion, samples: int | None = None) -> Motion:
         """Expand a motion of the reduced system to all coordinates.
@@ -134,85 +154,33 @@ class Reduction:
         NumericalError
             If so few harmonics do not suffice for the motion.
         """
-        if isinstance(found, Orbit):
-            from gapwalk.reduction.reduction_error import check_orbit
+        from gapwalk.reduction.reduction_error import check_branch, check_orbit  # imported late: few need it
 
-            return check_orbit(self, found, method)
-        from gapwalk.reduction.reduction_error import check_branch
-
-        return check_branch(self, found, method)
+        return check_orbit(self, found, method) if isinstance(found, Orbit) else check_branch(self, found, method)
 
     @cached_property
-    def _translation(self) -> Translation:
-        return Translation(self.full, self.system, self.basis.kept)
+    def _shared(self) -> tuple[list[int], list[int]]:
+        """Indices of the parameters that belong to no coordinate, in the reduced and in the full system."""
+        names = scalars_of(self.system.structure)
+        structures = (self.system.structure, self.full.structure)
+        ours, theirs = ([structure.place(name) for name in names] for structure in structures)
+        return ours, theirs
+
+    @cached_property
+    def _retained(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices of the parameters of retained coordinates alone, in both systems; a change is the same in both."""
+        kept, sides = self.basis.kept, []
+        for structure, at in ((self.system.structure, np.arange(len(kept))), (self.full.structure, kept)):
+            n = structure.size
+            squares = [structure.block(which, n, n)[np.ix_(at, at)].ravel() for which in MATRICES]
+            sides.append(np.concatenate(squares + [structure.block(prefix, n)[at] for prefix in vectors_of(structure)]))
+        return sides[0], sides[1]
 
     def __repr__(self) -> str:
         return (
             f"Reduction({self.full.size} degrees of freedom to {self.system.size}: {len(self.kept)} retained, "
             f"{self.modes} modes; contacts deflect within {self.error:.2g} up to frequency {self.up_to:.6g})"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Translation:
-    """Converts parameter values of the reduced system to the full one.
-
-    Parameters
-    ----------
-    full, reduced
-        The two systems at the time of the reduction.
-    kept : shape (kept,)
-        Indices of the retained coordinates in the full system.
-    """
-
-    full: System
-    reduced: System
-    kept: NDArray[np.intp]
-
-    def full_at(self, reduced: System) -> System:
-        """Return the full system with the values of a reduced one.
-
-        Raises
-        ------
-        ModelError
-            If that is not the reduced system at other values, or a changed parameter has no meaning in the full one.
-        """
-        if reduced.structure != self.reduced.structure:
-            raise ModelError("the system is not the reduced one at other values; take `reduction.system.at(...)`")
-        values = self.full.values.copy()
-        own, theirs = self._scalars
-        values[theirs] = reduced.values[own]
-        change = reduced.values - self.reduced.values
-        change[np.abs(change) <= _ROUNDING * np.abs(self.reduced.values)] = 0.0
-        change[own] = 0.0
-        own, theirs = self._kept
-        values[theirs] += change[own]
-        change[own] = 0.0
-        if change.any():
-            name = reduced.structure.names[int(np.flatnonzero(change)[0])]
-            raise ModelError(
-                f"{name} was changed, but belongs to a mode: the full system has no such parameter; change the full "
-                "system and reduce it again"
-            )
-        return System.from_values(self.full.structure, values)
-
-    @cached_property
-    def _scalars(self) -> tuple[list[int], list[int]]:
-        """Indices of the parameters that belong to no coordinate, in the reduced and in the full system."""
-        names = scalars_of(self.reduced.structure)
-        return [self.reduced.structure.place(name) for name in names], [
-            self.full.structure.place(name) for name in names
-        ]
-
-    @cached_property
-    def _kept(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices of the parameters of retained coordinates alone, in both systems; a change is the same in both."""
-        sides = []
-        for structure, at in ((self.reduced.structure, np.arange(len(self.kept))), (self.full.structure, self.kept)):
-            n = structure.size
-            squares = [structure.block(which, n, n)[np.ix_(at, at)].ravel() for which in MATRICES]
-            sides.append(np.concatenate(squares + [structure.block(prefix, n)[at] for prefix in vectors_of(structure)]))
-        return sides[0], sides[1]
 
 
 def reduced_system(full: System, basis: Basis, small: Matrices) -> System:
@@ -268,3 +236,102 @@ def scalars_of(structure: Structure) -> list[str]:
     for contact in structure.contacts:
         found += contact.parameters
     return found
+
+
+def reduce(
+    system: System,
+    *,
+    modes: int | None = None,
+    error: float | None = None,
+    up_to: float | None = None,
+    keep: Sequence[str] = (),
+) -> Reduction:
+    """Reduce a system by Craig and Bampton's method, retaining its contact coordinates.
+
+    The reduced system is an ordinary system: shooting, continuation, sweeps, basins and regime maps apply to it. The
+    coordinates at which contacts act, and loads on one or two coordinates, are retained under their own names. All
+    other coordinates are replaced by ``mode1``, ``mode2``, ...
+
+    Parameters
+    ----------
+    system
+        The system; its mass and stiffness matrices are symmetric, its damping is arbitrary.
+    modes
+        The number of modes; or None for as many as the `error` requires.
+    error
+        Largest relative error of the deflections of contacts under harmonic forces; 0.01 by default. See
+        `Reduction.error`.
+    up_to
+        The highest excitation frequency W for which the reduced system is intended; by default that of the system.
+    keep
+        Further coordinates to retain, for example for measurements or loads.
+
+    Raises
+    ------
+    ModelError
+        If the matrices are not symmetric, or an option is invalid.
+    NumericalError
+        If the modes cannot be computed.
+
+    Notes
+    -----
+    Craig and Bampton (1968), AIAA Journal 6, 1313-1319. The reduced system is exact in static equilibrium.
+    """
+    _check(system, modes, error, up_to)
+    system = system.equations  # of a drive train: its machine elements do not exist in the reduced system
+    highest = system.frequency if up_to is None else float(up_to)
+    matrices = matrices_of(system)
+    bases = Bases.of(matrices, system.coordinates, keep)
+    accuracy = _accuracy(matrices, bases, highest)
+    basis, small = _best(bases, accuracy, _ERROR if error is None else error) if modes is None else _of(bases, modes)
+    return Reduction(system, reduced_system(system, basis, small), basis, highest, accuracy.error(small))
+
+
+def _check(system: System, modes: int | None, error: float | None, up_to: float | None) -> None:
+    problems = []
+    if not isinstance(system, System):
+        raise ModelError(f"{system!r} is not a System; write reduce(gw.System(...), ...)")
+    if modes is not None and error is not None:
+        problems.append("modes and error are both given; give one of them: the error decides the number of modes")
+    if modes is not None and (isinstance(modes, bool) or not isinstance(modes, int) or modes < 0):
+        problems.append(f"modes is {modes!r}; it must be an integer >= 0, or None for as many as the error requires")
+    if error is not None and not (isinstance(error, int | float) and 1e-8 <= error <= 1.0):
+        problems.append(f"error is {error!r}; it must lie between 1e-8 and 1 (a fraction of the deflections)")
+    if up_to is not None and not (isinstance(up_to, int | float) and 0.0 < up_to < np.inf):
+        problems.append(
+            f"up_to is {up_to!r}; it must be a frequency > 0: the highest of the excitation, as in up_to=2.0"
+        )
+    if problems:
+        raise ModelError("\n".join(problems))
+
+
+def _accuracy(matrices: Matrices, bases: Bases, highest: float) -> Accuracy:
+    """Prepare the comparison at the resonances of a reference with many modes."""
+    reference = bases.with_modes(bases.modes_up_to(_REFERENCE * HARMONICS * highest) + 2)
+    return Accuracy(matrices, highest, resonances_of(reference.reduce(matrices)))
+
+
+def _of(bases: Bases, modes: int, *, inertia: bool = False) -> tuple[Basis, Matrices]:
+    basis = bases.with_modes(modes, inertia=inertia)
+    return basis, basis.reduce(bases.matrices)
+
+
+def _best(bases: Bases, accuracy: Accuracy, error: float) -> tuple[Basis, Matrices]:
+    """Return the smallest basis whose error is small enough: modes alone, or modes and the response to inertia."""
+    found = [_fewest(bases, accuracy, error, inertia=inertia) for inertia in (False, True)]
+    return min(found, key=lambda each: each[0].size)
+
+
+def _fewest(bases: Bases, accuracy: Accuracy, error: float, *, inertia: bool) -> tuple[Basis, Matrices]:
+    """Find the fewest modes whose error is small enough, by bisection."""
+
+    def is_enough(modes: int) -> bool:
+        return accuracy.error(_of(bases, modes, inertia=inertia)[1]) <= error
+
+    few, many = -1, max(1, bases.modes_up_to(accuracy.highest))
+    while many < bases.interior.size and not is_enough(many):
+        few, many = many, min(2 * many, bases.interior.size)
+    while many - few > 1:
+        middle = (few + many) // 2
+        few, many = (few, middle) if is_enough(middle) else (middle, many)
+    return _of(bases, many, inertia=inertia)

@@ -1,27 +1,48 @@
-"""Error of an orbit or a branch of a reduced system, with its special points, compared with the full system."""
+"""Error of an orbit or a branch of a reduced system, with its special points, compared with the full system.
+
+Both systems are solved by harmonic balance, with the contact deflections as unknowns. A point of the reduced system's
+branch is corrected onto that of the full one, and a special point is located on both.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.walk_scales import powers_of_two, unknown_scales
 from gapwalk.errors import ModelError, NumericalError
+from gapwalk.flow.flow import PERIOD
+from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance import Balance
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import solve
-from gapwalk.reduction.paired_equations import Pair, PairedBranch, find_special, method_for, test_of
 
 if TYPE_CHECKING:
+    from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation
     from gapwalk.reduction.reduction import Reduction
 
 _POINTS = 12  # ordinary points of the branch that are checked as well
 _MARGIN = 1.1  # factor on estimates in reports: the truncation of harmonics changes the difference slightly
 _ROUNDING = 1e-10  # error of a located value, in ranges of the parameter
 _OTHER = 1.0  # change of a motion, relative to its size, above which it counts as another motion
+_HARMONICS = 15
+_CONTRACTION = 0.5  # largest ratio of the second of two Newton corrections to the first
+_FIRST = 1e-5  # first step of the secant method, in arclength
+_FARTHEST = 0.1  # distance in arclength above which a special point counts as another one
+_SHARP = 1e-9  # last step of the secant method
+_STEPS = 12
+_ASIDE = 2e-3  # arclength from a branch point at which the Jacobian is regular
+
+Test = Callable[[BranchPoint], float]
 
 
 @dataclass(frozen=True)
@@ -175,3 +196,247 @@ def check_orbit(reduction: Reduction, orbit: Orbit, method: Balance | None = Non
     except (NumericalError, np.linalg.LinAlgError):
         error = float("inf")
     return OrbitCheck(orbit, error, full.harmonics)
+
+
+class Correction(NamedTuple):
+    """The result of two steps of Newton's method on the full system's equation from a motion of the reduced one.
+
+    Attributes
+    ----------
+    unknowns : shape (N,)
+        The motion after the steps.
+    change : float
+        Bound on the distance of the full system's motion, relative to the size of the motion; inf if the steps do not
+        converge, because then nothing is known.
+    """
+
+    unknowns: NDArray[np.float64]
+    change: float
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The equations of both systems.
+
+    In harmonic balance all coordinates except the deflections of the contacts are eliminated, exactly, so equations of
+    systems of different size have the same unknowns. Their difference at a motion is the effect of the reduction alone,
+    because the truncation of harmonics is common to both.
+
+    Parameters
+    ----------
+    reduction
+        The reduction.
+    system
+        The reduced system, at its parameter values.
+    parameter
+        Name of the parameter that varies, or None.
+    period
+        Period m in forcing periods.
+    method
+        Options of the harmonic balance.
+    """
+
+    reduction: Reduction
+    system: System
+    parameter: str | None
+    period: int
+    method: Balance
+
+    @cached_property
+    def reduced(self) -> BalanceEquation:
+        """The equation of the reduced system."""
+        return self.method.pose(self.system, self.parameter, self.period)
+
+    @cached_property
+    def full(self) -> BalanceEquation:
+        """The equation of the full system."""
+        return self.method.pose(self.reduction.full_at(self.system), self.parameter, self.period)
+
+    def correct(self, unknowns: NDArray[np.float64], value: float = 0.0) -> Correction:
+        """Correct a motion of the reduced system towards that of the full one.
+
+        By Newton and Kantorovich: after corrections of lengths a and theta a, with ``theta < 1/2``, the solution is
+        within ``a / (1 - theta)``.
+        """
+        size = self.size(unknowns)
+        lengths: list[float] = []
+        for _ in range(2):
+            evaluation = self.full.evaluate(unknowns, value)
+            step = np.asarray(
+                np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0], dtype=float
+            )
+            unknowns = unknowns + step
+            lengths.append(self.size(step, mean=True))
+        first, second = lengths
+        if first == 0.0:
+            return Correction(unknowns, 0.0)
+        theta = second / first
+        return Correction(unknowns, first / (1.0 - theta) / size if theta < _CONTRACTION else np.inf)
+
+    def size(self, unknowns: NDArray[np.float64], *, mean: bool = False) -> float:
+        """Return the largest sum of amplitudes of a deflection, with its mean or without."""
+        from gapwalk.orbit.harmonic_balance.kernels import (
+            from_real_form,  # imported late: it loads numba, which takes long
+        )
+
+        lines = np.abs(from_real_form(unknowns.reshape(len(self.system.structure.contacts), -1)))
+        return float(lines[:, 0 if mean else 1 :].sum(axis=1).max())
+
+
+@dataclass(frozen=True)
+class PairedBranch:
+    """The equations of a reduced and of the full system along one parameter, in the same scaled variables.
+
+    Parameters
+    ----------
+    pair
+        The equations.
+    orbit
+        An orbit of the reduced system, whose size gives the scales.
+    width
+        Range of the parameter that is scaled to one.
+    """
+
+    pair: Pair
+    orbit: Orbit
+    width: float
+
+    @cached_property
+    def offset(self) -> float:
+        """Parameter of the full system minus that of the reduced one; matrix entries include static contributions."""
+        name = self.pair.parameter or ""
+        return self.pair.full.system[name] - self.pair.system[name]
+
+    @cached_property
+    def scales(self) -> NDArray[np.float64]:
+        """Scales of the unknowns and of the parameter."""
+        return powers_of_two(np.append(unknown_scales(self.pair.reduced, self.orbit), self.width))
+
+    @cached_property
+    def reduced(self) -> Corrector:
+        """Corrector onto the branch of the reduced system."""
+        return Corrector(self.pair.reduced, self.scales, iterations=15)
+
+    @cached_property
+    def full(self) -> Corrector:
+        """Corrector onto the branch of the full system."""
+        return Corrector(self.pair.full, self.scales, iterations=15)
+
+    def start(self, orbit: Orbit, along: BranchPoint) -> BranchPoint | None:
+        """Convert an orbit to a point of the reduced system's branch in harmonic balance; None if that fails."""
+        equation = self.pair.reduced
+        x = np.append(equation.unknowns(orbit), along.value) / self.scales
+        border = np.zeros(len(x))
+        border[-1] = np.sign(along.tangent[-1]) or 1.0
+        try:
+            tangent, _ = self.reduced.tangent(equation.evaluate(x[:-1] * self.scales[:-1], along.value), border)
+        except NumericalError:
+            return None
+        return onto(self.reduced, x, tangent)
+
+    def image(self, point: BranchPoint) -> BranchPoint | None:
+        """Correct a point of the reduced system's branch onto that of the full system; None if that fails."""
+        return onto(self.full, self.shifted(point.x), point.tangent)
+
+    def shifted(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Convert a point of the reduced system's branch to the full system's value of the parameter."""
+        moved = x.copy()
+        moved[-1] += self.offset / self.scales[-1]
+        return moved
+
+    def change(self, one: BranchPoint, other: BranchPoint) -> float:
+        """Return the difference of two motions, relative to the size of the first."""
+        u, v = (point.x[:-1] * self.scales[:-1] for point in (one, other))
+        return self.pair.size(v - u, mean=True) / self.pair.size(u)
+
+
+def method_for(orbit: Orbit, method: Balance | None) -> Balance:
+    """Return the harmonic balance for an orbit: the given one, or with as many harmonics as the orbit has."""
+    if method is not None and not isinstance(method, Balance):
+        raise ModelError(f"method is {method!r}; it must be a Balance, as in Balance(harmonics=20)")
+    if method is None:
+        return Balance(max(_HARMONICS, orbit.harmonics), error=1.0)
+    return Balance(method.harmonics or _HARMONICS, error=1.0, stability=method.stability, tolerance=method.tolerance)
+
+
+def find_special(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64], test: Test, kind: Kind):
+    """Find the zero of a test function on a branch near x, and the last step in arclength; None if there is none.
+
+    The secant method is used along the normal. Near a branch point a plane does not intersect the branch uniquely, so
+    the zero is interpolated between points on both sides.
+    """
+
+    def at(s: float) -> tuple[BranchPoint, float]:
+        point = onto(corrector, x + s * normal, normal)
+        if point is None:
+            raise NumericalError("the branch was lost")
+        return point, test(point)
+
+    try:
+        if kind is Kind.BRANCH_POINT:
+            return _between(at)
+        return _secant(at)
+    except NumericalError:
+        return None
+
+
+def onto(corrector: Corrector, x: NDArray[np.float64], normal: NDArray[np.float64]) -> BranchPoint | None:
+    """Return the point of a branch on the plane through x with that normal."""
+    correction = corrector.correct(x, normal)
+    return None if correction is None else corrector.point(correction, normal, 0.0)
+
+
+def _between(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoint, float] | None:
+    (one, low), (other, high) = at(-_ASIDE), at(_ASIDE)
+    share = low / (low - high) if low != high else np.inf
+    if not abs(2.0 * share - 1.0) * _ASIDE < _FARTHEST:
+        return None
+    x = one.x + share * (other.x - one.x)
+    return BranchPoint(one.value + share * (other.value - one.value), one.orbit, x, one.tangent, 0.0, 0.0), 0.0
+
+
+def _secant(at: Callable[[float], tuple[BranchPoint, float]]) -> tuple[BranchPoint, float] | None:
+    before, now = 0.0, _FIRST
+    (point, old), (_, new) = at(before), at(now)
+    for _ in range(_STEPS):
+        if new == old:
+            return None
+        step = -new * (now - before) / (new - old)
+        before, old, now = now, new, now + step
+        if abs(now) > _FARTHEST:
+            return None
+        point, new = at(now)
+        if abs(step) < _SHARP:
+            return point, abs(step)
+    return None
+
+
+def test_of(special: SpecialPoint, point: BranchPoint) -> Test | None:
+    """Return the test function of a special point for points of either branch; None if it has none.
+
+    Parameters
+    ----------
+    special
+        The special point.
+    point
+        Its motion by harmonic balance.
+    """
+    kind = special.kind
+    if kind.has_function:
+        return kind.at
+    switches = [k for k in range(len(point.orbit.closings)) if describe_switch(point.orbit, k) == special.contact]
+    if not switches:
+        return None
+    switch, full = switches[0], PERIOD * point.orbit.period
+    thetas, depths = point.orbit.turning_depths[switch]
+    if not thetas:
+        return None
+    near = [thetas[int(np.argmin(np.abs(depths)))]]
+
+    def depth(other: BranchPoint) -> float:
+        turns = other.orbit.turning_depths[switch]
+        if not turns.thetas:
+            raise NumericalError("the extremum was lost")
+        return turns.values[turns.nearest(near[0], full)]
+
+    return depth

@@ -12,7 +12,6 @@ from gapwalk.attractors.attractor_catalogue import (
     UNRESOLVED,
     AttractorSignature,
     Catalogue,
-    Effort,
     Sorted,
     explore,
     sort_states,
@@ -79,11 +78,6 @@ class BasinOptions:
     def borders(self) -> int | None:
         """How many labels at borders are found with the exact flow; None for all."""
         return None if self.exact_borders else self.check
-
-    @property
-    def effort(self) -> Effort:
-        """What `explore` needs of it."""
-        return Effort(self.longest, self.max_period, self.tries)
 
 
 @dataclass(frozen=True)
@@ -262,7 +256,8 @@ class BasinWork(CellWork):
         """Find the attractors of some states one by one, from where their motions have come to."""
         if len(which):
             motions = motions_of(self.catalogue.system, self.states[which])
-            self.catalogue, labels = explore(self.catalogue, motions.advance, starts, self.options.effort)
+            limits = {name: getattr(self.options, name) for name in ("longest", "max_period", "tries")}
+            self.catalogue, labels = explore(self.catalogue, motions.advance, starts, **limits)
             self.labels[which] = labels
 
     def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:

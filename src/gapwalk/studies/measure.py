@@ -13,9 +13,8 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from gapwalk.errors import ModelError
 from gapwalk.flow.signal import Signal, signal_of
 from gapwalk.measurement.alignment import Alignment, align
-from gapwalk.measurement.fit import Fit, fit
+from gapwalk.measurement.fit import Estimate, Fit, fit
 from gapwalk.measurement.measured_record import Record
-from gapwalk.measurement.misfit import Estimate
 from gapwalk.measurement.read_record import FIELDS, read_measurement
 from gapwalk.model.model_file import check_model, in_order
 from gapwalk.model.model_source import Source, read_source

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gapwalk.attractors.convergence import has_settled, period_of
 from gapwalk.attractors.many_motions import BatchMotions, motions_of
 from gapwalk.attractors.regime_judge import RegimeOptions, judge, settle_doubts
 from gapwalk.attractors.regimes import Regime, regime_word
@@ -25,11 +26,6 @@ from gapwalk.model.coefficients import ParameterLine
 from gapwalk.model.system import System
 
 _GROWTH = 1.25  # of the length of a transient from one look at it to the next
-_STEADY = 0.1  # change of the logarithm of the returns up to which they neither shrink nor grow
-_WILD = 0.6  # spread of the logarithm of returns from which they are those of chaos
-_EVIDENCE = 192  # forcing periods that it takes to see that; a shorter look may mistake a slow decay for chaos
-_FINEST = 1e-10  # returns that are as good as exact
-_LARGE = 1e-3  # steady returns smaller than that may be those of a very slow approach to a periodic motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +84,8 @@ def let_settle(
 ) -> Settled:
     """Follow the transient from a state until it has settled.
 
-    It has if its returns after m forcing periods, for one m up to `max_period`, shrink towards a motion that is closer
-    than the tolerance; or if no returns shrink or grow any more, and it does not repeat: it is then on a torus or
-    chaotic. Returns that grow are those of a motion that leaves an unstable one.
+    `gapwalk.attractors.convergence` judges it: its nearest returns shrink towards an orbit that is closer than the
+    tolerance, or they neither shrink nor grow and its averages do not drift, as on a torus or in chaos.
 
     Parameters
     ----------
@@ -123,33 +118,7 @@ def let_settle(
         length = min(math.ceil(_GROWTH * length), patience.longest)
 
 
-def has_settled(states: NDArray[np.float64], max_period: int, tolerance: float) -> bool:
-    """Whether the returns of a path, of shape (periods + 1, 2n), say that it has settled; see `let_settle`."""
-    window = (len(states) - 1 - max_period) // 3  # what is older is not looked at
-    if window < 2:
-        return False
-    last = np.arange(len(states) - 2 * window, len(states))
-    returns = np.array([np.abs(states[last] - states[last - m]).max(axis=1) for m in range(1, max_period + 1)])
-    m = int(np.argmin(np.median(returns, axis=1))) + 1
-    if returns[m - 1, window:].max() <= _FINEST:
-        return True
-    logs = np.log(np.maximum(returns[m - 1], _FINEST * _FINEST))
-    early, late = logs[:window], logs[window:]
-    change = float(late.mean() - early.mean())
-    spread = math.sqrt(0.5 * (early.var() + late.var()))
-    # chaotic returns vary by themselves, and the more, the less their mean says; a decay, though it may swing, does not
-    least = max(_STEADY, 2.0 * spread * math.sqrt(2.0 * m / window)) if spread > _WILD else _STEADY
-    if change < -least:
-        # a geometric series: each return is the one before, m forcing periods ago, times this
-        shrinks = math.exp(change * m / window)
-        return bool(np.median(returns[m - 1, window:]) * shrinks / (1.0 - shrinks) <= tolerance)
-    return bool(change <= least and np.median(returns[m - 1, window:]) >= _LARGE and len(states) > _EVIDENCE)
-
-
 NOT_PERIODIC, RUNS_AWAY = "not periodic", Regime.RUNAWAY.text
-
-_SAME = 1e-4
-"""Distance, in half-widths of the box of states, within which a motion has returned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +153,8 @@ def regime_of(section: NDArray[np.float64], box: NDArray[np.float64], max_period
     max_period
         Longest period in question, in forcing periods.
     """
-    states = section / box
-    for m in range(1, max_period + 1):
-        if np.abs(states[m:] - states[:-m]).max() <= _SAME:
-            return regime_word(Regime.PERIODIC, m)
-    return NOT_PERIODIC
+    period = period_of(section / box, max_period)
+    return regime_word(Regime.PERIODIC, period) if period else NOT_PERIODIC
 
 
 def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
