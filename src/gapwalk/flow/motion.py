@@ -269,26 +269,16 @@ def train_histories(
     """
     assembly = system.structure.assembly
     assert isinstance(assembly, TrainAssembly)
-    leaks = assembly.leaks(system.values)
-    rates, a = v + leaks * q, a + leaks * v  # of the angles, which include those of slipping links
-    return np.hstack((_accelerations(assembly, system, theta, a), _torques(assembly, system, q, rates, forces)))
-
-
-def _accelerations(assembly: TrainAssembly, system: System, theta: NDArray | float, a: NDArray) -> NDArray:
-    turning = assembly.turning(system.values)
-    whole = [np.ones(np.shape(theta))]
-    values, angle = assembly.consistent(system.values), np.asarray(theta)
-    for torque in assembly.form.torques:
-        lines = torque.harmonic.lines(values[0], assembly.form.parameters(values, torque))
+    form, train = assembly.form, assembly.numbers(system.values)
+    rates, a = v + train.leaks * q, a + train.leaks * v  # of the angles, which include those of slipping links
+    whole, angle = [np.ones(np.shape(theta))], np.asarray(theta)
+    for torque in form.torques:
+        lines = torque.harmonic.lines(train.values[0], form.numbers(torque.harmonic.parameters, train.values))
         waves = [cosine * np.cos(h * angle) + sine * np.sin(h * angle) for h, cosine, sine in lines]
         whole.append(np.sum(waves, axis=0))
-    return a @ assembly.angles(system.values).T + np.stack(whole, axis=-1) @ turning.T
-
-
-def _torques(assembly: TrainAssembly, system: System, q: NDArray, v: NDArray, forces: NDArray) -> NDArray:
-    """Compute the torque in each link with springs: of its permanent spring and damper, and of its contact."""
-    stiffness, damping, deflections = assembly.links(system.values)
-    torques = stiffness * (q @ deflections.T) + damping * (v @ deflections.T)
-    for place, (number, _) in enumerate(assembly.form.contacts):
+    moved = a @ train.angles.T + np.stack(whole, axis=-1) @ train.turning.T
+    # the torque of each link: of its permanent spring and damper, and of its contact
+    torques = train.stiffness * (q @ train.deflections.T) + train.damping * (rates @ train.deflections.T)
+    for place, (number, _) in enumerate(form.contacts):
         torques[..., number] += forces[..., place]
-    return torques[..., [number for number, link in enumerate(assembly.form.links) if not link.rigid]]
+    return np.hstack((moved, torques[..., [number for number, link in enumerate(form.links) if not link.rigid]]))

@@ -95,7 +95,7 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
     squares, left, right = _vibrations(stiffness, system.matrix("mass"))
     assembly, inertias, angles = system.structure.assembly, (), np.zeros((0, len(squares)))
     if isinstance(assembly, TrainAssembly):
-        inertias, angles = assembly.form.inertias, assembly.angles(system.values) @ right
+        inertias, angles = assembly.form.inertias, assembly.numbers(system.values).angles @ right
     sizes = angles if angles.size else right
     largest = sizes[np.abs(sizes).argmax(axis=0), range(len(squares))]
     floor = 1e-12 * len(squares) * np.abs(squares).max(initial=0.0)  # rounding of the largest

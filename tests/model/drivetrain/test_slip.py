@@ -124,7 +124,7 @@ def test_an_orbit_with_contacts_on_both_sides_of_the_coupling_is_that_of_the_ang
     step = 1e-5
     slopes = np.transpose([(changed(place, step) - changed(place, -step)) / (2.0 * step) for place in range(5)])
     expected = np.linalg.eigvals(slopes)
-    rate = orbit.system.structure.assembly.leaks(orbit.system.values)[1]
+    rate = orbit.system.structure.assembly.numbers(orbit.system.values).leaks[1]
     leak = np.abs(orbit.multipliers - np.exp(-rate * 2.0 * np.pi / PACE)).argmin()
     assert orbit.multipliers[leak] == pytest.approx(np.exp(-rate * 2.0 * np.pi / PACE), abs=1e-9)
     left = np.delete(orbit.multipliers, leak)
@@ -142,7 +142,7 @@ def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
 def test_a_coupled_train_rests_slipping_and_vibrates_as_its_two_sides_do() -> None:
     system = converter().system()
     (rest,) = gw.rest_of(system).equilibria
-    leaks = system.structure.assembly.leaks(system.values)
+    leaks = system.structure.assembly.numbers(system.values).leaks
     assert leaks[1] * rest.position[1] == pytest.approx(MEAN / (0.4 + 0.02), rel=1e-12)
     assert rest.stable
     assert not rest.loose
