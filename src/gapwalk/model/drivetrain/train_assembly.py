@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
 
 from gapwalk.model.drivetrain.train_form import Step, TrainForm
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import Structure
+from gapwalk.model.structure import NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.loads import LoadForm
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import ContactForm
+from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames
 
 
 @dataclass(frozen=True, slots=True)
