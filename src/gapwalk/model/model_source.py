@@ -133,19 +133,17 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
         with open_file(name) as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
-        raise ModelFileError([Problem(_reason(name, error), file=name)]) from None
+        raise _refusal(_reason(name, error), name) from None
     if len(content) > MAX_BYTES:
-        size = f"is larger than {MAX_BYTES // 1_000_000} MB"
-        raise ModelFileError([Problem(f"the file {size}; a model file is a short text", file=name)])
+        raise _refusal(f"the file is larger than {MAX_BYTES // 1_000_000} MB; a model file is a short text", name)
     if content.startswith(_RESULT):
         message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.load reads it"
-        raise ModelFileError([Problem(message, file=name)])
+        raise _refusal(message, name)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
         message = f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8"
-        raise ModelFileError([Problem(message, line=line, file=name)]) from None
+        raise _refusal(message, name, content.count(b"\n", 0, error.start) + 1) from None
     return parse_source(text, name, within)
 
 
@@ -161,11 +159,12 @@ def parse_source(text: str, name: str = "", within: str = "") -> Source:
     try:
         data = tomllib.loads(text)
     except RecursionError:
-        raise ModelFileError([Problem("lists or tables are nested too deeply", file=name)]) from None
+        raise _refusal("lists or tables are nested too deeply", name) from None
     except ValueError as error:  # most are TOMLDecodeError; an integer of 5,000 digits is a plain one
-        raise ModelFileError([_syntax_problem(str(error), text, name)]) from None
+        message, line = _syntax_problem(str(error), text)
+        raise _refusal(f"not TOML: {message}", name, line) from None
     if not data:
-        raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
+        raise _refusal(f"the file is empty; {_BEGIN}", name)
     source = Source(name, text, data, within=within)
     if problems := list(_long_tables(source)):
         raise ModelFileError(problems)
@@ -188,27 +187,26 @@ def _reason(name: str, error: Exception) -> str:
     return f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
 
 
-def _syntax_problem(message: str, text: str, name: str) -> Problem:
+def _refusal(message: str, name: str, line: int | None = None) -> ModelFileError:
+    return ModelFileError([Problem(message, line=line, file=name)])
+
+
+def _syntax_problem(message: str, text: str) -> tuple[str, int | None]:
+    """Explain a message of tomllib, and return the line to which it refers."""
     match = re.search(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)", message)
     if not match:
-        return Problem(f"not TOML: {message}", file=name)
-    reason = message[: match.start()]
-    lines = text.split("\n")
+        return message, None
+    reason, lines = message[: match.start()], text.split("\n")
     if match[1] is None:
-        return Problem(f"not TOML: {reason} at the end of the file", line=len(lines), file=name)
-    number, column = int(match[1]), int(match[2])
+        return f"{reason} at the end of the file", len(lines)
+    number = int(match[1])
     shown = lines[number - 1].strip()[:60] if number <= len(lines) else ""
     if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
         key = twice[1]
         own = ", and give each a name" if key == "study" else ""
-        message = f"not TOML: [{key}] is here a second time; if there are several, write [[{key}]] for each{own}"
-        return Problem(message, line=number, file=name)
-    hint = next((hint for slip, hint in _SLIPS if re.search(slip, shown)), "")
-    return Problem(
-        f"not TOML: {reason}, column {column}: {shown}" + (f" ({hint})" if hint else ""),
-        line=number,
-        file=name,
-    )
+        return f"[{key}] is here a second time; if there are several, write [[{key}]] for each{own}", number
+    hint = next((f" ({hint})" for slip, hint in _SLIPS if re.search(slip, shown)), "")
+    return f"{reason}, column {match[2]}: {shown}{hint}", number
 
 
 def _check_size(text: str, name: str) -> None:
@@ -225,8 +223,7 @@ def _check_size(text: str, name: str) -> None:
         if nests > MAX_NESTS:
             message = message or f"there are more than {MAX_NESTS:,} tables and lists; a model has fewer"
         if message:
-            line = text.count("\n", 0, token.start()) + 1
-            raise ModelFileError([Problem(message, line=line, file=name)])
+            raise _refusal(message, name, text.count("\n", 0, token.start()) + 1)
 
 
 def _long_tables(source: Source) -> Iterator[Problem]:
@@ -324,14 +321,10 @@ class _Scan:
     def _value(self, path: Path) -> None:
         self._skip(_BLANK)
         first = self._peek()
-        if first in "\"'":
-            self._skip(_STRING)
-        elif first == "[":
-            self._sequence("]", path)
-        elif first == "{":
-            self._sequence("}", path)
+        if first in "[{":
+            self._sequence("]" if first == "[" else "}", path)
         else:
-            self._skip(_PLAIN)
+            self._skip(_STRING if first in "\"'" else _PLAIN)
 
     def _sequence(self, end: str, path: Path) -> None:
         """Read a list, or an inline table."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
@@ -23,7 +24,7 @@ from pydantic import (
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side, Stage
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.laws import LAWS, Law, law_of, law_with
+from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
@@ -70,11 +71,6 @@ def stage_of(part: Part, name: str) -> Stage:
     plain = {key: found.pop(key) for key in ("clearance", "stiffness", "cubic") if key in found}
     side = getattr(part, "side", None) or Side.BOTH
     return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found)
-
-
-def law_parameters(which: str) -> dict[str, Parameter]:
-    """Return the parameters of all laws by name: ``"stage_parameters"``, or ``"parameters"`` of whole contacts."""
-    return {each.name: each for law in LAWS.values() for each in getattr(law, which)}
 
 
 def given_of(part: Part, which: str) -> dict[str, Any]:
@@ -188,6 +184,27 @@ def law_of_table(table: Any) -> Law:
         return law_of("elastic")
 
 
+def _law_to_write(name: str) -> str:
+    """Return the line to write where a table gives the name of a force law as its damping."""
+    return (
+        f"write law = {given(name)}"
+        if name in LAWS
+        else f"write law, which must be one of {', '.join(map(given, LAWS))}"
+    )
+
+
+def is_no_law(damping: object) -> object:
+    """Refuse the name of a force law in place of the damping of a shaft or gear, and explain where it belongs."""
+    if isinstance(damping, str) and re.fullmatch("[a-z-]{3,}", damping):
+        names = [each.name for each in LAWS[damping].parameters] if damping in LAWS else []
+        more = f" and {' and '.join(names)} = ..." if names else ""
+        raise ValueError(
+            f"is {given(damping)}; it must be the number of a damper that acts always. For a force law of the springs "
+            f"with a clearance, {_law_to_write(damping)}{more}"
+        )
+    return damping
+
+
 class ContactBase(LawTable):
     """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
 
@@ -200,10 +217,8 @@ class ContactBase(LawTable):
         """Return the line to write in place of ``damping``, which is a key of the system as a whole."""
         if key != "damping":
             return ""
-        if isinstance(value, str) and value in LAWS:
-            return f"write law = {given(value)}"
         if isinstance(value, str):
-            return f"write law, which must be one of {', '.join(map(given, LAWS))}"
+            return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
         return f"a contact has the damping of its force law; write {' or '.join(names)}"
 
