@@ -7,7 +7,6 @@ import io
 import os
 import re
 import tomllib
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -49,13 +48,11 @@ _SLIPS = (
     (r"^\s*[\w.-]+\s*:", "write key = value"),
 )
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""")
 _STRING = re.compile(
     r'''"""(?:\\.|[^\\])*?"""(?:"{0,2})|\'\'\'.*?\'\'\'(?:'{0,2})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*\'''', re.DOTALL
 )
-_PLAIN = re.compile(r"[^,\]}\n#]*")  # numbers, booleans, dates
+# Texts, marks and words, which are all that determines the lines of keys.
+_WORDS = re.compile(rf"""(?:{_STRING.pattern})|[][{{}}=,.\n]|[^][{{}}=,.\s\#"']+|\#[^\n]*""", re.DOTALL)
 _PART = r"""(?:"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|[A-Za-z0-9_-]++)"""
 # Skips texts and comments; matches a dotted key from its first point on.
 _TOKEN = re.compile(
@@ -260,28 +257,43 @@ def key_lines(text: str) -> dict[Path, int]:
 
 
 class _Scan:
-    """One pass over a text, which has reached the character `at`."""
+    """One pass over the words of a text, which has reached `word` in `line`; at the end of the text it is empty."""
 
     def __init__(self, text: str) -> None:
-        self.text = text
-        self.at = 0
         self.lines: dict[Path, int] = {}
-        self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._items: dict[Path, int] = {}  # last index of each [[array of tables]]
+        self._words = (match.group() for match in _WORDS.finditer(text))
+        self.word, self.line = "", 1
+        self._next()
+
+    def _next(self) -> str:
+        """Move on to the next word beyond comments, and return the one before it."""
+        passed = self.word
+        self.line += passed.count("\n")
+        self.word = next((word for word in self._words if word[0] != "#"), "")
+        return passed
+
+    def _skip_breaks(self) -> None:
+        while self.word == "\n":
+            self._next()
 
     def document(self) -> None:
         """Read the entire text."""
         table: Path = ()
-        self._skip(_BLANK)
-        while self.at < len(self.text):
-            table = self._header() if self._peek() == "[" else self._pair(table)
-            self._skip(_BLANK)
+        self._skip_breaks()
+        while self.word:
+            if self.word == "[":
+                table = self._header()
+            else:
+                self._pair(table)
+            self._skip_breaks()
 
     def _header(self) -> Path:
-        line = self._line()
-        array = self.text.startswith("[[", self.at)
-        self.at += 2 if array else 1
-        path: Path = ()
+        line, path = self.line, ()
+        self._next()
+        array = self.word == "["
+        if array:
+            self._next()
         keys = self._keys()
         for depth, key in enumerate(keys, start=1):
             path = (*path, key)
@@ -291,73 +303,53 @@ class _Scan:
             if path in self._items:
                 path = (*path, self._items[path])
                 self.lines.setdefault(path, line)
-        self.at += 2 if array else 1
+        for _ in range(1 + array):
+            self._next()
         return path
 
-    def _pair(self, table: Path) -> Path:
-        line, path = self._line(), table
+    def _pair(self, table: Path) -> None:
+        line, path = self.line, table
         for key in self._keys():
             path = (*path, key)
             self.lines.setdefault(path, line)
-        self._expect("=")
+        if self._next() != "=":
+            raise ValueError("= was expected")
         self._value(path)
-        return table
 
     def _keys(self) -> list[str]:
         keys = []
         while True:
-            self._skip(_SPACE)
-            match = _KEY.match(self.text, self.at)
-            if not match:
+            raw = self._next()
+            if not raw or raw in "[]{}=,.\n":
                 raise ValueError("a key was expected")
-            self.at = match.end()
-            raw = match.group()
             keys.append(tomllib.loads(f"x = {raw}")["x"] if raw[0] in "\"'" else raw)
-            self._skip(_SPACE)
-            if self._peek() != ".":
+            if self.word != ".":
                 return keys
-            self.at += 1
+            self._next()
 
     def _value(self, path: Path) -> None:
-        self._skip(_BLANK)
-        first = self._peek()
-        if first in "[{":
-            self._sequence("]" if first == "[" else "}", path)
+        self._skip_breaks()
+        if self.word in ("[", "{"):
+            self._sequence("]" if self._next() == "[" else "}", path)
         else:
-            self._skip(_STRING if first in "\"'" else _PLAIN)
+            while self.word and self.word not in ",]}\n":
+                self._next()
 
     def _sequence(self, end: str, path: Path) -> None:
-        """Read a list, or an inline table."""
-        self.at += 1
-        self._skip(_BLANK)
+        """Read a list, or an inline table, after its beginning."""
+        self._skip_breaks()
         index = 0
-        while self._peek() != end:
+        while self.word != end:
+            if not self.word:
+                raise ValueError("the text ends too early")
             if end == "]":
-                self.lines[*path, index] = self._line()
+                self.lines[*path, index] = self.line
                 self._value((*path, index))
             else:
                 self._pair(path)
             index += 1
-            self._skip(_BLANK)
-            if self._peek() != end:
-                self._expect(",")
-                self._skip(_BLANK)
-        self.at += 1
-
-    def _line(self) -> int:
-        return bisect_left(self._breaks, self.at) + 1
-
-    def _peek(self) -> str:
-        if self.at >= len(self.text):
-            raise ValueError("the text ends too early")
-        return self.text[self.at]
-
-    def _expect(self, char: str) -> None:
-        if self._peek() != char:
-            raise ValueError(f"{char} was expected")
-        self.at += 1
-
-    def _skip(self, pattern: re.Pattern[str]) -> None:
-        match = pattern.match(self.text, self.at)
-        if match:
-            self.at = match.end()
+            self._skip_breaks()
+            if self.word == ",":
+                self._next()
+                self._skip_breaks()
+        self._next()

@@ -70,8 +70,7 @@ class Scales:
         """Return the physical value of the number 1 of a kind, in SI units with rad."""
         if kind is None or kind is QuantityKind.PHASE:
             return 1.0
-        powers = kind.value
-        return self.angle**powers.angle * self.frequency**-powers.time * self.torque**powers.torque
+        return self.angle**kind.angle * self.frequency**-kind.time * self.torque**kind.torque
 
     @property
     def words(self) -> str:
