@@ -96,17 +96,13 @@ class Motion:
         ModelError
             If there is no such signal.
         """
-        kind, column = self._column(signal_place(self.system, name))
-        return getattr(self, kind)[:, column] * signal_factor(self.system, name)
-
-    def _column(self, place: int) -> tuple[str, int]:
-        """Return the attribute and the column that hold the signal of a place in `signal_names`."""
-        size, contacts = self.system.size, len(self.system.structure.contacts)
-        for kind, width in (("q", size), ("v", size), ("a", size), ("forces", contacts)):
+        place, size = signal_place(self.system, name), self.system.size
+        widths = {"q": size, "v": size, "a": size, "forces": len(self.system.structure.contacts)}
+        for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
-                return kind, place
+                return getattr(self, kind)[:, place] * signal_factor(self.system, name)
             place -= width
-        return "_of_train", place
+        return self._of_train[:, place] * signal_factor(self.system, name)
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:

@@ -148,7 +148,7 @@ def backlash(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
-    return _hunt_crossley(name, deflection, Stage(clearance, stiffness), force, impact_damping)
+    return stop(name, deflection, clearance, stiffness, side=Side.BOTH, force=force, impact_damping=impact_damping)
 
 
 def stop(
@@ -162,13 +162,8 @@ def stop(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
-    return _hunt_crossley(name, deflection, Stage(clearance, stiffness, side=Side(side)), force, impact_damping)
-
-
-def _hunt_crossley(name, deflection, stage: Stage, force, impact_damping: float) -> Contact:
-    if not impact_damping:
-        return Contact(name, deflection, (stage,), force)
-    return Contact(name, deflection, (stage,), force, "hunt-crossley", impact_damping=impact_damping)
+    stages, damping = (Stage(clearance, stiffness, side=Side(side)),), {"impact_damping": impact_damping}
+    return Contact(name, deflection, stages, force, *(("hunt-crossley", damping) if impact_damping else ()))
 
 
 def _stage_problems(contact: Contact):
