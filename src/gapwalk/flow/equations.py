@@ -96,11 +96,6 @@ class Equations:
             (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
         )
 
-    @property
-    def n_parameters(self) -> int:
-        """Number of run-time parameters."""
-        return self.first_coefficient + len(self.active)
-
     @cached_property
     def positions(self) -> list:
         """Symbols of the n positions."""
@@ -147,7 +142,7 @@ class Equations:
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
-            terms, used = [linear], _parameter_indices(force)
+            terms, used = [linear], {int(str(each).removeprefix("p")) for each in hy.get_params(force)}
             for component, slot in enumerate(self.varying[index].tolist()):
                 if self._indices[slot] in used:
                     terms.append(hy.diff(force, hy.par[self._indices[slot]]) * hy.par[first + component])
@@ -249,8 +244,3 @@ class Equations:
             *((symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)),
             *((symbol, self.rate * -hy.sum(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
         ]
-
-
-def _parameter_indices(expression) -> set[int]:
-    """Return the indices of the run-time parameters on which an expression depends."""
-    return {int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression)}

@@ -131,7 +131,7 @@ class Flow:
             self._compiled = hy.taylor_adaptive(
                 right_hand_sides,
                 state=np.zeros(len(right_hand_sides)),
-                pars=np.zeros(equations.n_parameters),
+                pars=np.zeros(equations.first_coefficient + len(equations.active)),
                 t_events=[
                     hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
                     for index, switch in enumerate(equations.switches)

@@ -188,12 +188,8 @@ def check_state(system: System, state) -> NDArray[np.float64]:
 
 def switch_names(system: System) -> list[tuple[str, str, int]]:
     """Return contact, stage and side of each switch of the system's flow, in their order."""
-    return [
-        (contact.name, stage.name, sign)
-        for contact in system.structure.contacts
-        for stage in contact.stages
-        for sign in stage.side.signs
-    ]
+    contacts = system.structure.contacts
+    return [(contact.name, stage.name, sign) for contact in contacts for stage, sign in contact.sides]
 
 
 def signal_place(system: System, name: str) -> int:

@@ -105,7 +105,7 @@ class CoefficientLayout:
         for index, form in enumerate(s.contacts):
             deflection = first + len(places) + np.arange(n)
             places.extend(s.block(f"{form.name}.deflection", n))
-            prefixes = [form.stage_prefix(stage) for stage in form.stages for _ in stage.side.signs]
+            prefixes = [form.stage_prefix(stage) for stage, _ in form.sides]
             stages = tuple(
                 StageSlots(*shape, slots_of(prefix, form.law.stage_parameters))
                 for prefix, shape in zip(prefixes, form.shapes, strict=True)
@@ -119,21 +119,13 @@ class CoefficientLayout:
         return 1 + self.structure.size * self._columns + self._contacts[1].size
 
     @cached_property
-    def _linear_places(self) -> NDArray[np.intp]:
-        """Places, in the value vector, of ``[K | C | d_1 ... | m]``, shape (n, 2n + contacts + 1)."""
+    def _column_places(self) -> NDArray[np.intp]:
+        """Places, in the value vector, of ``[K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads."""
         s, n = self.structure, self.structure.size
-        blocks = [s.block("stiffness", n, n), s.block("damping", n, n)]
-        for form in s.contacts:
-            which = "deflection" if form.reciprocal else "force"
-            blocks.append(s.block(f"{form.name}.{which}", n, 1))
-        blocks.append(s.block("mean", n, 1))
-        return np.hstack(blocks)
-
-    @cached_property
-    def _shape_places(self) -> NDArray[np.intp]:
-        """Places of the vectors of the loads that repeat with the excitation, shape (loads, n)."""
-        s, n = self.structure, self.structure.size
-        return np.array([s.block(load.shape, n) for load in s.harmonics], dtype=np.intp).reshape(-1, n)
+        columns = [f"{form.name}.{'deflection' if form.reciprocal else 'force'}" for form in s.contacts]
+        columns += ["mean", *(load.shape for load in s.harmonics)]
+        matrices = s.block("stiffness", n, n), s.block("damping", n, n)
+        return np.hstack([*matrices, *(s.block(name, n, 1) for name in columns)])
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
@@ -174,9 +166,8 @@ class CoefficientLayout:
         """Compute ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads, from the same vector."""
         if self.assembled.assembly:
             return self.assembled.assembly.accelerations(values)
-        n, shapes = self.structure.size, self._shape_places
-        mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
-        return np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
+        n = self.structure.size
+        return np.linalg.solve(values[self.structure.block("mass", n, n)], values[self._column_places])
 
 
 @lru_cache(maxsize=256)

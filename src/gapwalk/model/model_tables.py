@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self
+from functools import lru_cache, wraps
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -22,7 +21,7 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
 from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
@@ -56,6 +55,7 @@ from gapwalk.model.units import QuantityKind
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
 
+T = TypeVar("T")
 SideName = Annotated[Side, BeforeValidator(one_of(Side))]
 
 
@@ -106,9 +106,10 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
     return value
 
 
-def kinds_known() -> tuple[Any, ...]:
-    """Return the force laws and loads on which the schemas of tables depend."""
-    return (*LAWS.values(), *LOADS.values())
+def by_registered_kinds(make: Callable[[], T]) -> Callable[[], T]:
+    """Decorate a function that makes a schema from all registered force laws and loads: it is made once for them."""
+    made = lru_cache(lambda *_: make())
+    return wraps(make)(lambda: made(*LAWS.values(), *LOADS.values()))
 
 
 def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
@@ -130,26 +131,23 @@ def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
 def _order_problem(tables: object) -> str | None:
     """Describe the first error in the order of those stages whose clearance is a plain number."""
     stages = [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
-    for side in (Side.POSITIVE, Side.NEGATIVE):
-        met = [table.get("clearance") for table in stages if table.get("side", Side.BOTH) in (Side.BOTH, side)]
-        numbers = [value for value in met if isinstance(value, int | float) and not isinstance(value, bool)]
-        for inner, outer in pairwise(value for value in numbers if value >= 0):
-            if outer <= inner:
-                return (
-                    f"is out of order on the {side.value} side: clearance {outer} follows {inner}; list the stages "
-                    "from the inside out"
-                )
-    return None
+    known = [(table.get("side", Side.BOTH), table.get("clearance")) for table in stages]
+    numbers = [
+        (Side(side), clearance)
+        for side, clearance in known
+        if side in [*Side] and isinstance(clearance, int | float) and not isinstance(clearance, bool)
+    ]
+    return next((f"is {each}" for each in order_problems(numbers)), None)
 
 
 def stages_field(least: int) -> Any:
     """Make the field of a contact's stages, from the inside out, with the parameters of all registered force laws."""
     size: Any = Field(min_length=least, max_length=MAX_COORDINATES)
-    return Annotated[list[_stage_part(kinds_known())], size, WrapValidator(_in_order)]  # pyright: ignore
+    return Annotated[list[_stage_part()], size, WrapValidator(_in_order)]  # pyright: ignore
 
 
-@lru_cache
-def _stage_part(_: tuple[Any, ...]) -> type[StageBase]:
+@by_registered_kinds
+def _stage_part() -> type[StageBase]:
     fields = law_fields("stage_parameters")
     check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
     fields["side"] = (SideName, Side.BOTH)
@@ -405,13 +403,9 @@ class SystemBase(Part):
         )
 
 
+@by_registered_kinds
 def system_part() -> type[SystemBase]:
-    """Return the schema of a model file, with all registered force laws and loads."""
-    return _system_part(kinds_known())
-
-
-@lru_cache
-def _system_part(_: tuple[Any, ...]) -> type[SystemBase]:
+    """Return the schema of a model file."""
     of_stages, own = law_fields("stage_parameters"), dict(sorted(law_fields("parameters").items()))
     side: Any = Annotated[SideName | None, Field(validate_default=True)]
     checks: Any = {

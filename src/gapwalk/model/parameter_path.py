@@ -38,9 +38,6 @@ class PathAssembly:
     structure: Structure
     moved: tuple[str, ...]
 
-    def __hash__(self) -> int:
-        return hash((self.structure, self.moved))
-
     @property
     def names(self) -> ParameterNames:
         """Names of the system's parameters, of the path parameter, and ``way.`` with each moved parameter."""

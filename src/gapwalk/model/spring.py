@@ -59,18 +59,13 @@ class ForcePolynomials:
         known = np.concatenate((coefficients, np.ones((1, *rest))))
         values = reduce(np.multiply, known[self._slots], self._factors.reshape(-1, *(1 for _ in rest)))
         table = np.zeros((math.prod(self.shape), *rest), known.dtype)
-        table[self._different] = np.add.reduceat(values, self._first)
+        table[self._places[self._first]] = np.add.reduceat(values, self._first)
         return table.reshape(*self.shape, *rest)
 
     @cached_property
     def _first(self) -> NDArray[np.intp]:
         """The first term of each place."""
         return np.flatnonzero(np.diff(self._places, prepend=-1))
-
-    @cached_property
-    def _different(self) -> NDArray[np.intp]:
-        """The places, each once."""
-        return self._places[self._first]
 
     def integrated(self) -> ForcePolynomials:
         """Integrate the factor of the rate over the deflection, and drop the terms of other rates.
@@ -248,7 +243,7 @@ def springs_of(system: System, *, exact: bool = False) -> tuple[Spring, ...]:
     table = _tangents(layout, coefficients) if curved else polynomials_of(layout, "an equilibrium").table(coefficients)
     lines, springs = iter(table.tolist()), []
     for slots in layout.contacts:
-        names = [stage.name for stage in slots.form.stages for _ in stage.side.signs]
+        names = [stage.name for stage, _ in slots.form.sides]
         slopes = tuple(
             Slope(name, stage.sign, float(coefficients[stage.clearance]), tuple(pull), tuple(drag), curved)
             for name, stage, (pull, drag, *_) in zip(names, slots.stages, lines, strict=False)

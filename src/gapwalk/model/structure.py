@@ -177,9 +177,14 @@ class ContactForm:
         return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
 
     @property
+    def sides(self) -> list[tuple[StageForm, int]]:
+        """Each stage with each side on which it acts, in the order of the switches."""
+        return [(stage, sign) for stage in self.stages for sign in stage.side.signs]
+
+    @property
     def shapes(self) -> tuple[StageShape, ...]:
-        """Each stage on each side on which it acts, in the order of the switches."""
-        signs = [sign for stage in self.stages for sign in stage.side.signs]
+        """The side of each switch, and whether its stage is the first there."""
+        signs = [sign for _, sign in self.sides]
         return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
 
     def closed_form(self, backend: str) -> tuple[Term, ...]:
@@ -292,8 +297,7 @@ class Structure:
         return tuple(
             Breakpoint(index, side, self.place(f"{contact.stage_prefix(stage)}.clearance"))
             for index, contact in enumerate(self.contacts)
-            for stage in contact.stages
-            for side in stage.side.signs
+            for stage, side in contact.sides
         )
 
     @cached_property

@@ -147,7 +147,7 @@ class Train:
         pace = "frequency" if self.speed is None else "speed"
         return {
             **{
-                group: tuple(each.converted(change) for each in getattr(self, group))
+                group: tuple(each._converted(change) for each in getattr(self, group))
                 for group in ("inertias", "shafts", "gears")
             },
             "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import (
@@ -23,9 +22,9 @@ from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
+    by_registered_kinds,
     given_of,
     is_no_law,
-    kinds_known,
     law_fields,
     load_fields,
     loads_of,
@@ -152,13 +151,9 @@ class TrainBase(Part):
         return self.train().system()
 
 
+@by_registered_kinds
 def train_part() -> type[TrainBase]:
-    """Return the schema of a model file with a drive train, with all registered force laws and loads."""
-    return _train_part(kinds_known())
-
-
-@lru_cache
-def _train_part(_: tuple[Any, ...]) -> type[TrainBase]:
+    """Return the schema of a model file with a drive train."""
     fields = {**law_fields("parameters"), "stage": (stages_field(0), Field(default=[]))}
     links: dict[str, Any] = {"shaft": ("ShaftPart", LinkBase), "gear": ("GearPart", GearBase)}
     for key, (name, base) in links.items():

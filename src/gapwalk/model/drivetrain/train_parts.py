@@ -38,7 +38,7 @@ class Inertia:
     name: str
     inertia: float
 
-    def converted(self, change: Change) -> Inertia:
+    def _converted(self, change: Change) -> Inertia:
         """Return it with another value of its quantity."""
         return replace(self, inertia=change(f"{self.name}.inertia", self.inertia))
 
@@ -138,20 +138,19 @@ class Link:
         law = law_with(self.numbers) if self.law is None else self.law
         return Contact(self.name, {self.name: 1.0}, tuple(stages), None, law, self.numbers)
 
-    def converted(self, change: Change) -> Self:
-        """Return it with other values of its quantities."""
-        stages = tuple(
-            replace(
-                stage,
-                numbers={what: change(f"{prefix}.{what}", value) for what, value in stage.numbers.items()},
-                **{what: change(f"{prefix}.{what}", getattr(stage, what)) for what in _OF_STAGES},
-            )
-            for number, stage in enumerate(self.stages)
-            for prefix in [f"{self.name}.{stage.name or f'stage[{number}]'}"]
-        )
-        numbers = {what: change(f"{self.name}.{what}", value) for what, value in self.numbers.items()}
-        values = {what: change(f"{self.name}.{what}", getattr(self, what)) for what in _OF_LINKS}
-        return replace(self, stages=stages, numbers=numbers, **values)
+    def _converted(self, change: Change) -> Self:
+        """Return it with other values of its quantities, in the order in which they choose the units of a train."""
+
+        def changed(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+            return {what: change(f"{prefix}.{what}", value) for what, value in values.items()}
+
+        values = changed(self.name, {what: getattr(self, what) for what in _OF_LINKS})
+        stages = []
+        for number, stage in enumerate(self.stages):
+            prefix = f"{self.name}.{stage.name or f'stage[{number}]'}"
+            own = changed(prefix, {what: getattr(stage, what) for what in _OF_STAGES})
+            stages.append(replace(stage, **own, numbers=changed(prefix, stage.numbers)))
+        return replace(self, **values, stages=tuple(stages), numbers=changed(self.name, self.numbers))
 
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
