@@ -127,7 +127,7 @@ class Contact:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))
 
     def values(self) -> Iterator[float]:
-        """The values of its parameters: of its stages, then of the contact as a whole."""
+        """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
         for stage in self.stages:
             for parameter in self.law.stage_parameters:
                 value = stage.number(parameter)
@@ -160,8 +160,10 @@ def stop(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
-    stages, damping = (Stage(clearance, stiffness, side=Side(side)),), {"impact_damping": impact_damping}
-    return Contact(name, deflection, stages, force, *(("hunt-crossley", damping) if impact_damping else ()))
+    stages = (Stage(clearance, stiffness, side=Side(side)),)
+    if not impact_damping:
+        return Contact(name, deflection, stages, force)
+    return Contact(name, deflection, stages, force, "hunt-crossley", impact_damping=impact_damping)
 
 
 def _stage_problems(contact: Contact):

@@ -52,7 +52,7 @@ class ContactRest:
 
     @property
     def is_open(self) -> bool:
-        """Return whether none of its stages is closed."""
+        """True if none of its stages is closed."""
         return not self.side
 
     def __str__(self) -> str:

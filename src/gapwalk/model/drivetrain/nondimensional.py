@@ -223,12 +223,12 @@ class PaperNumbers:
     W: float = 1.0
 
     def length_ratio(self) -> float:
-        """bc3 / bc1, which follows from the numbers."""
+        """Return bc3 / bc1, which follows from the numbers."""
         load = self.Tm1 / self.Tm2
         return (self.n1 / self.n2 + load) / (1.0 + load * self.K22 / self.K12)
 
     def train(self, scales: Scales) -> Train:
-        """The physical train of these numbers, in kg m^2, N m, rad and rad/s.
+        """Make the physical train of these numbers, in kg m^2, N m, rad and rad/s.
 
         Parameters
         ----------
@@ -297,7 +297,7 @@ _NAMES = ("flywheel", "hub", "rest")
 
 
 def paper_numbers(system: System, scales: Scales | None = None, length_ratio: float = 1.0) -> PaperNumbers:
-    """The paper's non-dimensional numbers of a physical train of three inertias in line.
+    """Compute the paper's non-dimensional numbers of a physical train of three inertias in line.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class Train:
         return (*self.shafts, *self.gears)
 
     def system(self) -> System:
-        """The train as a system: coordinates are deflections of shafts and gears, parameters those of its parts."""
+        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         return System.from_values(structure, checked(structure, values))
@@ -161,7 +161,7 @@ class Train:
         }
 
     def replaced(self, part: str, **changes: Any) -> Train:
-        """The train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
+        """Return the train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
 
         In a train with units a number is in the unit of its kind, and a text has its own: ``clearance="0.5 deg"``.
 
@@ -207,7 +207,7 @@ class Train:
         return numbers, forms
 
     def _numbers(self, form: TrainForm) -> Iterator[float]:
-        """All numbers in the order of `TrainForm.names`."""
+        """Iterate over all numbers in the order of `TrainForm.names`."""
         yield self.frequency
         yield from (inertia.inertia for inertia in self.inertias)
         yield from (self.mean.get(form.inertias[number], 0.0) for number in form.loaded)
@@ -220,7 +220,7 @@ class Train:
 
 
 def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *, held: bool = False) -> Train:
-    """A chain of equal inertias ``disc1``, ``disc2``, ... with equal shafts ``shaft1``, ``shaft2``, ... between them.
+    """Make a chain of equal inertias ``disc1``, ``disc2``, ... with equal shafts ``shaft1``, ... between them.
 
     Parameters
     ----------

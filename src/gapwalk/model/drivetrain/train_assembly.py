@@ -59,9 +59,13 @@ class TrainAssembly:
     form: TrainForm
     units: Units | None = None
 
-    @cached_property
+    @property
     def names(self) -> ParameterNames:
         """The names of all numbers of its parts."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> ParameterNames:
         names = self.form.names
         if self.units is None or self.units.pace == names[0]:
             return names

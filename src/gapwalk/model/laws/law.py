@@ -80,7 +80,7 @@ class Law(ABC):
 
     @abstractmethod
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """The force of the contact.
+        """Compute the force of the contact.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Law(ABC):
         """
 
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
-        """The rate of the deflection just after an innermost breakpoint is reached from within: the reset.
+        """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
 
         By default the motion goes on through the breakpoint, and the stage closes. A law that says otherwise reverses
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.

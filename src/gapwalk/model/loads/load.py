@@ -104,7 +104,7 @@ class Load(ABC):
         """
 
     def values(self) -> Iterator[float]:
-        """The values of its parameters."""
+        """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)
 
 
