@@ -207,10 +207,6 @@ class ParameterLine:
         """True if the parameter is the frequency, and enters through 1/W alone."""
         return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
 
-    @cached_property
-    def _base(self) -> NDArray[np.float64]:
-        return coefficients_of(self.system)
-
     def system_at(self, value: float) -> System:
         """Return the system at one value of the parameter; unlike `System.at`, without checks."""
         system = System.beside(self.system, self._place, value)
@@ -221,7 +217,8 @@ class ParameterLine:
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the coefficients at one value of the parameter, and their derivative by it."""
         if self._only_period:  # by far the most frequent parameter of continuation
-            coefficients, slope = self._base.copy(), np.zeros_like(self._base)
+            base = coefficients_of(self.system)
+            coefficients, slope = base.copy(), np.zeros_like(base)
             coefficients[0], slope[0] = period_of(self.system, value)
             return coefficients, slope
         coefficients, slopes = _with_slopes(self.system, {self._place: value})
