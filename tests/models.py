@@ -1,5 +1,12 @@
 """Texts of model files that tests of several rooms share: the systems, to which a test adds what is to be studied."""
 
+import os
+
+from gapwalk.model.model_file import check_model, has_pace, in_order
+from gapwalk.model.model_source import read_source
+from gapwalk.model.problems import ModelFileError
+from gapwalk.model.system import System
+
 STOP = """\
 title = "A stop"
 coordinates = ["x"]
@@ -53,3 +60,14 @@ from = 0.7
 to = {end}
 measure = "half.x"
 """
+
+
+def read_system(path: str | os.PathLike[str]) -> System:
+    """The system of a model file, whether or not it has a study."""
+    source = read_source(path)
+    model, problems = check_model(source)
+    if not has_pace(source):
+        problems.append(source.problem("is missing; write the frequency W of the excitation", ("frequency",)))
+    if model is None or problems:
+        raise ModelFileError(in_order(problems))
+    return model.system

@@ -11,7 +11,7 @@ from scipy import sparse
 
 from gapwalk.errors import ModelError
 from gapwalk.files import array_header, check_npz, open_file, uninterrupted, why_no_file
-from gapwalk.model.model_file import read_system
+from tests.models import read_system
 
 MODEL = 'coordinates = ["x"]\nstiffness = "{}"\nfrequency = 1.0\n'
 

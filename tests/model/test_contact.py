@@ -40,7 +40,7 @@ def test_stages_on_different_sides_need_no_order() -> None:
         ((Stage(-1.0),), {}, "clearance is -1.0; it must be a number >= 0"),
         ((Stage(float("nan")),), {}, "clearance is nan"),
         ((Stage(1.0, name="a"), Stage(0.5, name="b")), {}, "clearance 0.5 follows 1.0"),
-        ((Stage(1.0, name="a"), Stage(1.0, name="b")), {}, "list them from the inside out"),
+        ((Stage(1.0, name="a"), Stage(1.0, name="b")), {}, "list the stages from the inside out"),
         ((Stage(1.0), Stage(2.0)), {}, "need names that differ"),
         ((Stage(1.0, name="a"), Stage(2.0, name="a")), {}, "need names that differ"),
         ((Stage(1.0, name="a.b"), Stage(2.0, name="c")), {}, "stage name 'a.b'"),

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from gapwalk.model import ModelFileError, System
 from gapwalk.model.matrix_file import read_matrix
-from gapwalk.model.model_file import read_system
+from tests.models import read_system
 
 CHAIN = sp.csr_array(2.0 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
 TEXT = 'coordinates = 6\nstiffness = "{}"\nfrequency = 1.0\n'

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from gapwalk.errors import ModelError
 from gapwalk.model import Contact, Harmonic, ModelFileError, Side, Stage, System
-from gapwalk.model.model_file import check_model, read_system
+from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
+from tests.models import read_system
 
 GOOD = """\
 title = "Two stages"

@@ -77,8 +77,9 @@ def train_lines(system: System) -> list[str]:
     if not form.is_free:
         return [f"  train: {parts}; connected to the ground"]
     lines = [f"  train: {parts}; free to rotate as a whole; this rotation is removed"]
-    acceleration = assembly.acceleration(system.values)
-    if np.abs(assembly.mean(system.values)).max() > 0 and np.abs(acceleration).max() > 0:
+    numbers = assembly.numbers(system.values)
+    acceleration = numbers.acceleration
+    if np.abs(numbers.torques[0]).max() > 0 and np.abs(acceleration).max() > 0:
         first, units = form.inertias[0], system.units
         size = f"{acceleration[0] * units.angle:.6g} rad/s^2" if units else f"{acceleration[0]:.6g}"
         lines.append(

@@ -149,7 +149,10 @@ def _bodies(system: System, sampled: Motion) -> dict[str, Any]:
     """Return the moving bodies: the inertias of a train by their angles, otherwise the coordinates."""
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
-        names, moved = assembly.form.inertias, sampled.q @ np.asarray(assembly.angles(system.values), dtype=float).T
+        names, moved = (
+            assembly.form.inertias,
+            sampled.q @ np.asarray(assembly.numbers(system.values).angles, dtype=float).T,
+        )
     else:
         names, moved = system.coordinates, sampled.q
     turning = isinstance(assembly, TrainAssembly)

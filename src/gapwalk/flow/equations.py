@@ -96,11 +96,6 @@ class Equations:
             (index, stage) for index, contact in enumerate(self.layout.contacts) for stage in range(len(contact.stages))
         )
 
-    @property
-    def n_parameters(self) -> int:
-        """Number of run-time parameters."""
-        return self.first_coefficient + len(self.active)
-
     @cached_property
     def positions(self) -> list:
         """Symbols of the n positions."""
@@ -147,7 +142,7 @@ class Equations:
         equations = self._linearised([hy.make_vars(f"z{i}_{index}") for i in range(size)])
         forced = []
         for (variable, linear), (_, force) in zip(equations, self.state, strict=True):
-            terms, used = [linear], _parameter_indices(force)
+            terms, used = [linear], {int(str(each).removeprefix("p")) for each in hy.get_params(force)}
             for component, slot in enumerate(self.varying[index].tolist()):
                 if self._indices[slot] in used:
                     terms.append(hy.diff(force, hy.par[self._indices[slot]]) * hy.par[first + component])
@@ -193,21 +188,24 @@ class Equations:
     @cached_property
     def _contact_laws(self) -> list[tuple]:
         """For each contact its force, and the derivatives of that by deflection and by deflection rate."""
-        return [self._contact_law(index) for index in range(len(self.layout.contacts))]
-
-    def _contact_law(self, index: int) -> tuple:
-        slots, law = self.layout.contacts[index], self.layout.structure.contacts[index].law
-        x, rate = hy.make_vars("deflection", "deflection_rate")
-        stages = Stages((self._stage(index, number, x) for number in range(len(slots.stages))), hy.sum)
-        force = hy.expression(0.0) + law.force(rate, stages, self._named(slots.numbers))
-        motion = {x: self._deflection(slots), rate: self._dot(slots.deflection, self.velocities)}
-        return tuple(hy.subs(each, motion) for each in (force, hy.diff(force, x), hy.diff(force, rate)))
-
-    def _stage(self, contact: int, number: int, x) -> StageTerms:
-        """Return one stage on one side for the formula of its law."""
-        slots = self.layout.contacts[contact].stages[number]
-        switch = hy.par[self.first_switch + self.switches.index((contact, number))]
-        return StageTerms(slots.sign, self._depth(x, slots), switch, slots.innermost, self._named(slots.numbers))
+        laws = []
+        for index, contact in enumerate(self.layout.contacts):
+            x, rate = hy.make_vars("deflection", "deflection_rate")
+            stages = [
+                StageTerms(
+                    stage.sign,
+                    self._depth(x, stage),
+                    hy.par[self.first_switch + self.switches.index((index, number))],
+                    stage.innermost,
+                    self._named(stage.numbers),
+                )
+                for number, stage in enumerate(contact.stages)
+            ]
+            force = contact.form.law.force(rate, Stages(stages, hy.sum), self._named(contact.numbers))
+            force = hy.expression(0.0) + force
+            motion = {x: self._deflection(contact), rate: self._dot(contact.deflection, self.velocities)}
+            laws.append(tuple(hy.subs(each, motion) for each in (force, hy.diff(force, x), hy.diff(force, rate))))
+        return laws
 
     def _named(self, slots: Mapping[str, int]) -> dict[str, Any]:
         """Return the symbols of some parameters by name."""
@@ -220,44 +218,29 @@ class Equations:
 
     @cached_property
     def _accelerations(self) -> list:
-        n, slots, orders = self.layout.structure.size, self.layout.accelerations, self.layout.orders
-        n_contacts = len(self.layout.contacts)
-        mean = 2 * n + n_contacts
-        cosines = [hy.cos(float(order) * hy.time) for order in orders]
-        sines = [hy.sin(float(order) * hy.time) for order in orders]
-        rows = []
-        for row in slots:
-            forces = self._terms(row[: 2 * n], self.positions + self.velocities)
-            forces += [
-                self._coefficient(row[2 * n + k]) * law[0]
-                for k, law in enumerate(self._contact_laws)
-                if self.pattern[row[2 * n + k]]
-            ]
-            loads = [self._coefficient(row[mean])]
-            loads += self._terms(row[mean + 1 :], cosines + sines)
-            rows.append(self.rate * (hy.sum(loads) - hy.sum(forces)))
-        return rows
+        orders, mean = self.layout.orders, 2 * self.layout.structure.size + len(self.layout.contacts)
+        waves = [wave(float(order) * hy.time) for wave in (hy.cos, hy.sin) for order in orders]
+        forces = [*self.positions, *self.velocities, *(force for force, _, _ in self._contact_laws)]
+        return [
+            self.rate
+            * (
+                hy.sum([self._coefficient(row[mean]), *self._terms(row[mean + 1 :], waves)])
+                - hy.sum(self._terms(row[:mean], forces))
+            )
+            for row in self.layout.accelerations
+        ]
 
     def _linearised(self, symbols: list) -> list:
         """Linearise the equations about the motion, and apply them to one column of symbols."""
-        n, slots = self.layout.structure.size, self.layout.accelerations
+        n = self.layout.structure.size
         dq, dv = symbols[:n], symbols[n:]
-        equations = [(symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)]
         changes = [
             slope * self._dot(contact.deflection, dq) + damping * self._dot(contact.deflection, dv)
             for contact, (_, slope, damping) in zip(self.layout.contacts, self._contact_laws, strict=True)
         ]
-        for symbol, row in zip(dv, slots, strict=True):
-            forces = self._terms(row[: 2 * n], symbols)
-            forces += [
-                self._coefficient(row[2 * n + k]) * change
-                for k, change in enumerate(changes)
-                if self.pattern[row[2 * n + k]]
-            ]
-            equations.append((symbol, self.rate * -hy.sum(forces)))
-        return equations
-
-
-def _parameter_indices(expression) -> set[int]:
-    """Return the indices of the run-time parameters on which an expression depends."""
-    return {int(str(parameter).removeprefix("p")) for parameter in hy.get_params(expression)}
+        forces = [*symbols, *changes]
+        rows = self.layout.accelerations[:, : len(forces)]
+        return [
+            *((symbol, self.rate * velocity) for symbol, velocity in zip(dq, dv, strict=True)),
+            *((symbol, self.rate * -hy.sum(self._terms(row, forces))) for symbol, row in zip(dv, rows, strict=True)),
+        ]

@@ -9,25 +9,27 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from functools import lru_cache
 from itertools import pairwise
 from threading import Lock
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import FlowError
-from gapwalk.flow.contact_events import EventCall, answer_events
 from gapwalk.flow.equations import Equations
 from gapwalk.flow.flow_cache import kept
 from gapwalk.flow.length_unit import LengthUnit
-from gapwalk.flow.switching import COOLDOWN, ContactEvent, Switchboard
+from gapwalk.flow.switching import COOLDOWN, ContactEvent, EventCall, Switchboard, answer_events
 from gapwalk.model.coefficients import coefficients_of, layout_of, varying
 from gapwalk.model.structure import Structure
 from gapwalk.model.system import System
+
+T = TypeVar("T")
 
 PERIOD = 2.0 * math.pi
 """One forcing period, in theta."""
@@ -129,7 +131,7 @@ class Flow:
             self._compiled = hy.taylor_adaptive(
                 right_hand_sides,
                 state=np.zeros(len(right_hand_sides)),
-                pars=np.zeros(equations.n_parameters),
+                pars=np.zeros(equations.first_coefficient + len(equations.active)),
                 t_events=[
                     hy.t_event(equations.gap(*switch), callback=EventCall(index).switch, cooldown=COOLDOWN)
                     for index, switch in enumerate(equations.switches)
@@ -170,11 +172,7 @@ class Flow:
         FlowError
             If the motion diverges, chatters without end, or a contact event is missed.
         """
-        integrator = self._take()
-        try:
-            return integrator.integrate(coefficients, state, start, stop, direction)
-        finally:
-            self._idle.append(integrator)
+        return self._lend(lambda each: each.integrate(coefficients, state, start, stop, direction))
 
     def sample(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], thetas: NDArray[np.float64]
@@ -183,11 +181,7 @@ class Flow:
 
         The state given is that at ``thetas[0]``. Errors as in `integrate`.
         """
-        integrator = self._take()
-        try:
-            return integrator.sample(coefficients, state, thetas)
-        finally:
-            self._idle.append(integrator)
+        return self._lend(lambda each: each.sample(coefficients, state, thetas))
 
     def vary(
         self,
@@ -200,11 +194,7 @@ class Flow:
 
         For a flow compiled with the transition matrix, and with as many directions as `direction` has rows.
         """
-        integrator = self._take()
-        try:
-            return integrator.vary(coefficients, state, thetas, direction)
-        finally:
-            self._idle.append(integrator)
+        return self._lend(lambda each: each.vary(coefficients, state, thetas, direction))
 
     def survey(
         self, coefficients: NDArray[np.float64], state: NDArray[np.float64], stop: float
@@ -213,9 +203,12 @@ class Flow:
 
         For a flow compiled for a survey. Errors as in `integrate`.
         """
+        return self._lend(lambda each: each.survey(coefficients, state, stop))
+
+    def _lend(self, call: Callable[[_Integrator], T]) -> T:
         integrator = self._take()
         try:
-            return integrator.survey(coefficients, state, stop)
+            return call(integrator)
         finally:
             self._idle.append(integrator)
 
@@ -266,60 +259,48 @@ class _Integrator:
         )
 
     def sample(self, coefficients, state, thetas):
-        rows, contacts = self._sample(coefficients, state, thetas, None)
-        if rows is None:
-            return self._sample_piecewise(coefficients, state, thetas)
-        return rows[:, : self.size] * self._unit, contacts
+        found = self.vary(coefficients, state, thetas, None)
+        return found.states, found.contacts
 
     def vary(self, coefficients, state, thetas, direction) -> Variations:
-        rows, contacts = self._sample(coefficients, state, thetas, direction)
-        if rows is None:
+        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
+        outcome, *_, rows = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
+        if outcome != hy.taylor_outcome.time_limit:
+            self._refuse(outcome, float(thetas[0]))
+        if not self._switchboard.is_right():
             return self._vary_piecewise(coefficients, state, thetas, direction)
-        size, count = self.size, len(rows)
-        transitions = rows[:, size : size * (1 + size)].reshape(count, size, size).transpose(0, 2, 1)
-        along = rows[:, size * (1 + size) :].reshape(count, self.directions, size).transpose(0, 2, 1)
-        return Variations(rows[:, :size] * self._unit, transitions, along * self._unit, contacts)
+        size, count, unit = self.size, len(rows), self._unit
+        width = size * self.has_transition
+        transitions = rows[:, size : size * (1 + width)].reshape(count, width, size).transpose(0, 2, 1)
+        along = rows[:, size * (1 + width) :][:, : size * self.directions].reshape(count, self.directions, size)
+        return Variations(rows[:, :size] * unit, transitions, along.transpose(0, 2, 1) * unit, self._switchboard.log)
 
     def survey(self, coefficients, state, stop):
         self.integrate(coefficients, state, 0.0, stop)
         units = np.array([[self._unit], [self._unit**2]])
         return self._state[self.size :].reshape(2, -1) * units, self._turns
 
-    def _sample(self, coefficients, state, thetas, direction):
-        """Integrate everything to each of `thetas`; return None and the contact events if an event was missed."""
-        self._prepare(coefficients, state, float(thetas[0]), float(thetas[-1]), direction)
-        outcome = self._taylor.propagate_grid(np.asarray(thetas, dtype=float), max_steps=self._max_steps)
-        if outcome[0] != hy.taylor_outcome.time_limit:
-            self._refuse(outcome[0], float(thetas[0]))
-        return (outcome[-1] if self._switchboard.is_right() else None), self._switchboard.log
-
     def at_event(self, event: int, theta: float) -> None:
         """Record where a coordinate or a deflection turns, at an event of a survey."""
         positions = self._taylor.update_d_output(theta)[: self.size // 2] * self._unit
         self._turns.append(Turn(event, theta, positions.tolist()))
 
-    def _sample_piecewise(self, coefficients, state, thetas):
-        """Sample point by point with the checks of `integrate`: slower than `sample`, but never silently wrong."""
-        states, contacts = [np.asarray(state, dtype=float)], []
-        for start, stop in pairwise(thetas):
-            arc = self.integrate(coefficients, states[-1], float(start), float(stop))
-            states.append(arc.state)
-            contacts += arc.contacts
-        return np.array(states), contacts
-
     def _vary_piecewise(self, coefficients, state, thetas, direction) -> Variations:
-        """Compute the result of `vary` point by point: derivatives over an interval continue those before it."""
+        """Compute the result of `vary` point by point with the checks of `integrate`: slower, but never silently wrong.
+
+        Derivatives over an interval continue those before it; without the transition matrix there are none.
+        """
         size = self.size
         states, contacts = [np.asarray(state, dtype=float)], []
         transitions, along = [np.eye(size)], [np.zeros((size, self.directions))]
         for start, stop in pairwise(thetas):
             arc = self.integrate(coefficients, states[-1], float(start), float(stop), direction)
-            assert arc.transition is not None
-            added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
             states.append(arc.state)
-            transitions.append(arc.transition @ transitions[-1])
-            along.append(arc.transition @ along[-1] + added)
             contacts += arc.contacts
+            if arc.transition is not None:
+                added = 0.0 if arc.sensitivity is None else arc.sensitivity.reshape(size, self.directions)
+                transitions.append(arc.transition @ transitions[-1])
+                along.append(arc.transition @ along[-1] + added)
         return Variations(np.array(states), np.array(transitions), np.array(along), contacts)
 
     def _prepare(self, coefficients, state, start, stop, direction) -> None:

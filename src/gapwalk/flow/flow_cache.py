@@ -108,12 +108,8 @@ def _remove_abandoned(place: Path) -> None:
             os.kill(int(owner), 0)
         except ProcessLookupError:
             shutil.rmtree(work, ignore_errors=True)
-        except (
-            OSError,
-            OverflowError,
-            ValueError,
-        ):  # alive, but another user's; or not a folder of gapwalk
-            pass
+        except (OSError, OverflowError, ValueError):
+            pass  # alive, but another user's; or not a folder of gapwalk
 
 
 @cache
@@ -164,7 +160,12 @@ def _keep(folder: Path, stem: str, copy: Path) -> None:
         for file in folder.glob(f"{stem}-*.db"):
             if file.name != name:
                 file.unlink(missing_ok=True)
-        _forget_oldest(folder)
+        known = sorted(((file.stat().st_mtime, file) for file in folder.iterdir()), reverse=True)
+        total = 0
+        for _, file in known:  # beyond the size limit, those that were used longest ago are removed
+            total += file.stat().st_size
+            if total > _MOST_BYTES:
+                file.unlink(missing_ok=True)
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -177,13 +178,3 @@ def write_whole(file: Path, content: bytes) -> None:
     except BaseException:
         os.unlink(name)
         raise
-
-
-def _forget_oldest(folder: Path) -> None:
-    """Remove the databases that were used longest ago, beyond the size limit."""
-    known = sorted(((file.stat().st_mtime, file) for file in folder.iterdir()), reverse=True)
-    total = 0
-    for _, file in known:
-        total += file.stat().st_size
-        if total > _MOST_BYTES:
-            file.unlink(missing_ok=True)

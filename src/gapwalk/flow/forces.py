@@ -35,7 +35,8 @@ def contact_forces(
         contact_force(slots, coefficients, x[..., index], rate[..., index], None if closed is None else closed[index])
         for index, slots in enumerate(layout.contacts)
     ]
-    return np.stack(forces, axis=-1) if forces else np.zeros_like(x)
+    # a law may leave all of its force out, as where a stop only rebounds
+    return np.stack([np.broadcast_to(force, x.shape[:-1]) for force in forces], axis=-1) if forces else np.zeros_like(x)
 
 
 def contact_force(

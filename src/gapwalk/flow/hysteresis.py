@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -99,7 +98,9 @@ def hysteresis(
     ModelError
         If there is no such contact, or an amplitude or a frequency is not valid.
     """
-    system = _alone(system) if isinstance(system, Contact) else system
+    if isinstance(system, Contact):  # a system of one coordinate, its deflection
+        alone = replace(system, deflection={"x": 1.0}, force=None)
+        system = System(("x",), [[0.0]], contacts=[alone])
     name, form, slots = pick_contact(system, contact)
     frequency = system.frequency if frequency is None else frequency
     for what, value in (("amplitude", amplitude), ("frequency", frequency)):
@@ -109,7 +110,8 @@ def hysteresis(
         raise ModelError(f"mean is {mean!r}; it must be a finite number")
     coefficients = coefficients_of(system)
     levels = sorted({stage.sign * float(coefficients[stage.clearance]) for stage in slots.stages})
-    edges = _edges(levels, amplitude, mean)
+    met = [math.acos((level - mean) / amplitude) for level in levels if abs(level - mean) < amplitude]
+    edges = np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met)}))
 
     def cycle(theta: NDArray[np.float64]):
         x, rate = mean + amplitude * np.cos(theta), -amplitude * frequency * np.sin(theta)
@@ -134,17 +136,6 @@ def pick_contact(system: System, name: str | None) -> tuple[str, ContactForm, Co
         raise ModelError(f"{given}; contacts are {', '.join(known) or 'none at all'}")
     place = known.index(name)
     return name, system.structure.contacts[place], layout_of(system.structure).contacts[place]
-
-
-def _alone(contact: Contact) -> System:
-    """Return a system of one coordinate, the deflection of a contact."""
-    return System(("x",), [[0.0]], contacts=[replace(contact, deflection={"x": 1.0}, force=None)])
-
-
-def _edges(levels: Sequence[float], amplitude: float, mean: float) -> NDArray[np.float64]:
-    """Return 0, the phases at which a breakpoint is passed, and a whole turn."""
-    met = [math.acos((level - mean) / amplitude) for level in levels if abs(level - mean) < amplitude]
-    return np.array(sorted({0.0, PERIOD, *met, *(PERIOD - angle for angle in met)}))
 
 
 def _nodes(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -49,17 +49,13 @@ class LengthUnit:
         gap = float(clearances[clearances > 0.0].min(initial=np.inf))
         load = float(np.abs(coefficients[self._loads]).max(initial=0.0))
         moved = load * time**2
-        if gap < moved:
-            gap = max(gap, load / (1.0 / time**2 + self._resistance(coefficients)))
+        if gap < moved:  # then no smaller than the motion against springs, dampers and closed contacts
+            damping, stiffness, contacts, springs = (
+                float(np.abs(coefficients[slots]).max(initial=0.0))
+                for slots in (self._damping, self._stiffness, self._contacts, self._springs)
+            )
+            gap = max(gap, load / (1.0 / time**2 + (contacts * springs + damping / time + stiffness)))
         return min((size for size in (moved, gap) if 0.0 < size < np.inf), default=1.0)
-
-    def _resistance(self, coefficients: NDArray[np.float64]) -> float:
-        """Return the largest acceleration by springs, dampers and closed contacts, for a motion of size 1."""
-        contacts = float(np.abs(coefficients[self._contacts]).max()) * float(
-            np.abs(coefficients[self._springs]).max(initial=0.0)
-        )
-        damping = float(np.abs(coefficients[self._damping]).max()) / coefficients[0]
-        return contacts + damping + float(np.abs(coefficients[self._stiffness]).max())
 
     def of_motion(self, coefficients: NDArray[np.float64], state: NDArray[np.float64]) -> float:
         """Return the unit for the motion from a state: 1 unless it is small."""

@@ -96,17 +96,13 @@ class Motion:
         ModelError
             If there is no such signal.
         """
-        kind, column = self._column(signal_place(self.system, name))
-        return getattr(self, kind)[:, column] * signal_factor(self.system, name)
-
-    def _column(self, place: int) -> tuple[str, int]:
-        """Return the attribute and the column that hold the signal of a place in `signal_names`."""
-        size, contacts = self.system.size, len(self.system.structure.contacts)
-        for kind, width in (("q", size), ("v", size), ("a", size), ("forces", contacts)):
+        place, size = signal_place(self.system, name), self.system.size
+        widths = {"q": size, "v": size, "a": size, "forces": len(self.system.structure.contacts)}
+        for kind, width in widths.items():  # only what is asked for is computed
             if place < width:
-                return kind, place
+                return getattr(self, kind)[:, place] * signal_factor(self.system, name)
             place -= width
-        return "_of_train", place
+        return self._of_train[:, place] * signal_factor(self.system, name)
 
     @cached_property
     def _of_train(self) -> NDArray[np.float64]:
@@ -192,12 +188,8 @@ def check_state(system: System, state) -> NDArray[np.float64]:
 
 def switch_names(system: System) -> list[tuple[str, str, int]]:
     """Return contact, stage and side of each switch of the system's flow, in their order."""
-    return [
-        (contact.name, stage.name, sign)
-        for contact in system.structure.contacts
-        for stage in contact.stages
-        for sign in stage.side.signs
-    ]
+    contacts = system.structure.contacts
+    return [(contact.name, stage.name, sign) for contact in contacts for stage, sign in contact.sides]
 
 
 def signal_place(system: System, name: str) -> int:
@@ -269,26 +261,16 @@ def train_histories(
     """
     assembly = system.structure.assembly
     assert isinstance(assembly, TrainAssembly)
-    leaks = assembly.leaks(system.values)
-    rates, a = v + leaks * q, a + leaks * v  # of the angles, which include those of slipping links
-    return np.hstack((_accelerations(assembly, system, theta, a), _torques(assembly, system, q, rates, forces)))
-
-
-def _accelerations(assembly: TrainAssembly, system: System, theta: NDArray | float, a: NDArray) -> NDArray:
-    turning = assembly.turning(system.values)
-    whole = [np.ones(np.shape(theta))]
-    values, angle = assembly.consistent(system.values), np.asarray(theta)
-    for torque in assembly.form.torques:
-        lines = torque.harmonic.lines(values[0], assembly.form.parameters(values, torque))
+    form, train = assembly.form, assembly.numbers(system.values)
+    rates, a = v + train.leaks * q, a + train.leaks * v  # of the angles, which include those of slipping links
+    whole, angle = [np.ones(np.shape(theta))], np.asarray(theta)
+    for torque in form.torques:
+        lines = torque.harmonic.lines(train.values[0], form.numbers(torque.harmonic.parameters, train.values))
         waves = [cosine * np.cos(h * angle) + sine * np.sin(h * angle) for h, cosine, sine in lines]
         whole.append(np.sum(waves, axis=0))
-    return a @ assembly.angles(system.values).T + np.stack(whole, axis=-1) @ turning.T
-
-
-def _torques(assembly: TrainAssembly, system: System, q: NDArray, v: NDArray, forces: NDArray) -> NDArray:
-    """Compute the torque in each link with springs: of its permanent spring and damper, and of its contact."""
-    stiffness, damping, deflections = assembly.links(system.values)
-    torques = stiffness * (q @ deflections.T) + damping * (v @ deflections.T)
-    for place, (number, _) in enumerate(assembly.form.contacts):
+    moved = a @ train.angles.T + np.stack(whole, axis=-1) @ train.turning.T
+    # the torque of each link: of its permanent spring and damper, and of its contact
+    torques = train.stiffness * (q @ train.deflections.T) + train.damping * (rates @ train.deflections.T)
+    for place, (number, _) in enumerate(form.contacts):
         torques[..., number] += forces[..., place]
-    return torques[..., [number for number, link in enumerate(assembly.form.links) if not link.rigid]]
+    return np.hstack((moved, torques[..., [number for number, link in enumerate(form.links) if not link.rigid]]))

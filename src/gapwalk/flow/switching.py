@@ -1,7 +1,18 @@
 """The switches of the contact stages: set at the start of a motion, flipped at its contact events, and checked.
 
 At an event the switch follows the side to which the motion crosses the breakpoint; where the force law resets the rate,
-the switch stays open. Derivatives of the motion pass it by `gapwalk.flow.contact_events`.
+the switch stays open.
+
+Derivatives of the motion pass an event by a general rule. Over theta the motion is ``y' = F(y, theta)``, with ``F-``
+before the event and ``F+`` after it. The event is where a guard ``g(y)`` vanishes, and there the state may be reset to
+``R(y)``. With ``den = g_y F- + g_theta``
+
+    S  = R_y + (F+ - R_y F- - R_theta) (x) g_y / den                              state transition
+    s+ = R_y s- + R_p + (F+ - R_y F- - R_theta) (g_y s- + g_p) / den              sensitivity to a parameter
+
+(di Bernardo, Budd, Champneys and Kowalczyk 2008, chapter 2). Here no guard and no reset depends on theta. All
+derivatives are taken by a complex step, so a force law provides its formulas only. Where the state is not reset and
+the force does not jump, the rule is the identity, and nothing is computed.
 
 Method: docs/numerics/flow.md
 """
@@ -9,15 +20,15 @@ Method: docs/numerics/flow.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.flow.contact_events import answer_events, pass_event
 from gapwalk.flow.equations import Equations
-from gapwalk.flow.forces import accelerations, contact_force
+from gapwalk.flow.forces import accelerations, contact_force, named
 from gapwalk.model.coefficients import ContactSlots
 from gapwalk.model.laws import closed_form_of
 
@@ -28,6 +39,10 @@ _REPEATED = 10 * COOLDOWN  # time within which a second event of a switch repeat
 _AT_REST = 1e-150  # divisor in place of a rate of 0, for a jump that does not vanish with the rate
 _NEAR = 1e-9  # relative distance within which the end of a motion may be on either side of a breakpoint
 _CLOSE = 1e-6  # relative distance of two breakpoints of a contact within which they may coincide by rounding
+_STEP = 1e-150  # of the complex step
+
+Formula = Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]
+"""A function of states, shape (..., 2n), and of coefficients, shape (..., number of coefficients)."""
 
 
 class ContactEvent(NamedTuple):
@@ -51,25 +66,42 @@ class ContactEvent(NamedTuple):
     velocity: float
 
 
-class _Jump(NamedTuple):
-    """A jump of a contact force at a breakpoint, during one motion.
+class EventCall:
+    """Callbacks of one event, which call ``owner.at_event(index, ...)``; see `answer_events`.
 
-    Attributes
+    heyoka copies the callbacks together with the integrator, and holds them where Python's garbage collector does not
+    look. A callback that refers to the owner of the integrator would keep both alive for good, 2 MB for each structure.
+    Callbacks therefore hold a weak reference, and each copy of an integrator has its own.
+
+    Parameters
     ----------
-    push : shape (n,)
-        Deceleration of the coordinates by a unit of the force.
-    quotient
-        Function of the rate: the jump of the force where the stage closes, divided by the rate.
-    vectors : shape (directions, n)
-        Derivatives of the deflection vector along each direction of the coefficients.
-    places : shape (directions,)
-        Derivatives of the position of the breakpoint along each direction.
+    index
+        Index of the event among those of its owner.
     """
 
-    push: NDArray[np.float64]
-    quotient: Callable[[float], float]
-    vectors: NDArray[np.float64]
-    places: NDArray[np.float64]
+    __slots__ = ("index", "owner")
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+        self.owner: Any = None
+
+    def __deepcopy__(self, memo: Any) -> EventCall:
+        """Return the callback for a copy of the integrator, which has another owner."""
+        return EventCall(self.index)
+
+    def switch(self, integrator: Any, _direction: int) -> bool:
+        """Report a terminal event to the owner; return whether the integrator continues."""
+        return self.owner().at_event(self.index, integrator.time)
+
+    def turn(self, integrator: Any, theta: float, _direction: int) -> None:
+        """Report an event that does not stop the integrator."""
+        self.owner().at_event(self.index, theta)
+
+
+def answer_events(owner: Any, events: Iterable[Any]) -> None:
+    """Connect the callbacks of an integrator's events, methods of `EventCall`s, to ``owner.at_event``."""
+    for event in events:
+        event.callback.__self__.owner = ref(owner)
 
 
 class Switchboard:
@@ -107,10 +139,11 @@ class Switchboard:
     def start(self, coefficients: NDArray, theta: float, event_limit: int, unit: float = 1.0) -> None:
         """Set every switch for the state in the integrator, and begin a new log with lengths in multiples of `unit`."""
         self.log, self.missed, self.event_limit, self._unit = [], 0, event_limit, unit
-        self._of_motion: dict[int, _Jump] = {}
+        # deceleration by a unit of the force, jump over rate, derivatives of deflection vector and of breakpoint
+        self._of_motion: dict[int, tuple[NDArray, Callable[[float], float], NDArray, NDArray]] = {}
         if not self.count:
             return
-        self._coefficients, self._theta = coefficients, theta
+        self._coefficients = coefficients
         self._read_geometry(coefficients)
         state = self._state[: 2 * self.n].tolist()
         self._speed = _SLOW * max(map(abs, state[self.n :]))
@@ -264,46 +297,42 @@ class Switchboard:
         Then ``F+ - F-`` is the jump times ``-D / W`` and ``den`` the rate over W, so only their quotient is needed. It
         stays finite if the jump vanishes with the rate, as for a viscous damper.
         """
-        n, (push, quotient, vectors, places) = self.n, self._known_jump(switch)
+        n, coefficients = self.n, self._coefficients
+        if switch not in self._of_motion:
+            directions, quotients = self._directions(), self._jumps[switch]
+            assert quotients is not None
+            contact = self.equations.layout.contacts[self.equations.switches[switch][0]]
+            places = self.signs[switch] * directions[:, self._breaks[switch]]
+            vectors = directions[:, self._deflections[switch]]
+            self._of_motion[switch] = coefficients[contact.force], quotients(coefficients), vectors, places
+        push, quotient, vectors, places = self._of_motion[switch]
         columns = self._state[2 * n :].reshape(self._columns, 2 * n)
         shifts = columns[:, :n] @ self._vectors[switch]
         if len(places):  # g_p, of each direction of the coefficients
             shifts[self._columns - len(places) :] += vectors @ self._state[:n] - places
         columns[:, n:] -= np.outer(shifts, (quotient(rate) if inside else -quotient(rate)) * push)
 
-    def _known_jump(self, switch: int) -> _Jump:
-        """Return the data of the jumps at a breakpoint, computed once per motion."""
-        known = self._of_motion.get(switch)
-        if known is None:
-            terms, coefficients, directions = self._jumps[switch], self._coefficients, self._directions()
-            assert terms is not None
-            contact = self.equations.layout.contacts[self.equations.switches[switch][0]]
-            places = self.signs[switch] * directions[:, self._breaks[switch]]
-            known = _Jump(
-                coefficients[contact.force], terms(coefficients), directions[:, self._deflections[switch]], places
-            )
-            self._of_motion[switch] = known
-        return known
-
     def _rebound(self, switch: int, theta: float) -> None:
         """Reset the rate of the deflection, and transform the sensitivities accordingly."""
         n, layout = self.n, self.equations.layout
         slots = layout.contacts[self.equations.switches[switch][0]]
+        contacts = [index for index, _ in self.equations.switches]
         closed = [
-            [
-                inside
-                for inside, (index, _) in zip(self._inside, self.equations.switches, strict=True)
-                if index == contact
-            ]
+            [inside for inside, index in zip(self._inside, contacts, strict=True) if index == contact]
             for contact in range(len(layout.contacts))
         ]
 
         def reset(state: NDArray, coefficients: NDArray) -> NDArray:
             vector, push = coefficients[..., slots.deflection], coefficients[..., slots.force]
             rate = np.sum(vector * state[..., n:], axis=-1)
-            numbers = {name: coefficients[..., slot] for name, slot in slots.numbers.items()}
-            change = (slots.form.law.rebound(rate, numbers) - rate) / np.sum(vector * push, axis=-1)
+            change = (slots.form.law.rebound(rate, named(slots.numbers, coefficients)) - rate) / np.sum(
+                vector * push, axis=-1
+            )
             return np.concatenate((state[..., :n], state[..., n:] + change[..., None] * push), axis=-1)
+
+        def guard(state: NDArray, coefficients: NDArray) -> NDArray:
+            vector, place = coefficients[..., self._deflections[switch]], coefficients[..., self._breaks[switch]]
+            return np.sum(vector * state[..., :n], axis=-1) - self.signs[switch] * place
 
         def flow(state: NDArray[np.float64], _: bool) -> NDArray[np.float64]:
             q, v = state[:n], state[n:]
@@ -313,21 +342,10 @@ class Switchboard:
         state = self._state[: 2 * n].copy()
         if self._columns:
             changes = self._state[2 * n :].reshape(self._columns, 2 * n)
-            along, coefficients = np.zeros((self._columns, len(self._coefficients))), self._coefficients
-            directions = self._directions()
+            along, directions = np.zeros((self._columns, len(self._coefficients))), self._directions()
             along[self._columns - len(directions) :] = directions
-            changes[:] = pass_event(
-                changes, along, state, coefficients, lambda y, c: self._guard(switch, y, c), reset, flow
-            )
+            changes[:] = pass_event(changes, along, state, self._coefficients, guard, reset, flow)
         self._state[: 2 * n] = reset(state, self._coefficients)
-
-    def _guard(self, switch: int, state: NDArray, coefficients: NDArray) -> NDArray:
-        """Compute the guard of a switch, linear in the coefficients; shape (...,) for shape (..., number)."""
-        vector = coefficients[..., self._deflections[switch]]
-        return (
-            np.sum(vector * state[..., : self.n], axis=-1)
-            - self.signs[switch] * coefficients[..., self._breaks[switch]]
-        )
 
     def _directions(self) -> NDArray[np.float64]:
         """Return the directions of the coefficients of the sensitivities, shape (directions, number)."""
@@ -336,6 +354,41 @@ class Switchboard:
             first = self.equations.first_component(index)
             directions[index, varying] = self._parameters[first : first + len(varying)]
         return directions
+
+
+def pass_event(
+    changes: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    state: NDArray[np.float64],
+    coefficients: NDArray[np.float64],
+    guard: Formula,
+    reset: Formula,
+    flow: Callable[[NDArray[np.float64], bool], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """Return the changes of the state after an event by the general rule, shape (columns, 2n).
+
+    Parameters
+    ----------
+    changes : shape (columns, 2n)
+        Changes before the event.
+    directions : shape (columns, number of coefficients)
+        Change of the coefficients along each column; zero for a change of the initial state.
+    state, coefficients
+        State and coefficients at the event, before the reset.
+    guard, reset
+        The functions g and R.
+    flow
+        The right-hand sides F at a state, before (False) and after (True) the event.
+    """
+
+    def along(formula: Formula, change: NDArray, direction: NDArray | float) -> NDArray[np.float64]:
+        found: NDArray[np.complex128] = formula(state + 1j * _STEP * change, coefficients + 1j * _STEP * direction)
+        return found.imag / _STEP
+
+    before, after = flow(state, False), flow(reset(state, coefficients), True)
+    slip = after - along(reset, before, np.zeros_like(coefficients))
+    late = along(guard, changes, directions) / along(guard, before, np.zeros_like(coefficients))
+    return along(reset, changes, directions) + np.outer(late, slip)
 
 
 def _jump_of(slots: ContactSlots, stage: int) -> Callable[[NDArray[np.float64]], Callable[[float], float]] | None:

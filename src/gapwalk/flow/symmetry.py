@@ -87,7 +87,10 @@ def symmetries_of(system: System) -> tuple[Symmetry, ...]:
     """
     n, generator = system.size, np.random.default_rng(_SEED)
     theta = generator.uniform(0.0, math.tau, _SAMPLES)
-    states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in _reaches(system)]
+    # at size 0 only the loads act, which large forces would hide; then at size 1, and beyond each of the clearances
+    clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
+    reaches = sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each))})
+    states = [(reach * generator.uniform(-1.0, 1.0, (2, _SAMPLES, n))) for reach in reaches]
     found = [Symmetry(order, signs, shift) for order, signs in _candidates(n) for shift in (0.0, 0.5)]
     identity = Symmetry(tuple(range(n)), (1,) * n, 0.0)
     return tuple(each for each in found if each != identity and _holds(each, system, theta, states))
@@ -117,12 +120,3 @@ def _candidates(n: int) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
         return list(product(permutations(range(n)), product((1, -1), repeat=n)))
     straight = tuple(range(n))
     return list(product((straight, straight[::-1]), ((1,) * n, (-1,) * n)))
-
-
-def _reaches(system: System) -> list[float]:
-    """Return the sizes of states at which the equations are compared.
-
-    Size 0, where only the loads act, which large forces would hide; size 1; and beyond each of the clearances.
-    """
-    clearances = {abs(clearance) for _, _, clearance in system.breakpoints}
-    return sorted({0.0, 1.0, *(2.0 * each for each in clearances if math.isfinite(each))})

@@ -21,7 +21,7 @@ from gapwalk.measurement.fit import fit
 from gapwalk.measurement.measured_record import Record
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.contact import Contact
-from gapwalk.model.laws.hunt_crossley import HuntCrossley
+from gapwalk.model.laws.springs import HuntCrossley
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.model.loads import LoadForm
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.structure import ContactForm, Structure
 from gapwalk.model.system import System
@@ -87,69 +86,57 @@ class CoefficientLayout:
         n = self.structure.size
         return 1 + np.arange(n * self._columns).reshape(n, self._columns)
 
-    @cached_property
+    @property
     def contacts(self) -> tuple[ContactSlots, ...]:
         """Slots of each contact."""
-        n = self.structure.size
-        free = 1 + n * self._columns
-        slots = []
-        for index, form in enumerate(self.structure.contacts):
-            deflection = free + np.arange(n)
-            free += n
-            count, stages = len(form.law.stage_parameters), []
-            for sign, innermost in form.shapes:
-                stages.append(StageSlots(sign, innermost, _slots(form.law.stage_parameters, free)))
-                free += count
-            numbers = _slots(form.law.parameters, free)
-            free += len(numbers)
-            force = self.accelerations[:, 2 * n + index]
-            slots.append(ContactSlots(form, deflection, force, tuple(stages), numbers))
-        return tuple(slots)
+        return self._contacts[0]
+
+    @cached_property
+    def _contacts(self) -> tuple[tuple[ContactSlots, ...], NDArray[np.intp]]:
+        """The slots of each contact, which follow those of the accelerations, and their places in the value vector."""
+        s, n = self.structure, self.structure.size
+        first, places, contacts = 1 + n * self._columns, [], []
+
+        def slots_of(prefix: str, parameters: Sequence[Parameter]) -> dict[str, int]:
+            start = first + len(places)
+            places.extend(s.place(f"{prefix}.{each.name}") for each in parameters)
+            return {each.name: start + offset for offset, each in enumerate(parameters)}
+
+        for index, form in enumerate(s.contacts):
+            deflection = first + len(places) + np.arange(n)
+            places.extend(s.block(f"{form.name}.deflection", n))
+            prefixes = [form.stage_prefix(stage) for stage, _ in form.sides]
+            stages = tuple(
+                StageSlots(*shape, slots_of(prefix, form.law.stage_parameters))
+                for prefix, shape in zip(prefixes, form.shapes, strict=True)
+            )
+            numbers = slots_of(form.name, form.law.parameters)
+            contacts.append(ContactSlots(form, deflection, self.accelerations[:, 2 * n + index], stages, numbers))
+        return tuple(contacts), np.array(places, dtype=np.intp)
 
     def __len__(self) -> int:
         """Number of coefficients."""
-        return 1 + self.structure.size * self._columns + self._contact_places.size
+        return 1 + self.structure.size * self._columns + self._contacts[1].size
 
     @cached_property
-    def _linear_places(self) -> NDArray[np.intp]:
-        """Places, in the value vector, of ``[K | C | d_1 ... | m]``, shape (n, 2n + contacts + 1)."""
+    def _column_places(self) -> NDArray[np.intp]:
+        """Places, in the value vector, of ``[K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads."""
         s, n = self.structure, self.structure.size
-        blocks = [s.block("stiffness", n, n), s.block("damping", n, n)]
-        for form in s.contacts:
-            which = "deflection" if form.reciprocal else "force"
-            blocks.append(s.block(f"{form.name}.{which}", n, 1))
-        blocks.append(s.block("mean", n, 1))
-        return np.hstack(blocks)
-
-    @cached_property
-    def _contact_places(self) -> NDArray[np.intp]:
-        s, n = self.structure, self.structure.size
-        places: list[int] = []
-        for form in s.contacts:
-            places.extend(s.block(f"{form.name}.deflection", n))
-            count = len(form.law.stage_parameters)
-            for stage in form.stages:
-                first = s.place(f"{form.stage_prefix(stage)}.{form.law.stage_parameters[0].name}")
-                places.extend([*range(first, first + count)] * len(stage.side.signs))
-            places.extend(s.place(f"{form.name}.{each.name}") for each in form.law.parameters)
-        return np.array(places, dtype=np.intp)
-
-    @cached_property
-    def _shape_places(self) -> NDArray[np.intp]:
-        """Places of the vectors of the loads that repeat with the excitation, shape (loads, n)."""
-        s, n = self.structure, self.structure.size
-        return np.array([s.block(load.shape, n) for load in s.harmonics], dtype=np.intp).reshape(-1, n)
+        columns = [f"{form.name}.{'deflection' if form.reciprocal else 'force'}" for form in s.contacts]
+        columns += ["mean", *(load.shape for load in s.harmonics)]
+        matrices = s.block("stiffness", n, n), s.block("damping", n, n)
+        return np.hstack([*matrices, *(s.block(name, n, 1) for name in columns)])
 
     def compute(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute the coefficients of the flow from the (real or complex) vector of parameter values."""
-        table, values = self.table(values), self.assembled.expand(values)
-        first = table.shape[1] - len(self.structure.loads)
+        table, values, places = self.table(values), self.assembled.expand(values), self._contacts[1]
+        first = table.shape[1] - 1 - len(self.structure.harmonics)
         found = np.empty(len(self), values.dtype)
         found[0] = 1.0 / values.item(0)
-        accelerations = found[1 : -self._contact_places.size or None].reshape(-1, self._columns)
+        accelerations = found[1 : -places.size or None].reshape(-1, self._columns)
         accelerations[:, :first] = table[:, :first]
         accelerations[:, first:] = table[:, first:] @ self._load_lines(values)
-        found[1 + accelerations.size :] = values[self._contact_places]
+        found[1 + accelerations.size :] = values[places]
         return found
 
     @cached_property
@@ -159,42 +146,28 @@ class CoefficientLayout:
 
     def _load_lines(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the constant part, the cosines and the sines of each load, shape (loads, 1 + 2 orders)."""
-        lines, frequency = np.zeros((len(self.structure.loads), 1 + 2 * len(self.orders)), values.dtype), values.item(0)
+        harmonics, count = self.structure.harmonics, len(self.orders)
+        lines = np.zeros((1 + len(harmonics), 1 + 2 * count), values.dtype)
         lines[0, 0] = 1.0  # the constant load
-        for row, (load, names, places) in enumerate(self._varying_loads, start=1):
-            numbers = dict(zip(names, map(values.item, places), strict=True))
-            for order, cosine, sine in load.kind.lines(load.order, frequency, numbers):
-                column = self._columns_of[order]
+        for row, (load, places) in enumerate(zip(harmonics, self._load_places, strict=True), start=1):
+            for order, cosine, sine in load.lines(values.item(0), map(values.item, places)):
+                column = 1 + self.orders.index(order) if order else 0
                 lines[row, column] += cosine
                 if order:
-                    lines[row, column + len(self.orders)] += sine
+                    lines[row, column + count] += sine
         return lines
 
     @cached_property
-    def _varying_loads(self) -> list[tuple[LoadForm, list[str], list[int]]]:
-        """Each load that repeats with the excitation, with the names of its parameters and their places."""
-        return [
-            (load, [each.name for each in load.kind.parameters], [*map(self.structure.place, load.parameters)])
-            for load in self.structure.harmonics
-        ]
-
-    @cached_property
-    def _columns_of(self) -> dict[int, int]:
-        """Column of each order, among the constant part and the cosines."""
-        return {order: column for column, order in enumerate((0, *self.orders))}
+    def _load_places(self) -> list[list[int]]:
+        """Places of the parameters of each load that repeats with the excitation."""
+        return [[*map(self.structure.place, load.parameters)] for load in self.structure.harmonics]
 
     def table(self, values: NDArray[Any]) -> NDArray[Any]:
         """Compute ``M^-1 [K | C | d_1 ... | m | s_1 ...]``, with the shapes s of the loads, from the same vector."""
         if self.assembled.assembly:
             return self.assembled.assembly.accelerations(values)
-        n, shapes = self.structure.size, self._shape_places
-        mass, loads = values[self.structure.block("mass", n, n)], values[self._linear_places]
-        return np.linalg.solve(mass, np.concatenate((loads, values[shapes].T), axis=1))
-
-
-def _slots(parameters: Sequence[Parameter], first: int) -> dict[str, int]:
-    """Assign consecutive slots to parameters by name."""
-    return {each.name: first + offset for offset, each in enumerate(parameters)}
+        n = self.structure.size
+        return np.linalg.solve(values[self.structure.block("mass", n, n)], values[self._column_places])
 
 
 @lru_cache(maxsize=256)
@@ -234,10 +207,6 @@ class ParameterLine:
         """True if the parameter is the frequency, and enters through 1/W alone."""
         return self._place == 0 and not layout_of(self.system.structure).frequency_in_loads
 
-    @cached_property
-    def _base(self) -> NDArray[np.float64]:
-        return coefficients_of(self.system)
-
     def system_at(self, value: float) -> System:
         """Return the system at one value of the parameter; unlike `System.at`, without checks."""
         system = System.beside(self.system, self._place, value)
@@ -248,13 +217,23 @@ class ParameterLine:
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the coefficients at one value of the parameter, and their derivative by it."""
         if self._only_period:  # by far the most frequent parameter of continuation
-            coefficients, slope = self._base.copy(), np.zeros_like(self._base)
+            base = coefficients_of(self.system)
+            coefficients, slope = base.copy(), np.zeros_like(base)
             coefficients[0], slope[0] = period_of(self.system, value)
             return coefficients, slope
-        values = self.system.values.astype(complex)
-        values[self._place] = complex(value, _STEP)
-        both: NDArray[np.complex128] = layout_of(self.system.structure).compute(values)
-        return both.real.copy(), both.imag / _STEP
+        coefficients, slopes = _with_slopes(self.system, {self._place: value})
+        return coefficients, slopes[0]
+
+
+def _with_slopes(system: System, changed: Mapping[int, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the coefficients with other values at some places, and the derivatives by each of those, in rows."""
+    layout, values, found = layout_of(system.structure), system.values.astype(complex), []
+    values[[*changed]] = [*changed.values()]
+    for place, value in changed.items():
+        values[place] = complex(value, _STEP)
+        found.append(layout.compute(values))
+        values[place] = value
+    return found[0].real.copy(), np.array([each.imag for each in found]) / _STEP
 
 
 def varying(system: System, names: Sequence[str]) -> list[NDArray[np.bool_]]:
@@ -294,12 +273,4 @@ class ParameterPlane:
 
     def coefficients(self, first: float, second: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Compute the coefficients at one value of each parameter, and their derivatives by the two, in rows."""
-        values = self.system.values.astype(complex)
-        values[list(self._places)] = first, second
-        layout, first_place, second_place = layout_of(self.system.structure), *self._places
-        values[first_place] += 1j * _STEP
-        by_first: NDArray[np.complex128] = layout.compute(values)
-        values[first_place] = first
-        values[second_place] += 1j * _STEP
-        by_second: NDArray[np.complex128] = layout.compute(values)
-        return by_first.real.copy(), np.array((by_first.imag, by_second.imag)) / _STEP
+        return _with_slopes(self.system, dict(zip(self._places, (first, second), strict=True)))

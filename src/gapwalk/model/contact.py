@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from itertools import accumulate, pairwise
 
 from gapwalk.errors import ModelError
 from gapwalk.model.laws import Law, law_of, law_with
@@ -118,18 +118,16 @@ class Contact:
                 '{"impact_damping": 0.1}'
             )
         known, given = law_of(law), {**(numbers or {}), **more}
-        for field_name, value in (("name", name), ("deflection", deflection), ("force", force), ("law", known)):
-            object.__setattr__(self, field_name, value)
-        object.__setattr__(self, "stages", tuple(stages))
-        object.__setattr__(
-            self, "numbers", {each.name: given.get(each.name, each.default) for each in known.parameters}
-        )
+        own = {each.name: given.get(each.name, each.default) for each in known.parameters}
+        parts = (name, deflection, tuple(stages), force, known, own)
+        for each, value in zip(fields(self), parts, strict=True):
+            object.__setattr__(self, each.name, value)
         problems = [*_stage_problems(self), *_number_problems(self, given)]
         if problems:
             raise ModelError(f"contact {self.name!r}: " + "; ".join(problems))
 
     def values(self) -> Iterator[float]:
-        """The values of its parameters: of its stages, then of the contact as a whole."""
+        """Iterate over the values of its parameters: of its stages, then of the contact as a whole."""
         for stage in self.stages:
             for parameter in self.law.stage_parameters:
                 value = stage.number(parameter)
@@ -148,7 +146,7 @@ def backlash(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a symmetric gap of half-width `clearance` with one spring on either side (gear or clutch backlash)."""
-    return _hunt_crossley(name, deflection, Stage(clearance, stiffness), force, impact_damping)
+    return stop(name, deflection, clearance, stiffness, side=Side.BOTH, force=force, impact_damping=impact_damping)
 
 
 def stop(
@@ -162,13 +160,10 @@ def stop(
     impact_damping: float = 0.0,
 ) -> Contact:
     """Make a stop on one side, with one spring: it acts beyond `clearance`, on one sign of the deflection."""
-    return _hunt_crossley(name, deflection, Stage(clearance, stiffness, side=Side(side)), force, impact_damping)
-
-
-def _hunt_crossley(name, deflection, stage: Stage, force, impact_damping: float) -> Contact:
+    stages = (Stage(clearance, stiffness, side=Side(side)),)
     if not impact_damping:
-        return Contact(name, deflection, (stage,), force)
-    return Contact(name, deflection, (stage,), force, "hunt-crossley", impact_damping=impact_damping)
+        return Contact(name, deflection, stages, force)
+    return Contact(name, deflection, stages, force, "hunt-crossley", impact_damping=impact_damping)
 
 
 def _stage_problems(contact: Contact):
@@ -181,21 +176,27 @@ def _stage_problems(contact: Contact):
         for name in names:
             if name and (not name.isidentifier() or name in ("deflection", "force")):
                 yield f"stage name {name!r}: write another word of letters, digits and underscores"
+    for stage in contact.stages:
+        if not stage.clearance >= 0:
+            yield f"clearance is {stage.clearance}; it must be a number >= 0"
+    yield from (f"stages {each}" for each in order_problems((each.side, each.clearance) for each in contact.stages))
     for sign in (1, -1):
-        inner, slope = -math.inf, 0.0
-        for stage in contact.stages:
-            if sign not in stage.side.signs:
-                continue
-            if not stage.clearance >= 0:
-                yield f"clearance is {stage.clearance}; it must be a number >= 0"
-            elif stage.clearance <= inner:
-                yield (
-                    f"stages out of order on the {'positive' if sign > 0 else 'negative'} side: clearance "
-                    f"{stage.clearance} follows {inner}; list them from the inside out"
-                )
-            inner, slope = stage.clearance, slope + stage.stiffness
-            if slope < 0 and contact.law.is_damped:
+        slopes = accumulate(stage.stiffness for stage in contact.stages if sign in stage.side.signs)
+        for slope in slopes if contact.law.is_damped else ():
+            if slope < 0:
                 yield f"the slope of the force falls to {slope}; a damped contact needs slopes >= 0"
+
+
+def order_problems(stages: Iterable[tuple[Side, float]]) -> Iterator[str]:
+    """List each clearance that does not exceed that of the stage inside it, from the sides and clearances."""
+    known = [(side, clearance) for side, clearance in stages if clearance >= 0]
+    for sign, word in ((1, "positive"), (-1, "negative")):
+        for inner, outer in pairwise(clearance for side, clearance in known if sign in side.signs):
+            if outer <= inner:
+                yield (
+                    f"out of order on the {word} side: clearance {outer} follows {inner}; list the stages from the "
+                    "inside out"
+                )
 
 
 def _number_problems(contact: Contact, given: Mapping[str, float]) -> Iterator[str]:

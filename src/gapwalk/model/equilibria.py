@@ -1,15 +1,16 @@
 """Static equilibria of a system under its mean load alone, with the clearances that are open there.
 
-Method: docs/numerics/equilibria.md
+An equilibrium is a position in which all static forces balance: that of least energy, or one for each combination of
+closed stages.
 
-Positions in which all static forces balance: that of least energy, or one for each combination of closed stages.
+Method: docs/numerics/equilibria.md
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -23,194 +24,6 @@ _NEGLIGIBLE = 1e-9  # share of a clearance, or of a force, that counts as none
 _WEAKEST = 10  # decades by which the spring is weaker than the others that holds what is free to move
 _TURNS = 200  # combinations that are tried where there are too many
 _LEFT = 1e-6  # share of the load that may be left over
-
-
-def tangent(
-    system: System, closed: Sequence[tuple[Slope, ...]], x: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute stiffness and damping matrices for small motions while these stages are closed, each shape (n, n).
-
-    About a position `x`, or, without one, just past the clearances of the stages, where no force has built up.
-    """
-    stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
-    for spring, slopes in zip(springs_of(system), closed, strict=True):
-        depth = None if x is None else float(spring.deflection @ x)
-        slope = sum(each.stiffness for each in slopes) if depth is None else spring.pull(depth, slopes)[1]
-        along = np.outer(spring.force, spring.deflection)
-        stiffness += slope * along
-        damping += spring.drag(depth, slopes) * along
-    return stiffness, damping
-
-
-def has_least_energy(stiffness: NDArray[np.float64], springs: Sequence[Spring]) -> bool:
-    """Return whether the forces derive from a convex energy."""
-    if any(not spring.form.reciprocal for spring in springs):
-        return False
-    for spring in springs:
-        for sign in (1, -1):
-            side = [each for each in spring.slopes if each.sign == sign]
-            if any(each.softens for each in side) or any(np.cumsum([each.stiffness for each in side]) < 0):
-                return False
-    return curves_upwards(stiffness)
-
-
-def curves_upwards(matrix: NDArray[np.float64]) -> bool:
-    """Return whether a matrix is symmetric and has no negative eigenvalue."""
-    size = np.abs(matrix).max()
-    if np.abs(matrix - matrix.T).max() > 1e-12 * size:
-        return False
-    return size == 0 or bool(np.linalg.eigvalsh(matrix)[0] > -1e-12 * len(matrix) * size)
-
-
-def least_energy(
-    system: System, stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring]
-) -> NDArray[np.float64] | None:
-    """Find the position of least energy; of many, that nearest to zero; None if the energy has no lower bound.
-
-    A weak spring on all coordinates makes it unique. It is weakened step by step: with the weakest from the beginning,
-    the first step of Newton's method would leave a gap by many orders of magnitude.
-    """
-    mass, weight = system.matrix("mass"), float(np.abs(load).max())
-    slopes = [slope for spring in springs for slope in spring.slopes]
-    size = np.abs(stiffness).max() + sum(each.largest_slope(weight) for each in slopes)
-    x, holding = np.zeros(len(load)), (size or 1.0) / np.abs(mass).max() * mass
-    for power in range(0, _WEAKEST + 1, 2):
-        x = _held(stiffness, 10.0**-power * holding, load, springs, x)
-    force, slope = _pulls(stiffness, load, springs, x)
-    settled = x - np.linalg.solve(slope + 10.0**-_WEAKEST * holding, force)
-    left, best = min(
-        ((float(np.abs(_pulls(stiffness, load, springs, each)[0]).max()), each) for each in (settled, x)),
-        key=lambda pair: pair[0],
-    )
-    return best if left <= _LEFT * weight else None
-
-
-def _held(
-    stiffness: NDArray[np.float64],
-    holding: NDArray[np.float64],
-    load: NDArray[np.float64],
-    springs: Sequence[Spring],
-    x: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Find the position of least energy with a further linear spring, from a start."""
-    held = stiffness + holding
-
-    def energy(x: NDArray[np.float64]) -> float:
-        stored = sum(spring.energy(float(spring.deflection @ x)) for spring in springs)
-        return float(0.5 * x @ held @ x - load @ x + stored)
-
-    for _ in range(100):
-        force, slope = _pulls(held, load, springs, x)
-        step = -np.linalg.solve(slope, force)
-        share, here = 1.0, energy(x)
-        while share > 1e-6 and energy(x + share * step) > here + 1e-14 * abs(here):
-            share *= 0.5
-        x = x + share * step
-        if np.abs(step).max() <= 1e-12 * np.abs(x).max() or share <= 1e-6:
-            return x
-    raise ConvergenceError("the position of least energy under the mean load was not found in 100 steps")
-
-
-def _pulls(
-    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], x: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the unbalanced force at a position, and the stiffness there; all contacts are reciprocal."""
-    force, slopes = stiffness @ x - load, stiffness.copy()
-    for spring in springs:
-        depth = float(spring.deflection @ x)
-        pull, slope = spring.pull(depth, spring.closed(depth))
-        force += pull * spring.deflection
-        slopes += slope * np.outer(spring.deflection, spring.deflection)
-    return force, slopes
-
-
-def within(
-    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], ranges: Sequence[Range]
-) -> NDArray[np.float64] | None:
-    """Find an equilibrium with exactly these stages closed; None if there is none."""
-    found = _balanced(stiffness, load, springs, ranges)
-    return None if found is None else _placed(*found, springs, ranges)
-
-
-def by_turns(
-    stiffness: NDArray[np.float64],
-    load: NDArray[np.float64],
-    springs: Sequence[Spring],
-    ranges: Sequence[Sequence[Range]],
-) -> Iterator[Sequence[Range]]:
-    """List combinations of closed stages from the one at zero on; each is that at the equilibrium of the one before."""
-    x = np.zeros(len(load))
-    for _ in range(_TURNS):
-        depths = [float(spring.deflection @ x) for spring in springs]
-        chosen = [
-            next(each for each in of_contact if each[1] <= depth <= each[2])
-            for depth, of_contact in zip(depths, ranges, strict=True)
-        ]
-        yield chosen
-        found = _balanced(stiffness, load, springs, chosen)
-        if found is None:
-            return
-        x = found[0]
-
-
-def _balanced(
-    stiffness: NDArray[np.float64], load: NDArray[np.float64], springs: Sequence[Spring], ranges: Sequence[Range]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Find the equilibrium if these stages act everywhere, and the directions in which it is free to move."""
-    x, free = np.zeros(len(load)), np.zeros((len(load), 0))
-    bent = any(each.bends for closed, _, _ in ranges for each in closed)
-    for _ in range(100 if bent else 2):
-        force, slopes = stiffness @ x - load, stiffness.copy()
-        for spring, (closed, low, high) in zip(springs, ranges, strict=True):
-            depth = float(spring.deflection @ x)
-            at = depth if any(each.bends for each in closed) else float(np.clip(depth, low, high))
-            pull, slope = spring.pull(at, closed)
-            force += (pull + slope * (depth - at)) * spring.force
-            slopes += slope * np.outer(spring.force, spring.deflection)
-        left, sizes, right = np.linalg.svd(slopes)
-        lost = sizes <= 1e-12 * max(sizes[0], np.finfo(float).tiny)
-        parts = left.T @ force
-        if np.abs(parts[lost]).max(initial=0.0) > _NEGLIGIBLE * max(np.abs(load).max(), np.abs(force).max()):
-            return None
-        step = -right[~lost].T @ (parts[~lost] / sizes[~lost])
-        x, free = x + step, right[lost].T
-        if np.abs(step).max() <= 1e-13 * np.abs(x).max():
-            break
-    else:
-        return None if bent else (x, free)
-    return x, free
-
-
-def _placed(
-    x: NDArray[np.float64],
-    free: NDArray[np.float64],
-    springs: Sequence[Spring],
-    ranges: Sequence[Range],
-) -> NDArray[np.float64] | None:
-    """Move a position in its free directions until all deflections are in their ranges; None if they cannot be."""
-    rows, bounds = [], []
-    for spring, (closed, low, high) in zip(springs, ranges, strict=True):
-        for sign, end in ((1.0, high), (-1.0, -low)):
-            if math.isfinite(end):
-                inner = (bool(closed) and end < 0) or end == 0  # a breakpoint belongs to the range inside of it
-                rows.append(sign * spring.deflection)
-                bounds.append(end - _NEGLIGIBLE * abs(end) if inner else end + _NEGLIGIBLE * abs(end))
-    if not rows:
-        return x
-    room = np.array(bounds) - np.array(rows) @ x
-    if (room >= 0).all():
-        return x
-    if not free.shape[1]:
-        return None
-    from scipy.optimize import linprog  # slow to import, and seldom needed
-
-    table = np.hstack((np.array(rows) @ free, np.ones((len(rows), 1))))
-    found = linprog(
-        [0.0] * free.shape[1] + [-1.0], table, room, bounds=[(None, None)] * free.shape[1] + [(0, np.abs(room).max())]
-    )
-    return x + free @ found.x[:-1] if found.success else None
-
-
 _MANY = 5_000  # combinations of stages that are tried one by one
 _TINY = 1e-9  # share of a deflection that counts as none
 
@@ -239,7 +52,7 @@ class ContactRest:
 
     @property
     def is_open(self) -> bool:
-        """Return whether none of its stages is closed."""
+        """True if none of its stages is closed."""
         return not self.side
 
     def __str__(self) -> str:
@@ -299,6 +112,23 @@ class Rest:
         return bool(self.equilibria)
 
 
+def tangent(
+    system: System, closed: Sequence[tuple[Slope, ...]], x: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute stiffness and damping matrices for small motions while these stages are closed, each shape (n, n).
+
+    About a position `x`, or, without one, just past the clearances of the stages, where no force has built up.
+    """
+    stiffness, damping = system.matrix("stiffness").copy(), system.matrix("damping").copy()
+    for spring, slopes in zip(springs_of(system), closed, strict=True):
+        depth = None if x is None else float(spring.deflection @ x)
+        slope = sum(each.stiffness for each in slopes) if depth is None else spring.pull(depth, slopes)[1]
+        along = np.outer(spring.force, spring.deflection)
+        stiffness += slope * along
+        damping += spring.drag(depth, slopes) * along
+    return stiffness, damping
+
+
 def rest_of(system: System) -> Rest:
     """Find the static equilibria of a system under its mean load, without its excitation.
 
@@ -313,16 +143,17 @@ def rest_of(system: System) -> Rest:
     ModelError
         If the force law of a contact is no polynomial of the penetration.
     """
-    stiffness, load, springs = system.matrix("stiffness"), system.vector("mean"), springs_of(system, exact=True)
-    if has_least_energy(stiffness, springs):
-        position = least_energy(system, stiffness, load, springs)
+    springs = springs_of(system, exact=True)
+    statics = _Statics(system.matrix("stiffness"), system.vector("mean"), springs)
+    if statics.has_least_energy:
+        position = statics.least_energy(system.matrix("mass"))
         found = [] if position is None else [_equilibrium(system, position, springs)]
         return Rest(tuple(found), complete=True)
     ranges = [tuple(spring.ranges()) for spring in springs]
     few = math.prod(map(len, ranges)) <= _MANY
     complete = few and not any(slope.bends for spring in springs for slope in spring.slopes)
-    tried = product(*ranges) if few else by_turns(stiffness, load, springs, ranges)
-    positions = [x for each in tried if (x := within(stiffness, load, springs, each)) is not None]
+    tried = product(*ranges) if few else statics.by_turns(ranges)
+    positions = [x for each in tried if (x := statics.within(each)) is not None]
     unit = max((np.abs(x).max() for x in positions), default=0.0) or 1.0
     different = {tuple(np.round(x / unit, 9)): x for x in positions}
     found = [_equilibrium(system, position, springs) for position in different.values()]
@@ -348,8 +179,150 @@ def _equilibrium(system: System, x: NDArray[np.float64], springs: Sequence[Sprin
     return Equilibrium(x, tuple(contacts), stiffness, damping, loose, _is_stable(system, stiffness, damping))
 
 
+@dataclass(frozen=True, eq=False)
+class _Statics:
+    """The static forces of a system: stiffness matrix, mean load, and the springs of its contacts."""
+
+    stiffness: NDArray[np.float64]
+    load: NDArray[np.float64]
+    springs: Sequence[Spring]
+
+    @property
+    def has_least_energy(self) -> bool:
+        """True if the forces derive from a convex energy."""
+        for spring in self.springs:
+            for sign in (1, -1):
+                side = [each for each in spring.slopes if each.sign == sign]
+                if any(each.softens for each in side) or any(np.cumsum([each.stiffness for each in side]) < 0):
+                    return False
+        return all(spring.form.reciprocal for spring in self.springs) and _curves_upwards(self.stiffness)
+
+    def least_energy(self, mass: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Find the position of least energy; of many, that nearest to zero; None if the energy has no lower bound.
+
+        A weak spring on all coordinates makes it unique. It is weakened step by step: with the weakest from the
+        beginning, the first step of Newton's method would leave a gap by many orders of magnitude.
+        """
+        weight = float(np.abs(self.load).max())
+        slopes = [slope for spring in self.springs for slope in spring.slopes]
+        size = np.abs(self.stiffness).max() + sum(each.largest_slope(weight) for each in slopes)
+        x, holding = np.zeros(len(self.load)), (size or 1.0) / np.abs(mass).max() * mass
+        for power in range(0, _WEAKEST + 1, 2):
+            x = replace(self, stiffness=self.stiffness + 10.0**-power * holding)._minimum(x)
+        force, slope = self._pulls(x)
+        settled = x - np.linalg.solve(slope + 10.0**-_WEAKEST * holding, force)
+        left, best = min(
+            ((float(np.abs(self._pulls(each)[0]).max()), each) for each in (settled, x)), key=lambda pair: pair[0]
+        )
+        return best if left <= _LEFT * weight else None
+
+    def _minimum(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Find the position of least energy from a start, by Newton's method with shortened steps."""
+
+        def energy(x: NDArray[np.float64]) -> float:
+            stored = sum(spring.energy(float(spring.deflection @ x)) for spring in self.springs)
+            return float(0.5 * x @ self.stiffness @ x - self.load @ x + stored)
+
+        for _ in range(100):
+            force, slope = self._pulls(x)
+            step = -np.linalg.solve(slope, force)
+            share, here = 1.0, energy(x)
+            while share > 1e-6 and energy(x + share * step) > here + 1e-14 * abs(here):
+                share *= 0.5
+            x = x + share * step
+            if np.abs(step).max() <= 1e-12 * np.abs(x).max() or share <= 1e-6:
+                return x
+        raise ConvergenceError("the position of least energy under the mean load was not found in 100 steps")
+
+    def _pulls(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Compute the unbalanced force at a position, and the stiffness there; all contacts are reciprocal."""
+        force, slopes = self.stiffness @ x - self.load, self.stiffness.copy()
+        for spring in self.springs:
+            depth = float(spring.deflection @ x)
+            pull, slope = spring.pull(depth, spring.closed(depth))
+            force += pull * spring.deflection
+            slopes += slope * np.outer(spring.deflection, spring.deflection)
+        return force, slopes
+
+    def by_turns(self, ranges: Sequence[Sequence[Range]]) -> Iterator[Sequence[Range]]:
+        """List combinations of closed stages from the one at zero on; each is at the equilibrium of the one before."""
+        x = np.zeros(len(self.load))
+        for _ in range(_TURNS):
+            depths = [float(spring.deflection @ x) for spring in self.springs]
+            chosen = [
+                next(each for each in of_contact if each[1] <= depth <= each[2])
+                for depth, of_contact in zip(depths, ranges, strict=True)
+            ]
+            yield chosen
+            found = self._balanced(chosen)
+            if found is None:
+                return
+            x = found[0]
+
+    def _balanced(self, ranges: Sequence[Range]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Find the equilibrium if these stages act everywhere, and the directions in which it is free to move."""
+        x, free = np.zeros(len(self.load)), np.zeros((len(self.load), 0))
+        bent = any(each.bends for closed, _, _ in ranges for each in closed)
+        for _ in range(100 if bent else 2):
+            force, slopes = self.stiffness @ x - self.load, self.stiffness.copy()
+            for spring, (closed, low, high) in zip(self.springs, ranges, strict=True):
+                depth = float(spring.deflection @ x)
+                at = depth if any(each.bends for each in closed) else float(np.clip(depth, low, high))
+                pull, slope = spring.pull(at, closed)
+                force += (pull + slope * (depth - at)) * spring.force
+                slopes += slope * np.outer(spring.force, spring.deflection)
+            left, sizes, right = np.linalg.svd(slopes)
+            lost = sizes <= 1e-12 * max(sizes[0], np.finfo(float).tiny)
+            parts = left.T @ force
+            largest = max(np.abs(self.load).max(), np.abs(force).max())
+            if np.abs(parts[lost]).max(initial=0.0) > _NEGLIGIBLE * largest:
+                return None
+            step = -right[~lost].T @ (parts[~lost] / sizes[~lost])
+            x, free = x + step, right[lost].T
+            if np.abs(step).max() <= 1e-13 * np.abs(x).max():
+                return x, free
+        return None if bent else (x, free)
+
+    def within(self, ranges: Sequence[Range]) -> NDArray[np.float64] | None:
+        """Find an equilibrium with exactly these stages closed; None if there is none.
+
+        A position that is free to move is moved until all deflections are in their ranges.
+        """
+        found = self._balanced(ranges)
+        if found is None:
+            return None
+        (x, free), rows, bounds = found, [], []
+        for spring, (closed, low, high) in zip(self.springs, ranges, strict=True):
+            for sign, end in ((1.0, high), (-1.0, -low)):
+                if math.isfinite(end):
+                    inner = (bool(closed) and end < 0) or end == 0  # a breakpoint belongs to the range inside of it
+                    rows.append(sign * spring.deflection)
+                    bounds.append(end - _NEGLIGIBLE * abs(end) if inner else end + _NEGLIGIBLE * abs(end))
+        if not rows:
+            return x
+        room = np.array(bounds) - np.array(rows) @ x
+        if (room >= 0).all():
+            return x
+        if not free.shape[1]:
+            return None
+        from scipy.optimize import linprog  # slow to import, and seldom needed
+
+        table = np.hstack((np.array(rows) @ free, np.ones((len(rows), 1))))
+        limits = [(None, None)] * free.shape[1] + [(0, np.abs(room).max())]
+        moved = linprog([0.0] * free.shape[1] + [-1.0], table, room, bounds=limits)
+        return x + free @ moved.x[:-1] if moved.success else None
+
+
+def _curves_upwards(matrix: NDArray[np.float64]) -> bool:
+    """Return whether a matrix is symmetric and has no negative eigenvalue."""
+    size = np.abs(matrix).max()
+    if np.abs(matrix - matrix.T).max() > 1e-12 * size:
+        return False
+    return size == 0 or bool(np.linalg.eigvalsh(matrix)[0] > -1e-12 * len(matrix) * size)
+
+
 def _is_stable(system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> bool:
-    if curves_upwards(stiffness) and curves_upwards(damping):
+    if _curves_upwards(stiffness) and _curves_upwards(damping):
         return True  # as Kelvin and Tait have it; of a large system the eigenvalues below would take long
     n = system.size
     rates = np.linalg.solve(system.matrix("mass"), np.hstack((stiffness, damping)))

@@ -29,77 +29,79 @@ def read_matrix(path: str) -> NDArray[np.float64]:
     ValueError
         If the file has no usable matrix; the message continues the name of the file.
     """
-    read = _READERS.get(os.path.splitext(path)[1].lower())
+    form, read = _READERS.get(os.path.splitext(path)[1].lower(), ("", None))
     if read is None:
         raise ValueError(f"which must be a list of rows, or a file in the form of {_FORMS}")
     try:
         with open_file(path) as file:
             size = os.fstat(file.fileno()).st_size
         if size > _MAX_BYTES:
-            raise ValueError(f"which is larger than {_MAX_BYTES // 1_000_000} MB")
+            raise _UnusableError(f"which is larger than {_MAX_BYTES // 1_000_000} MB")
         matrix = read(path, size)
     except OSError as error:
         raise ValueError(f"which cannot be read: {error.strerror or error}") from None
+    except _UnusableError:
+        raise
+    except _NOT_OF_THE_FORM as error:
+        raise ValueError(f"which is not {form}: {error}") from None
     if not np.isfinite(matrix).all():
         raise ValueError("which holds numbers that are not finite")
     return matrix
 
 
+class _UnusableError(ValueError):
+    """A matrix that cannot be used, although its file is of the right form."""
+
+
+# What NumPy's and SciPy's readers raise; an OverflowError is an ArithmeticError, a UnicodeDecodeError a ValueError.
+_NOT_OF_THE_FORM = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    ArithmeticError,
+    NotImplementedError,
+    EOFError,
+    zipfile.BadZipFile,
+)
+
+
 def _market(path: str, size: int) -> NDArray[np.float64]:
     from scipy.io import mminfo, mmread  # only now: few models need them
 
-    try:
-        rows, columns, entries, _, field, _ = mminfo(path)
-        _check_shape((rows, columns))
-        if 2 * entries > size:  # a digit and a space each, at least
-            raise ValueError(f"which declares {entries:,} entries, but is too short for them")
-        if field not in ("real", "integer", "double", "unsigned-integer"):
-            raise ValueError(f"which holds entries that are {field}; they must be real numbers")
-        matrix: Any = mmread(path)
-    except (TypeError, OverflowError, UnicodeDecodeError) as error:
-        raise ValueError(f"which is not a Matrix Market file: {error}") from None
-    except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith("which ") else f"which is not a Matrix Market file: {text}") from None
+    rows, columns, entries, _, field, _ = mminfo(path)
+    _check_shape((rows, columns))
+    if 2 * entries > size:  # a digit and a space each, at least
+        raise _UnusableError(f"which declares {entries:,} entries, but is too short for them")
+    if field not in ("real", "integer", "double", "unsigned-integer"):
+        raise _UnusableError(f"which holds entries that are {field}; they must be real numbers")
+    matrix: Any = mmread(path)
     return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=float)
 
 
 def _packed(path: str, _: int) -> NDArray[np.float64]:
     from scipy.sparse import load_npz
 
-    try:
-        check_npz(path, _MAX_BYTES)
-        matrix: Any = load_npz(path)  # refuses pickled objects
-        _check_shape(matrix.shape)
-        if matrix.format in ("csr", "csc", "bsr"):
-            matrix.check_format(full_check=True)  # SciPy does not check indices before it writes
-        elif matrix.format != "coo":  # whose indices are checked on construction
-            raise ValueError(f"which is stored as {matrix.format}; store it as csr, csc, coo or bsr")
-        _check_real(matrix.dtype)
-        return np.asarray(matrix.toarray(), dtype=float)
-    except (zipfile.BadZipFile, LookupError, TypeError, AttributeError, NotImplementedError, EOFError) as error:
-        raise ValueError(f"which is not a sparse matrix of SciPy: {error}") from None
-    except ValueError as error:
-        text = str(error)
-        reason = text if text.startswith("which ") else f"which is not a sparse matrix of SciPy: {text}"
-        raise ValueError(reason) from None
+    check_npz(path, _MAX_BYTES)
+    matrix: Any = load_npz(path)  # refuses pickled objects
+    _check_shape(matrix.shape)
+    if matrix.format in ("csr", "csc", "bsr"):
+        matrix.check_format(full_check=True)  # SciPy does not check indices before it writes
+    elif matrix.format != "coo":  # whose indices are checked on construction
+        raise _UnusableError(f"which is stored as {matrix.format}; store it as csr, csc, coo or bsr")
+    _check_real(matrix.dtype)
+    return np.asarray(matrix.toarray(), dtype=float)
 
 
 def _array(path: str, size: int) -> NDArray[np.float64]:
-    try:
-        with open_file(path) as file:
-            shape, kind = array_header(file, size)
-            _check_shape(shape * 2 if len(shape) == 1 else shape)  # a row of numbers is a diagonal, as in a model file
-            _check_real(kind)
-            file.seek(0)
-            matrix = np.load(file, allow_pickle=False)
-        with np.errstate(over="ignore"):  # a longer number than a float holds is not finite
-            return matrix.astype(float)
-    except (EOFError, TypeError) as error:
-        raise ValueError(f"which is not an array of NumPy: {error}") from None
-    except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith("which ") else f"which is not an array of NumPy: {text}") from None
+    with open_file(path) as file:
+        shape, kind = array_header(file, size)
+        _check_shape(shape * 2 if len(shape) == 1 else shape)  # a row of numbers is a diagonal, as in a model file
+        _check_real(kind)
+        file.seek(0)
+        matrix = np.load(file, allow_pickle=False)
+    with np.errstate(over="ignore"):  # a longer number than a float holds is not finite
+        return matrix.astype(float)
 
 
 def _table(path: str, _: int) -> NDArray[np.float64]:
@@ -107,15 +109,17 @@ def _table(path: str, _: int) -> NDArray[np.float64]:
     with open_file(path) as file:
         for number, line in enumerate(iter(lambda: file.readline(_MAX_LINE + 1), b""), start=1):
             if len(line) > _MAX_LINE:
-                raise ValueError(f"which has a line {number} of more than {_MAX_LINE:,} characters; a row is shorter")
+                raise _UnusableError(
+                    f"which has a line {number} of more than {_MAX_LINE:,} characters; a row is shorter"
+                )
             try:
                 row = _row(line.decode("utf-8-sig" if number == 1 else "utf-8"))
             except UnicodeDecodeError:
-                raise ValueError("which is not UTF-8 text; save it as CSV in UTF-8") from None
+                raise _UnusableError("which is not UTF-8 text; save it as CSV in UTF-8") from None
             except ValueError as error:
-                raise ValueError(f"which has {error} in line {number}") from None
+                raise _UnusableError(f"which has {error} in line {number}") from None
             if row and rows and len(row) != len(rows[0]):
-                raise ValueError(
+                raise _UnusableError(
                     f"which has {len(row)} numbers in line {number}, but {len(rows[0])} in the first row; all rows of "
                     "a matrix are of one length"
                 )
@@ -123,7 +127,7 @@ def _table(path: str, _: int) -> NDArray[np.float64]:
             if len(rows) > MAX_COORDINATES or len(row) > MAX_COORDINATES:
                 _check_shape((max(len(rows), len(row)),) * 2)
     if not rows:
-        raise ValueError("which holds no numbers; write a row of the matrix in each line, as in 2.0,-1.0")
+        raise _UnusableError("which holds no numbers; write a row of the matrix in each line, as in 2.0,-1.0")
     _check_shape((len(rows), len(rows[0])))
     return np.array(rows)
 
@@ -148,23 +152,23 @@ def _number(cell: str, *, decimal_comma: bool) -> float:
         raise ValueError(f"{given(cell)}, where only real numbers are allowed{hint}") from None
 
 
-_READERS: Mapping[str, Callable[[str, int], NDArray[np.float64]]] = {
-    ".mtx": _market,
-    ".npz": _packed,
-    ".npy": _array,
-    ".csv": _table,
+_READERS: Mapping[str, tuple[str, Callable[[str, int], NDArray[np.float64]]]] = {
+    ".mtx": ("a Matrix Market file", _market),
+    ".npz": ("a sparse matrix of SciPy", _packed),
+    ".npy": ("an array of NumPy", _array),
+    ".csv": ("a table of numbers", _table),
 }
 _FORMS = "Matrix Market (.mtx), SciPy's sparse format (.npz), NumPy's (.npy), or CSV (.csv)"
 
 
 def _check_real(kind: np.dtype[Any]) -> None:
     if kind.kind not in _REAL:
-        raise ValueError(f"which holds numbers of the kind {kind}; they must be real")
+        raise _UnusableError(f"which holds numbers of the kind {kind}; they must be real")
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
     if len(shape) != 2 or shape[0] != shape[1]:
         held = f"a matrix of {' x '.join(map(str, shape))}" if shape else "one number"
-        raise ValueError(f"which holds {held}; it must have a row and a column per coordinate")
+        raise _UnusableError(f"which holds {held}; it must have a row and a column per coordinate")
     if shape[0] > MAX_COORDINATES:
-        raise ValueError(f"which holds a matrix of {shape[0]} rows; there may be {MAX_COORDINATES} at most")
+        raise _UnusableError(f"which holds a matrix of {shape[0]} rows; there may be {MAX_COORDINATES} at most")

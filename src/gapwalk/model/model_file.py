@@ -16,9 +16,9 @@ import numpy as np
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train_file import describes_train, train_part, train_problems
 from gapwalk.model.matrix_file import read_matrix
-from gapwalk.model.model_source import Source, read_source
+from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import system_part
-from gapwalk.model.problems import ModelFileError, Problem, given
+from gapwalk.model.problems import Problem, given
 from gapwalk.model.schema import MAX_COORDINATES, Names, Part, refusal, validate
 from gapwalk.model.system import System
 
@@ -45,28 +45,6 @@ class Model:
     matrices: str = ""
 
 
-def read_system(path: str | os.PathLike[str]) -> System:
-    """Read the system of a model file, without its studies.
-
-    Parameters
-    ----------
-    path
-        A TOML file. ``gapwalk new FILE`` writes one to begin with.
-
-    Raises
-    ------
-    ModelFileError
-        With all problems of the file, each with its line.
-    """
-    source = read_source(path)
-    model, problems = check_model(source)
-    if not has_pace(source):
-        problems.append(source.problem("is missing; write the frequency W of the excitation", ("frequency",)))
-    if model is None or problems:
-        raise ModelFileError(in_order(problems))
-    return model.system
-
-
 def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
     """Validate a model file, and build its system.
 
@@ -77,7 +55,8 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
     problems : list of Problem
         All problems of the file but those of its studies.
     """
-    if describes_train(source.data):
+    is_train = describes_train(source.data)
+    if is_train:
         part, problems = validate(train_part(), source.data, source, context=lambda: Names.of_train(source.data))
     else:
         full, unread = read_parts(source)
@@ -89,9 +68,7 @@ def check_model(source: Source) -> tuple[Model | None, list[Problem]]:
     try:
         return Model(part.system(), part.title, _digest(source, part)), []
     except ModelError as error:
-        if describes_train(source.data):
-            return None, list(train_problems(error, source))
-        return None, [source.problem(refusal(error))]
+        return None, [*train_problems(error, source)] if is_train else [source.problem(refusal(error))]
 
 
 def has_pace(source: Source) -> bool:
@@ -125,25 +102,26 @@ def read_parts(source: Source) -> tuple[Source, list[Problem]]:
             problems.append(source.problem(message, ("coordinates",)))
             count = 0
         data["coordinates"] = [f"q{number}" for number in range(1, count + 1)]
-    for key in MATRICES:
-        value = data.get(key)
-        if isinstance(value, str):
-            try:
-                data[key] = read_matrix(_path_of(value, source)).tolist()
-            except ValueError as error:
-                problems.append(source.problem(f"is {given(value)}, {error}", (key,)))
-                del data[key]
+    for key in _named(source):
+        try:
+            data[key] = read_matrix(_path_of(data[key], source)).tolist()
+        except ValueError as error:
+            problems.append(source.problem(f"is {given(data.pop(key))}, {error}", (key,)))
     return replace(source, data=data), problems
 
 
 def matrix_paths(source: Source) -> tuple[str, ...]:
     """List the files of matrices that a source names and is allowed to read."""
     found = []
-    for value in map(source.data.get, MATRICES):
-        if isinstance(value, str):
-            with suppress(ValueError):
-                found.append(_path_of(value, source))
+    for key in _named(source):
+        with suppress(ValueError):
+            found.append(_path_of(source.data[key], source))
     return tuple(found)
+
+
+def _named(source: Source) -> list[str]:
+    """List the keys of matrices that are in files of their own."""
+    return [key for key in MATRICES if isinstance(source.data.get(key), str)]
 
 
 def _path_of(name: str, source: Source) -> str:
@@ -157,8 +135,7 @@ def _path_of(name: str, source: Source) -> str:
 
 
 def _digest(source: Source, part: Part) -> str:
-    named = [key for key in MATRICES if isinstance(source.data.get(key), str)]
-    if not named:
+    if not (named := _named(source)):
         return ""
     digest = hashlib.sha256(" ".join(named).encode())
     for key in named:

@@ -7,7 +7,6 @@ import io
 import os
 import re
 import tomllib
-from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -49,13 +48,11 @@ _SLIPS = (
     (r"^\s*[\w.-]+\s*:", "write key = value"),
 )
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'""")
 _STRING = re.compile(
     r'''"""(?:\\.|[^\\])*?"""(?:"{0,2})|\'\'\'.*?\'\'\'(?:'{0,2})|"(?:[^"\\\n]|\\.)*"|'[^'\n]*\'''', re.DOTALL
 )
-_PLAIN = re.compile(r"[^,\]}\n#]*")  # numbers, booleans, dates
+# Texts, marks and words, which are all that determines the lines of keys.
+_WORDS = re.compile(rf"""(?:{_STRING.pattern})|[][{{}}=,.\n]|[^][{{}}=,.\s\#"']+|\#[^\n]*""", re.DOTALL)
 _PART = r"""(?:"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+'|[A-Za-z0-9_-]++)"""
 # Skips texts and comments; matches a dotted key from its first point on.
 _TOKEN = re.compile(
@@ -133,19 +130,17 @@ def read_source(path: str | os.PathLike[str] | io.StringIO, within: str = "") ->
         with open_file(name) as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:  # a ValueError is a NUL in the name
-        raise ModelFileError([Problem(_reason(name, error), file=name)]) from None
+        raise _refusal(_reason(name, error), name) from None
     if len(content) > MAX_BYTES:
-        size = f"is larger than {MAX_BYTES // 1_000_000} MB"
-        raise ModelFileError([Problem(f"the file {size}; a model file is a short text", file=name)])
+        raise _refusal(f"the file is larger than {MAX_BYTES // 1_000_000} MB; a model file is a short text", name)
     if content.startswith(_RESULT):
         message = "this is a result, not a model file; `gapwalk show` prints its content, and gw.load reads it"
-        raise ModelFileError([Problem(message, file=name)])
+        raise _refusal(message, name)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
         message = f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8"
-        raise ModelFileError([Problem(message, line=line, file=name)]) from None
+        raise _refusal(message, name, content.count(b"\n", 0, error.start) + 1) from None
     return parse_source(text, name, within)
 
 
@@ -161,11 +156,12 @@ def parse_source(text: str, name: str = "", within: str = "") -> Source:
     try:
         data = tomllib.loads(text)
     except RecursionError:
-        raise ModelFileError([Problem("lists or tables are nested too deeply", file=name)]) from None
+        raise _refusal("lists or tables are nested too deeply", name) from None
     except ValueError as error:  # most are TOMLDecodeError; an integer of 5,000 digits is a plain one
-        raise ModelFileError([_syntax_problem(str(error), text, name)]) from None
+        message, line = _syntax_problem(str(error), text)
+        raise _refusal(f"not TOML: {message}", name, line) from None
     if not data:
-        raise ModelFileError([Problem(f"the file is empty; {_BEGIN}", file=name)])
+        raise _refusal(f"the file is empty; {_BEGIN}", name)
     source = Source(name, text, data, within=within)
     if problems := list(_long_tables(source)):
         raise ModelFileError(problems)
@@ -188,27 +184,26 @@ def _reason(name: str, error: Exception) -> str:
     return f"the file cannot be read: {getattr(error, 'strerror', None) or error}"
 
 
-def _syntax_problem(message: str, text: str, name: str) -> Problem:
+def _refusal(message: str, name: str, line: int | None = None) -> ModelFileError:
+    return ModelFileError([Problem(message, line=line, file=name)])
+
+
+def _syntax_problem(message: str, text: str) -> tuple[str, int | None]:
+    """Explain a message of tomllib, and return the line to which it refers."""
     match = re.search(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)", message)
     if not match:
-        return Problem(f"not TOML: {message}", file=name)
-    reason = message[: match.start()]
-    lines = text.split("\n")
+        return message, None
+    reason, lines = message[: match.start()], text.split("\n")
     if match[1] is None:
-        return Problem(f"not TOML: {reason} at the end of the file", line=len(lines), file=name)
-    number, column = int(match[1]), int(match[2])
+        return f"{reason} at the end of the file", len(lines)
+    number = int(match[1])
     shown = lines[number - 1].strip()[:60] if number <= len(lines) else ""
     if twice := re.match(r"Cannot declare \('(\w+)',\) twice", reason):
         key = twice[1]
         own = ", and give each a name" if key == "study" else ""
-        message = f"not TOML: [{key}] is here a second time; if there are several, write [[{key}]] for each{own}"
-        return Problem(message, line=number, file=name)
-    hint = next((hint for slip, hint in _SLIPS if re.search(slip, shown)), "")
-    return Problem(
-        f"not TOML: {reason}, column {column}: {shown}" + (f" ({hint})" if hint else ""),
-        line=number,
-        file=name,
-    )
+        return f"[{key}] is here a second time; if there are several, write [[{key}]] for each{own}", number
+    hint = next((f" ({hint})" for slip, hint in _SLIPS if re.search(slip, shown)), "")
+    return f"{reason}, column {match[2]}: {shown}{hint}", number
 
 
 def _check_size(text: str, name: str) -> None:
@@ -225,8 +220,7 @@ def _check_size(text: str, name: str) -> None:
         if nests > MAX_NESTS:
             message = message or f"there are more than {MAX_NESTS:,} tables and lists; a model has fewer"
         if message:
-            line = text.count("\n", 0, token.start()) + 1
-            raise ModelFileError([Problem(message, line=line, file=name)])
+            raise _refusal(message, name, text.count("\n", 0, token.start()) + 1)
 
 
 def _long_tables(source: Source) -> Iterator[Problem]:
@@ -263,28 +257,43 @@ def key_lines(text: str) -> dict[Path, int]:
 
 
 class _Scan:
-    """One pass over a text, which has reached the character `at`."""
+    """One pass over the words of a text, which has reached `word` in `line`; at the end of the text it is empty."""
 
     def __init__(self, text: str) -> None:
-        self.text = text
-        self.at = 0
         self.lines: dict[Path, int] = {}
-        self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._items: dict[Path, int] = {}  # last index of each [[array of tables]]
+        self._words = (match.group() for match in _WORDS.finditer(text))
+        self.word, self.line = "", 1
+        self._next()
+
+    def _next(self) -> str:
+        """Move on to the next word beyond comments, and return the one before it."""
+        passed = self.word
+        self.line += passed.count("\n")
+        self.word = next((word for word in self._words if word[0] != "#"), "")
+        return passed
+
+    def _skip_breaks(self) -> None:
+        while self.word == "\n":
+            self._next()
 
     def document(self) -> None:
         """Read the entire text."""
         table: Path = ()
-        self._skip(_BLANK)
-        while self.at < len(self.text):
-            table = self._header() if self._peek() == "[" else self._pair(table)
-            self._skip(_BLANK)
+        self._skip_breaks()
+        while self.word:
+            if self.word == "[":
+                table = self._header()
+            else:
+                self._pair(table)
+            self._skip_breaks()
 
     def _header(self) -> Path:
-        line = self._line()
-        array = self.text.startswith("[[", self.at)
-        self.at += 2 if array else 1
-        path: Path = ()
+        line, path = self.line, ()
+        self._next()
+        array = self.word == "["
+        if array:
+            self._next()
         keys = self._keys()
         for depth, key in enumerate(keys, start=1):
             path = (*path, key)
@@ -294,77 +303,53 @@ class _Scan:
             if path in self._items:
                 path = (*path, self._items[path])
                 self.lines.setdefault(path, line)
-        self.at += 2 if array else 1
+        for _ in range(1 + array):
+            self._next()
         return path
 
-    def _pair(self, table: Path) -> Path:
-        line, path = self._line(), table
+    def _pair(self, table: Path) -> None:
+        line, path = self.line, table
         for key in self._keys():
             path = (*path, key)
             self.lines.setdefault(path, line)
-        self._expect("=")
+        if self._next() != "=":
+            raise ValueError("= was expected")
         self._value(path)
-        return table
 
     def _keys(self) -> list[str]:
         keys = []
         while True:
-            self._skip(_SPACE)
-            match = _KEY.match(self.text, self.at)
-            if not match:
+            raw = self._next()
+            if not raw or raw in "[]{}=,.\n":
                 raise ValueError("a key was expected")
-            self.at = match.end()
-            raw = match.group()
             keys.append(tomllib.loads(f"x = {raw}")["x"] if raw[0] in "\"'" else raw)
-            self._skip(_SPACE)
-            if self._peek() != ".":
+            if self.word != ".":
                 return keys
-            self.at += 1
+            self._next()
 
     def _value(self, path: Path) -> None:
-        self._skip(_BLANK)
-        first = self._peek()
-        if first in "\"'":
-            self._skip(_STRING)
-        elif first == "[":
-            self._sequence("]", path)
-        elif first == "{":
-            self._sequence("}", path)
+        self._skip_breaks()
+        if self.word in ("[", "{"):
+            self._sequence("]" if self._next() == "[" else "}", path)
         else:
-            self._skip(_PLAIN)
+            while self.word and self.word not in ",]}\n":
+                self._next()
 
     def _sequence(self, end: str, path: Path) -> None:
-        """Read a list, or an inline table."""
-        self.at += 1
-        self._skip(_BLANK)
+        """Read a list, or an inline table, after its beginning."""
+        self._skip_breaks()
         index = 0
-        while self._peek() != end:
+        while self.word != end:
+            if not self.word:
+                raise ValueError("the text ends too early")
             if end == "]":
-                self.lines[*path, index] = self._line()
+                self.lines[*path, index] = self.line
                 self._value((*path, index))
             else:
                 self._pair(path)
             index += 1
-            self._skip(_BLANK)
-            if self._peek() != end:
-                self._expect(",")
-                self._skip(_BLANK)
-        self.at += 1
-
-    def _line(self) -> int:
-        return bisect_left(self._breaks, self.at) + 1
-
-    def _peek(self) -> str:
-        if self.at >= len(self.text):
-            raise ValueError("the text ends too early")
-        return self.text[self.at]
-
-    def _expect(self, char: str) -> None:
-        if self._peek() != char:
-            raise ValueError(f"{char} was expected")
-        self.at += 1
-
-    def _skip(self, pattern: re.Pattern[str]) -> None:
-        match = pattern.match(self.text, self.at)
-        if match:
-            self.at = match.end()
+            self._skip_breaks()
+            if self.word == ",":
+                self._next()
+                self._skip_breaks()
+        self._next()

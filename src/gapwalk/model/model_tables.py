@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
-from functools import lru_cache
-from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self
+from functools import lru_cache, wraps
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -21,9 +21,9 @@ from pydantic import (
 )
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact, Side, Stage
+from gapwalk.model.contact import Contact, Side, Stage, order_problems
 from gapwalk.model.damping import Damping, ModalDamping, ProportionalDamping
-from gapwalk.model.laws import LAWS, Law, law_of, law_with
+from gapwalk.model.laws import LAWS, Law, law_of, law_parameters, law_with
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import given
@@ -55,6 +55,7 @@ from gapwalk.model.units import QuantityKind
 MAX_STUDIES = 200
 """Largest number of studies in one file: all of them are checked to read one."""
 
+T = TypeVar("T")
 SideName = Annotated[Side, BeforeValidator(one_of(Side))]
 
 
@@ -70,11 +71,6 @@ def stage_of(part: Part, name: str) -> Stage:
     plain = {key: found.pop(key) for key in ("clearance", "stiffness", "cubic") if key in found}
     side = getattr(part, "side", None) or Side.BOTH
     return Stage(**{"clearance": 0.0, **plain}, side=side, name=name, numbers=found)
-
-
-def law_parameters(which: str) -> dict[str, Parameter]:
-    """Return the parameters of all laws by name: ``"stage_parameters"``, or ``"parameters"`` of whole contacts."""
-    return {each.name: each for law in LAWS.values() for each in getattr(law, which)}
 
 
 def given_of(part: Part, which: str) -> dict[str, Any]:
@@ -110,9 +106,10 @@ def belongs_to_the_law(cls: type[Part], value: object, info: ValidationInfo[Name
     return value
 
 
-def kinds_known() -> tuple[Any, ...]:
-    """Return the force laws and loads on which the schemas of tables depend."""
-    return (*LAWS.values(), *LOADS.values())
+def by_registered_kinds(make: Callable[[], T]) -> Callable[[], T]:
+    """Decorate a function that makes a schema from all registered force laws and loads: it is made once for them."""
+    made = lru_cache(lambda *_: make())
+    return wraps(make)(lambda: made(*LAWS.values(), *LOADS.values()))
 
 
 def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
@@ -134,26 +131,23 @@ def _in_order(tables: object, handler: Callable[[object], Any]) -> Any:
 def _order_problem(tables: object) -> str | None:
     """Describe the first error in the order of those stages whose clearance is a plain number."""
     stages = [table for table in tables if isinstance(table, Mapping)] if isinstance(tables, list) else []
-    for side in (Side.POSITIVE, Side.NEGATIVE):
-        met = [table.get("clearance") for table in stages if table.get("side", Side.BOTH) in (Side.BOTH, side)]
-        numbers = [value for value in met if isinstance(value, int | float) and not isinstance(value, bool)]
-        for inner, outer in pairwise(value for value in numbers if value >= 0):
-            if outer <= inner:
-                return (
-                    f"is out of order on the {side.value} side: clearance {outer} follows {inner}; list the stages "
-                    "from the inside out"
-                )
-    return None
+    known = [(table.get("side", Side.BOTH), table.get("clearance")) for table in stages]
+    numbers = [
+        (Side(side), clearance)
+        for side, clearance in known
+        if side in [*Side] and isinstance(clearance, int | float) and not isinstance(clearance, bool)
+    ]
+    return next((f"is {each}" for each in order_problems(numbers)), None)
 
 
 def stages_field(least: int) -> Any:
     """Make the field of a contact's stages, from the inside out, with the parameters of all registered force laws."""
     size: Any = Field(min_length=least, max_length=MAX_COORDINATES)
-    return Annotated[list[_stage_part(kinds_known())], size, WrapValidator(_in_order)]  # pyright: ignore
+    return Annotated[list[_stage_part()], size, WrapValidator(_in_order)]  # pyright: ignore
 
 
-@lru_cache
-def _stage_part(_: tuple[Any, ...]) -> type[StageBase]:
+@by_registered_kinds
+def _stage_part() -> type[StageBase]:
     fields = law_fields("stage_parameters")
     check: Any = {"belongs_to_the_law": field_validator(*fields)(classmethod(belongs_to_the_law))}
     fields["side"] = (SideName, Side.BOTH)
@@ -188,6 +182,27 @@ def law_of_table(table: Any) -> Law:
         return law_of("elastic")
 
 
+def _law_to_write(name: str) -> str:
+    """Return the line to write where a table gives the name of a force law as its damping."""
+    return (
+        f"write law = {given(name)}"
+        if name in LAWS
+        else f"write law, which must be one of {', '.join(map(given, LAWS))}"
+    )
+
+
+def is_no_law(damping: object) -> object:
+    """Refuse the name of a force law in place of the damping of a shaft or gear, and explain where it belongs."""
+    if isinstance(damping, str) and re.fullmatch("[a-z-]{3,}", damping):
+        names = [each.name for each in LAWS[damping].parameters] if damping in LAWS else []
+        more = f" and {' and '.join(names)} = ..." if names else ""
+        raise ValueError(
+            f"is {given(damping)}; it must be the number of a damper that acts always. For a force law of the springs "
+            f"with a clearance, {_law_to_write(damping)}{more}"
+        )
+    return damping
+
+
 class ContactBase(LawTable):
     """A contact: ``[[contact]]``, with its one stage in short form or with tables of stages; see `system_part`."""
 
@@ -200,10 +215,8 @@ class ContactBase(LawTable):
         """Return the line to write in place of ``damping``, which is a key of the system as a whole."""
         if key != "damping":
             return ""
-        if isinstance(value, str) and value in LAWS:
-            return f"write law = {given(value)}"
         if isinstance(value, str):
-            return f"write law, which must be one of {', '.join(map(given, LAWS))}"
+            return _law_to_write(value)
         names = dict.fromkeys(each.name for law in LAWS.values() if law.is_damped for each in law.parameters)
         return f"a contact has the damping of its force law; write {' or '.join(names)}"
 
@@ -390,13 +403,9 @@ class SystemBase(Part):
         )
 
 
+@by_registered_kinds
 def system_part() -> type[SystemBase]:
-    """Return the schema of a model file, with all registered force laws and loads."""
-    return _system_part(kinds_known())
-
-
-@lru_cache
-def _system_part(_: tuple[Any, ...]) -> type[SystemBase]:
+    """Return the schema of a model file."""
     of_stages, own = law_fields("stage_parameters"), dict(sorted(law_fields("parameters").items()))
     side: Any = Annotated[SideName | None, Field(validate_default=True)]
     checks: Any = {

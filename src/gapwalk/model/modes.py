@@ -17,7 +17,6 @@ from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 
 _ZERO_RATE = 1e-12  # share of the largest rate of dissipation below which a negative one is rounding
-_Vibrations = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]
 
 
 class Clearances(StrEnum):
@@ -95,7 +94,7 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
     squares, left, right = _vibrations(stiffness, system.matrix("mass"))
     assembly, inertias, angles = system.structure.assembly, (), np.zeros((0, len(squares)))
     if isinstance(assembly, TrainAssembly):
-        inertias, angles = assembly.form.inertias, assembly.angles(system.values) @ right
+        inertias, angles = assembly.form.inertias, assembly.numbers(system.values).angles @ right
     sizes = angles if angles.size else right
     largest = sizes[np.abs(sizes).argmax(axis=0), range(len(squares))]
     floor = 1e-12 * len(squares) * np.abs(squares).max(initial=0.0)  # rounding of the largest
@@ -103,11 +102,16 @@ def modes_of(system: System, at: Equilibrium | str = Clearances.CLOSED) -> Modes
     frequencies = np.where(real & (squares.real > -floor), np.sqrt(np.maximum(squares.real, 0.0)), np.nan)
     frequencies[np.abs(squares) <= floor] = 0.0
     shapes, angles = right / largest, angles / largest
-    ratios = _damping_ratios(system, damping, frequencies, left, shapes)
+    # shares of critical damping to first order, with the modes of the undamped system
+    damped, moved = (np.sum(left * (matrix @ shapes), axis=0) for matrix in (damping, system.matrix("mass")))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(frequencies > 0, np.real(damped / moved) / (2.0 * frequencies), np.nan)
     return Modes(frequencies, shapes, ratios, system.coordinates, inertias, angles)
 
 
-def _vibrations(stiffness: NDArray[np.float64], mass: NDArray[np.float64]) -> _Vibrations:
+def _vibrations(
+    stiffness: NDArray[np.float64], mass: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]:
     """Compute squares of the natural frequencies with left and right vectors, slowest first."""
     from scipy.linalg import eig, eigh  # slow to import
 
@@ -121,20 +125,6 @@ def _vibrations(stiffness: NDArray[np.float64], mass: NDArray[np.float64]) -> _V
     left, right = left[:, order], right[:, order]
     turn = right[np.abs(right).argmax(axis=0), range(len(order))]
     return squares[order], left.conj(), (right / turn).real
-
-
-def _damping_ratios(
-    system: System,
-    damping: NDArray[np.float64],
-    frequencies: NDArray[np.float64],
-    left: NDArray[np.complex128],
-    right: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Compute shares of critical damping to first order, with the modes of the undamped system."""
-    damped = np.sum(left * (damping @ right), axis=0)
-    moved = np.sum(left * (system.matrix("mass") @ right), axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(frequencies > 0, np.real(damped / moved) / (2.0 * frequencies), np.nan)
 
 
 def dissipation_doubts(system: System) -> list[str]:

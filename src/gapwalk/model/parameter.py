@@ -43,5 +43,5 @@ class Parameter:
     @property
     def growth(self) -> int:
         """The power of the unit of length by which its number grows; forces, by mass, are divided by that unit."""
-        kind = self if self.kind is None else self.kind.value
-        return -kind.angle - kind.torque
+        powers = self.kind or self
+        return -powers.angle - powers.torque

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
 from gapwalk.model.coefficients import layout_of
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import Structure, value_problems
+from gapwalk.model.structure import NameBlock, ParameterNames, Structure, value_problems
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
@@ -38,9 +37,6 @@ class PathAssembly:
 
     structure: Structure
     moved: tuple[str, ...]
-
-    def __hash__(self) -> int:
-        return hash((self.structure, self.moved))
 
     @property
     def names(self) -> ParameterNames:

@@ -1,6 +1,4 @@
-"""The static spring of a contact: its force and its slope by the deflection, with the numbers of one system.
-
-The forces of contacts as polynomials of the penetration and the rate, for values of the coefficients.
+"""The forces of contacts as polynomials of the penetration and the rate, and the static springs that follow from them.
 
 Equilibria, the search for orbits, harmonic balance and the batch integrator need the forces in this form.
 """
@@ -61,18 +59,13 @@ class ForcePolynomials:
         known = np.concatenate((coefficients, np.ones((1, *rest))))
         values = reduce(np.multiply, known[self._slots], self._factors.reshape(-1, *(1 for _ in rest)))
         table = np.zeros((math.prod(self.shape), *rest), known.dtype)
-        table[self._different] = np.add.reduceat(values, self._first)
+        table[self._places[self._first]] = np.add.reduceat(values, self._first)
         return table.reshape(*self.shape, *rest)
 
     @cached_property
     def _first(self) -> NDArray[np.intp]:
         """The first term of each place."""
         return np.flatnonzero(np.diff(self._places, prepend=-1))
-
-    @cached_property
-    def _different(self) -> NDArray[np.intp]:
-        """The places, each once."""
-        return self._places[self._first]
 
     def integrated(self) -> ForcePolynomials:
         """Integrate the factor of the rate over the deflection, and drop the terms of other rates.
@@ -96,9 +89,10 @@ def polynomials_of(layout: CoefficientLayout, backend: str) -> ForcePolynomials:
         If the force of a contact is no polynomial of the penetration; the message names the backend that needs it.
     """
     terms: list[tuple[tuple[int, int, int], float, list[int]]] = []
-    switches = [(index, stage) for index, slots in enumerate(layout.contacts) for stage in slots.stages]
+    switches = []
     for index, slots in enumerate(layout.contacts):
-        first = [contact for contact, _ in switches].index(index)
+        first = len(switches)
+        switches += [(index, stage) for stage in slots.stages]
         for factor, own, of_stage, number, power, rate in slots.form.closed_form(backend):
             stage = slots.stages[number]
             found = [*map(slots.numbers.__getitem__, own), *map(stage.numbers.__getitem__, of_stage)]
@@ -151,12 +145,12 @@ class Slope:
 
     @property
     def bends(self) -> bool:
-        """Return whether the force is not a linear function of the penetration."""
+        """True if the force is not a linear function of the penetration."""
         return self.curved or any(self.pull[2:])
 
     @property
     def softens(self) -> bool:
-        """Return whether the slope may decrease with the penetration, or the force begins with a pull inwards."""
+        """True if the slope may decrease with the penetration, or the force begins with a pull inwards."""
         return self.curved or any(self.sign * each < 0.0 for each in (self.pull[0], *self.pull[2:]))
 
     def depth(self, x: float) -> float:
@@ -209,9 +203,10 @@ class Spring:
 
     def energy(self, x: float) -> float:
         """Return the energy stored at a deflection."""
-        depths = [(each, max(each.depth(x), 0.0)) for each in self.slopes]
-        parts = ([0.0, *(part / (power + 1) for power, part in enumerate(each.pull))] for each, _ in depths)
-        return sum(each.sign * _value(part, depth) for part, (each, depth) in zip(parts, depths, strict=True))
+        parts = [[0.0, *(part / (power + 1) for power, part in enumerate(each.pull))] for each in self.slopes]
+        depths = [max(each.depth(x), 0.0) for each in self.slopes]
+        found = zip(self.slopes, parts, depths, strict=True)
+        return sum(each.sign * _value(part, depth) for each, part, depth in found)
 
     def closed(self, x: float, margin: float = 0.0) -> tuple[Slope, ...]:
         """Return the stages that are closed at a deflection, beyond a margin."""
@@ -248,7 +243,7 @@ def springs_of(system: System, *, exact: bool = False) -> tuple[Spring, ...]:
     table = _tangents(layout, coefficients) if curved else polynomials_of(layout, "an equilibrium").table(coefficients)
     lines, springs = iter(table.tolist()), []
     for slots in layout.contacts:
-        names = [stage.name for stage in slots.form.stages for _ in stage.side.signs]
+        names = [stage.name for stage, _ in slots.form.sides]
         slopes = tuple(
             Slope(name, stage.sign, float(coefficients[stage.clearance]), tuple(pull), tuple(drag), curved)
             for name, stage, (pull, drag, *_) in zip(names, slots.stages, lines, strict=False)

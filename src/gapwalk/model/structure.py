@@ -1,12 +1,15 @@
-"""The structure of a system: its parts without numbers, the names of its parameters, and which values they may have."""
+"""The structure of a system: its parts without numbers, the names of its parameters, and which values they may have.
+
+Names of large vectors and matrices are computed on request.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from functools import cached_property, reduce
+from typing import Any, NamedTuple, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +17,133 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Side
 from gapwalk.model.laws import Law, StageShape, Term, closed_form_of
-from gapwalk.model.loads import MEAN, LoadForm
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.units import Units
+from gapwalk.model.loads import LoadForm
+from gapwalk.model.problems import near_names
+from gapwalk.model.units import PACES, Units
 
 _LARGEST = 1e150  # its square is finite, too
+_SHOWN = 5  # names that are listed if none is similar to the unknown one
+_FEW = 20_000  # names that may be listed, for a faster look-up and to find similar ones
+
+
+@dataclass(frozen=True, slots=True)
+class NameBlock:
+    """Consecutive parameters: one number (rank 0), one for each coordinate (1), or for each pair of them (2)."""
+
+    prefix: str
+    rank: int = 0
+
+
+@dataclass(frozen=True)
+class ParameterNames(Sequence[str]):
+    """All names in the order of the value vector; they are not stored if there are very many.
+
+    Parameters
+    ----------
+    blocks
+        The blocks of names, in their order.
+    coordinates
+        The names by which vectors and matrices are indexed: ``stiffness.q1.q3``.
+    """
+
+    blocks: tuple[NameBlock, ...]
+    coordinates: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return self._starts[-1]
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[str]: ...
+    def __getitem__(self, index: int | slice) -> str | Sequence[str]:
+        if isinstance(index, slice):
+            return [self[each] for each in range(*index.indices(len(self)))]
+        place = range(len(self))[index]
+        number = next(i for i, end in enumerate(self._starts[1:]) if place < end)
+        block, offset, n = self.blocks[number], place - self._starts[number], len(self.coordinates)
+        words = [block.prefix]
+        for power in range(block.rank - 1, -1, -1):
+            words.append(self.coordinates[offset // n**power % n])
+        return ".".join(words)
+
+    def __iter__(self) -> Iterator[str]:
+        for block in self.blocks:
+            prefixes = [block.prefix]
+            for _ in range(block.rank):
+                prefixes = [f"{prefix}.{name}" for prefix in prefixes for name in self.coordinates]
+            yield from prefixes
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._find(name) is not None
+
+    def start(self, prefix: str) -> int:
+        """Return the place of the first parameter of a block; raise a KeyError for an unknown prefix."""
+        return self._starts[self._blocks[prefix]]
+
+    def place(self, name: str) -> int:
+        """Return the place of one parameter.
+
+        Raises
+        ------
+        ModelError
+            If there is no parameter of that name; the message offers the nearest ones.
+        """
+        place = self._find(name) if isinstance(name, str) else None
+        if place is None:
+            raise ModelError(self._unknown(str(name)))
+        return place
+
+    @property
+    def single(self) -> list[int]:
+        """The places of the parameters that are not entries of a vector or a matrix."""
+        return [start for block, start in zip(self.blocks, self._starts, strict=False) if block.rank == 0]
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        starts = [0]
+        for block in self.blocks:
+            starts.append(starts[-1] + len(self.coordinates) ** block.rank)
+        return starts
+
+    @cached_property
+    def _blocks(self) -> dict[str, int]:
+        return {block.prefix: number for number, block in enumerate(self.blocks)}
+
+    @cached_property
+    def _indices(self) -> dict[str, int]:
+        return {name: index for index, name in enumerate(self.coordinates)}
+
+    @cached_property
+    def _listed(self) -> dict[str, int] | None:
+        return {name: place for place, name in enumerate(self)} if len(self) <= _FEW else None
+
+    def _find(self, name: str) -> int | None:
+        return self._listed.get(name) if self._listed is not None else self._compute(name)
+
+    def _compute(self, name: str) -> int | None:
+        words = name.split(".")
+        for rank in (0, 1, 2):
+            number = self._blocks.get(".".join(words[: len(words) - rank]))
+            indices = [self._indices.get(word, -1) for word in words[len(words) - rank :]]
+            if number is not None and self.blocks[number].rank == rank and -1 not in indices:
+                return self._starts[number] + reduce(
+                    lambda offset, index: offset * len(self._indices) + index, indices, 0
+                )
+        return None
+
+    def _unknown(self, name: str) -> str:
+        known = list(self) if len(self) <= _FEW else [block.prefix for block in self.blocks if block.rank == 0]
+        near = near_names(name, known)
+        if not near:
+            last = name.rsplit(".", 1)[-1]
+            near = [each for each in known if each.rsplit(".", 1)[-1] == last][:3]
+        if not near and name in PACES:
+            near = known[:1]  # the other of the two
+        if near:
+            return f"there is no parameter {name!r}; did you mean {' or '.join(map(repr, near))}?"
+        rest = ", ... (system.parameters lists them all)" if len(self) > _SHOWN else ""
+        return f"there is no parameter {name!r}; there are {', '.join(map(repr, known[:_SHOWN]))}{rest}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +172,19 @@ class ContactForm:
     @property
     def parameters(self) -> tuple[str, ...]:
         """The names of the parameters of its law: of its stages, then of the contact as a whole."""
-        of_stages = [
-            f"{self.stage_prefix(stage)}.{each.name}" for stage in self.stages for each in self.law.stage_parameters
-        ]
-        return (*of_stages, *(f"{self.name}.{each.name}" for each in self.law.parameters))
+        groups = [(self.stage_prefix(stage), self.law.stage_parameters) for stage in self.stages]
+        groups.append((self.name, self.law.parameters))
+        return tuple(f"{prefix}.{each.name}" for prefix, parameters in groups for each in parameters)
+
+    @property
+    def sides(self) -> list[tuple[StageForm, int]]:
+        """Each stage with each side on which it acts, in the order of the switches."""
+        return [(stage, sign) for stage in self.stages for sign in stage.side.signs]
 
     @property
     def shapes(self) -> tuple[StageShape, ...]:
-        """Each stage on each side on which it acts, in the order of the switches."""
-        signs = [sign for stage in self.stages for sign in stage.side.signs]
+        """The side of each switch, and whether its stage is the first there."""
+        signs = [sign for _, sign in self.sides]
         return tuple(StageShape(sign, sign not in signs[:place]) for place, sign in enumerate(signs))
 
     def closed_form(self, backend: str) -> tuple[Term, ...]:
@@ -131,11 +260,6 @@ class Structure:
     assembly: Assembly | None = None
 
     @property
-    def loads(self) -> tuple[LoadForm, ...]:
-        """The constant load, and those that repeat with the excitation."""
-        return (MEAN, *self.harmonics)
-
-    @property
     def size(self) -> int:
         """Number of degrees of freedom."""
         return len(self.coordinates)
@@ -173,8 +297,7 @@ class Structure:
         return tuple(
             Breakpoint(index, side, self.place(f"{contact.stage_prefix(stage)}.clearance"))
             for index, contact in enumerate(self.contacts)
-            for stage in contact.stages
-            for side in stage.side.signs
+            for stage, side in contact.sides
         )
 
     @cached_property
@@ -216,18 +339,19 @@ class Structure:
 
 def checked(structure: Structure, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return values that a system may have; raise a ModelError with all reasons for others."""
+    finite = np.isfinite(values)
     problems = [
-        f"{structure.names[int(place)]} is {values[place]}; it must be a finite number"
-        for place in np.flatnonzero(~np.isfinite(values))
+        *(
+            f"{structure.names[int(place)]} is {values[place]}; it must be a finite number"
+            for place in np.flatnonzero(~finite)
+        ),
+        *(
+            f"{structure.names[int(place)]} is {values[place]:g}; it must be at most {_LARGEST:g} in size, for its "
+            "square must be a number too: choose other units"
+            for place in np.flatnonzero(finite & (np.abs(values) > _LARGEST))
+        ),
     ]
-    problems += [
-        f"{structure.names[int(place)]} is {values[place]:g}; it must be at most {_LARGEST:g} in size, for its square "
-        "must be a number too: choose other units"
-        for place in np.flatnonzero(np.isfinite(values) & (np.abs(values) > _LARGEST))
-    ]
-    if not problems:
-        problems = list(value_problems(structure, values))
-    if problems:
+    if problems := problems or [*value_problems(structure, values)]:
         raise ModelError("\n".join(problems))
     return values
 
@@ -240,30 +364,20 @@ def value_problems(structure: Structure, values: NDArray[np.float64]) -> Iterato
         yield f"{structure.pace} is {values[0]:g}; it must be at least {1.0 / _LARGEST:g}: choose other units"
     if structure.assembly:
         yield from structure.assembly.problems(values)
-        yield from _clearance_problems(structure, values)
-        return
-    n = structure.size
-    yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
-    for contact in structure.contacts:
-        if not values[structure.block(f"{contact.name}.deflection", n)].any():
-            yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
-    yield from _clearance_problems(structure, values)
-
-
-def _clearance_problems(structure: Structure, values: NDArray[np.float64]) -> Iterator[str]:
-    for contact in structure.contacts:
-        for sign in (1, -1):
-            inner = -math.inf
-            for stage in contact.stages:
-                if sign not in stage.side.signs:
-                    continue
-                name = f"{contact.stage_prefix(stage)}.clearance"
-                clearance = float(values[structure.place(name)])
-                if clearance < 0:
-                    yield f"{name} is {clearance}; it must be >= 0"
-                elif clearance <= inner:
-                    yield f"{name} is {clearance}; it must exceed that of the stage inside it, {inner}"
-                inner = clearance
+    else:
+        n = structure.size
+        yield from mass_problems(structure.coordinates, values[structure.block("mass", n, n)])
+        for contact in structure.contacts:
+            if not values[structure.block(f"{contact.name}.deflection", n)].any():
+                yield f"{contact.name}.deflection is zero for every coordinate; it must name at least one that moves it"
+    inner: dict[tuple[int, int], float] = {}
+    for index, side, place in sorted(structure.breakpoints, key=lambda each: (each.contact, -each.side)):
+        clearance, inside = float(values[place]), inner.get((index, side), -math.inf)
+        if clearance < 0:
+            yield f"{structure.names[place]} is {clearance}; it must be >= 0"
+        elif clearance <= inside:
+            yield f"{structure.names[place]} is {clearance}; it must exceed that of the stage inside it, {inside}"
+        inner[index, side] = clearance
 
 
 def mass_problems(coordinates: Sequence[str], mass: NDArray[np.float64]) -> Iterator[str]:

@@ -71,9 +71,11 @@ class System(Shown):
         With everything that is wrong, one reason a line.
     """
 
-    __slots__ = ("_beside", "_coefficients", "_equations", "structure", "values")  # the second is for `coefficients_of`
+    # numbers that other systems may share, and its own by place; the first is for `coefficients_of`
+    __slots__ = ("_coefficients", "_equations", "_own", "_shared", "structure")
     structure: Structure
-    values: NDArray[np.float64]
+    _shared: NDArray[np.float64]
+    _own: dict[int, float]
 
     def __init__(
         self,
@@ -172,35 +174,26 @@ class System(Shown):
         The two share their numbers until somebody asks for all of them: a thousand degrees of freedom have millions.
         """
         system = object.__new__(cls)
-        object.__setattr__(system, "structure", other.structure)
-        object.__setattr__(system, "_beside", (other.values, place, float(value)))
+        system._set(other.structure, other.values, {place: float(value)})
         return system
 
-    def __getattr__(self, name: str) -> NDArray[np.float64]:
-        if name != "values" or not hasattr(self, "_beside"):
-            raise AttributeError(f"a System has no attribute {name!r}")
-        shared, place, value = self._beside
-        values = shared.copy()
-        values[place] = value
-        self._set(self.structure, values)
-        return values
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The values of all parameters, in the order of `structure.names`; read-only."""
+        if self._own:
+            values = self._shared.copy()
+            values[[*self._own]] = [*self._own.values()]
+            self._set(self.structure, values)
+        return self._shared
 
     @property
     def shared(self) -> tuple[NDArray[np.float64], dict[int, float]]:
         """Values that other systems may share, and its own values by place, which replace them (`beside`)."""
-        try:
-            shared, place, value = self._beside
-        except AttributeError:
-            return self.values, {}
-        return shared, {place: value}
+        return self._shared, self._own
 
     def _at(self, place: int) -> float:
         """Return the value at one place."""
-        try:
-            shared, other, value = self._beside
-        except AttributeError:
-            return float(self.values[place])
-        return value if place == other else float(shared[place])
+        return self._own[place] if place in self._own else float(self._shared[place])
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -295,10 +288,10 @@ class System(Shown):
     def __reduce__(self):
         return System.from_values, (self.structure, self.values)
 
-    def _set(self, structure: Structure, values: NDArray[np.float64]) -> None:
+    def _set(self, structure: Structure, values: NDArray[np.float64], own: dict[int, float] | None = None) -> None:
         values.flags.writeable = False
-        object.__setattr__(self, "structure", structure)
-        object.__setattr__(self, "values", values)
+        for name, value in (("structure", structure), ("_shared", values), ("_own", own or {})):
+            object.__setattr__(self, name, value)
 
 
 def pace_number(system: System, digits: int = 8) -> str:

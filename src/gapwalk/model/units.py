@@ -1,16 +1,11 @@
-"""The units of a drive train: one for each kind of quantity, with their conversion to the numbers of the equations.
+"""The kinds of quantities of a drive train, numbers with a unit, and the conversion to the numbers of the equations.
 
 Its equations of motion are in *consistent* units: the unit of its angles (deg, say), s, and N m. So deflections come
-out as an engineer reads them, torques in N m, and time in s.
+out as an engineer reads them, torques in N m, and time in s. Angles are a dimension of their own here, so that N m/deg,
+N m/rad and N m are three different things.
 
-The kinds of quantities of a drive train: how each is called, in which unit it is counted, what its parameters are.
-
-Angles are a dimension of their own here, so that N m/deg, N m/rad and N m are three different things.
-
-Quantities: a number with a unit, read from a text by pint.
-
-The registry holds a few units of mechanics only, and takes the angle as a dimension: pint's own one would take N m/deg
-for N m, N m for J, and rpm for Hz times 2 pi.
+Quantities are read from a text by pint. Its registry holds a few units of mechanics only, and takes the angle as a
+dimension: pint's own one would take N m/deg for N m, N m for J, and rpm for Hz times 2 pi.
 """
 
 from __future__ import annotations
@@ -29,10 +24,32 @@ from numpy.typing import NDArray
 
 from gapwalk.model.problems import given
 
+_DEGREE = math.pi / 180.0
+
 
 @dataclass(frozen=True, slots=True)
-class KindForm:
-    """The properties of a kind of quantity.
+class Unit:
+    """A unit.
+
+    Parameters
+    ----------
+    text
+        As it is written.
+    factor
+        What it is in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
+    """
+
+    text: str
+    factor: float
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts are inconsistent."""
+        if not 0.0 < self.factor < math.inf or not self.text.isprintable():
+            raise ValueError(f"{self.text!r} is no unit")
+
+
+class QuantityKind(Enum):
+    """The kinds of quantities of a drive train; phases are angles of the excitation, which scale with nothing.
 
     Parameters
     ----------
@@ -40,49 +57,39 @@ class KindForm:
         What it is called, with its article.
     reference
         The unit in which it is counted inside, as pint writes it.
+    unit
+        The unit in which its parameters are counted where a file gives none.
     usual
         Units in which it is written, the most usual one first.
-    angle
-        The power of an angle of the train in it. Inertia is counted per angle: times an acceleration it is a torque.
-    time, torque
-        The powers of time and torque in it.
+    angle, time, torque
+        The powers of an angle of the train, of time and of torque in it. Inertia is counted per angle: times an
+        acceleration it is a torque.
     """
 
-    words: str
-    reference: str
-    usual: tuple[str, ...]
-    angle: int = 0
-    time: int = 0
-    torque: int = 0
-
-
-class QuantityKind(Enum):
-    """The kinds of quantities of a drive train; phases are angles of the excitation, which scale with nothing."""
-
-    ANGLE = KindForm("an angle", "radian", ("deg", "rad"), angle=1)
-    INERTIA = KindForm("an inertia", "kilogram*meter**2", ("kg m^2",), angle=-1, time=2, torque=1)
-    STIFFNESS = KindForm("a stiffness", "newton*meter/radian", ("N m/rad", "N m/deg"), angle=-1, torque=1)
-    CUBIC = KindForm("a cubic stiffness", "newton*meter/radian**3", ("N m/rad^3", "N m/deg^3"), angle=-3, torque=1)
-    DAMPING = KindForm(
-        "a damping", "newton*meter*second/radian", ("N m s/rad", "N m s/deg"), angle=-1, time=1, torque=1
+    ANGLE = "an angle", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 1, 0, 0
+    INERTIA = "an inertia", "kilogram*meter**2", Unit("kg m^2", 1.0), ("kg m^2",), -1, 2, 1
+    STIFFNESS = "a stiffness", "newton*meter/radian", Unit("N m/rad", 1.0), ("N m/rad", "N m/deg"), -1, 0, 1
+    CUBIC = (
+        "a cubic stiffness",
+        "newton*meter/radian**3",
+        Unit("N m/rad^3", 1.0),
+        ("N m/rad^3", "N m/deg^3"),
+        *(-3, 0, 1),
     )
-    IMPACT = KindForm("an impact damping", "second/radian", ("s/rad", "s/deg"), angle=-1, time=1)
-    TORQUE = KindForm("a torque", "newton*meter", ("N m",), torque=1)
-    FREQUENCY = KindForm("a frequency or speed", "radian/second", ("rpm", "Hz", "rad/s"), time=-1)
-    PHASE = KindForm("a phase", "radian", ("deg", "rad"))
+    DAMPING = "a damping", "newton*meter*second/radian", Unit("N m s/rad", 1.0), ("N m s/rad", "N m s/deg"), -1, 1, 1
+    IMPACT = "an impact damping", "second/radian", Unit("s/rad", 1.0), ("s/rad", "s/deg"), -1, 1, 0
+    TORQUE = "a torque", "newton*meter", Unit("N m", 1.0), ("N m",), 0, 0, 1
+    FREQUENCY = "a frequency or speed", "radian/second", Unit("Hz", 2.0 * math.pi), ("rpm", "Hz", "rad/s"), 0, -1, 0
+    PHASE = "a phase", "radian", Unit("deg", _DEGREE), ("deg", "rad"), 0, 0, 0
 
-    @property
-    def words(self) -> str:
-        """Its name with an article."""
-        return self.value.words
+    def __init__(
+        self, words: str, reference: str, unit: Unit, usual: tuple[str, ...], angle: int, time: int, torque: int
+    ) -> None:
+        self.words, self.reference, self.unit, self.usual = words, reference, unit, usual
+        self.angle, self.time, self.torque = angle, time, torque
 
     def __repr__(self) -> str:
         return self.name
-
-    @property
-    def usual(self) -> tuple[str, ...]:
-        """Its units, the most usual one first."""
-        return self.value.usual
 
 
 PACES = ("frequency", "speed")
@@ -253,7 +260,7 @@ def _factor(unit: str, kind: QuantityKind) -> float:
     if text in _HINTS:
         raise ValueError(_HINTS[text])
     registry = _registry()
-    reference = registry.parse_units(kind.value.reference)
+    reference = registry.parse_units(kind.reference)
     found = _parsed(text)
     if kind is QuantityKind.INERTIA and found.dimensionality == (reference / registry.radian).dimensionality:
         reference = reference / registry.radian  # N m s^2/rad
@@ -286,7 +293,7 @@ def _parsed(text: str) -> Any:
 def _other_kind(unit: str, found: Any) -> str:
     registry = _registry()
     for kind in QuantityKind:
-        reference = registry.parse_units(kind.value.reference)
+        reference = registry.parse_units(kind.reference)
         if kind is not QuantityKind.PHASE and found.dimensionality == reference.dimensionality:
             return f"{unit} is the unit of {kind.words}"
     return f"{unit} is the unit of something else"
@@ -302,41 +309,6 @@ def _registry() -> Any:
 
 
 _TOLD = ("frequency", "amplitude", "inertia", "stiffness", "damping", "clearance", "impact_damping")
-_DEGREE = math.pi / 180.0
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """A unit.
-
-    Parameters
-    ----------
-    text
-        As it is written.
-    factor
-        What it is in the reference unit of its kind: SI, with angles in rad and speeds in rad/s.
-    """
-
-    text: str
-    factor: float
-
-    def _check_read(self) -> None:
-        """Raise a ValueError if its parts are inconsistent."""
-        if not 0.0 < self.factor < math.inf or not self.text.isprintable():
-            raise ValueError(f"{self.text!r} is no unit")
-
-
-_DEFAULTS = {
-    QuantityKind.ANGLE: Unit("deg", _DEGREE),
-    QuantityKind.INERTIA: Unit("kg m^2", 1.0),
-    QuantityKind.STIFFNESS: Unit("N m/rad", 1.0),
-    QuantityKind.CUBIC: Unit("N m/rad^3", 1.0),
-    QuantityKind.DAMPING: Unit("N m s/rad", 1.0),
-    QuantityKind.IMPACT: Unit("s/rad", 1.0),
-    QuantityKind.TORQUE: Unit("N m", 1.0),
-    QuantityKind.FREQUENCY: Unit("Hz", 2.0 * math.pi),
-    QuantityKind.PHASE: Unit("deg", _DEGREE),
-}
 
 
 @dataclass(frozen=True)
@@ -362,7 +334,7 @@ class Units:
 
     def of(self, kind: QuantityKind) -> Unit:
         """Return the unit of a kind."""
-        return self._units[kind]
+        return self._units.get(kind, kind.unit)
 
     def parameter(self, name: str) -> str:
         """Return the unit of a parameter by its name; empty for a plain number."""
@@ -372,10 +344,9 @@ class Units:
     @property
     def words(self) -> str:
         """Write the units in one line."""
-        kinds = {word: kind for word in _TOLD if (kind := kind_of(word)) is not None}
         names = {"frequency": self.pace, "amplitude": "torque"}
-        kinds = {names.get(word, word.replace("_", " ")): kind for word, kind in kinds.items()}
-        return ", ".join(f"{word} in {self.of(kind).text}" for word, kind in kinds.items())
+        known = [(names.get(word, word.replace("_", " ")), self.parameter(word)) for word in _TOLD]
+        return ", ".join(f"{word} in {unit}" for word, unit in known if unit)
 
     @property
     def angle(self) -> float:
@@ -429,18 +400,13 @@ class Units:
 
     @cached_property
     def _units(self) -> dict[QuantityKind, Unit]:
-        return _DEFAULTS | dict(self.chosen)
+        return dict(self.chosen)
 
     def _factor(self, name: str) -> float:
         kind = kind_of(name)
-        if kind is None:
+        if kind is None or kind is QuantityKind.ANGLE:
             return 1.0
-        if kind is QuantityKind.FREQUENCY:
-            return self.frequency
-        unit = self.of(kind)
-        if kind is QuantityKind.ANGLE:
-            return 1.0
-        return unit.factor * self.angle**-kind.value.angle
+        return self.frequency if kind is QuantityKind.FREQUENCY else self.of(kind).factor * self.angle**-kind.angle
 
 
 def units_of(quantities: Iterable[Quantity], turns: int | None = None) -> Units:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gapwalk.model.laws import LAWS
+from gapwalk.model.laws import law_parameters
 from gapwalk.model.system import System
 from gapwalk.model.units import QuantityKind, Units
 
@@ -27,8 +27,7 @@ def parameter_words(name: str, units: Units | None = None) -> str:
 
 def parameter_symbol(name: str, units: Units | None = None) -> str:
     """Return the short form of a parameter, for tables and progress lines."""
-    symbol = "Ω" if name == "frequency" and units is None else name
-    return _with(symbol, units and units.parameter(name))
+    return _with(_symbol(name, units), units and units.parameter(name))
 
 
 def measure_words(name: str, units: Units | None = None) -> str:
@@ -56,8 +55,7 @@ def signal_words(signal: str, units: Units | None = None) -> str:
 
 def value_words(value: float, name: str, units: Units | None = None) -> str:
     """Write the value of a parameter in a sentence: ``Ω = 0.5``, ``speed = 1500 rpm``."""
-    symbol = "Ω" if name == "frequency" and units is None else name
-    return " ".join(filter(None, (f"{symbol} = {value:.8g}", units and units.parameter(name))))
+    return " ".join(filter(None, (f"{_symbol(name, units)} = {value:.8g}", units and units.parameter(name))))
 
 
 def pace_words(system: System) -> str:
@@ -82,11 +80,14 @@ def _parameter_words(name: str, units: Units | None) -> str:
     owner, _, word = name.rpartition(".")
     if owner == "mean":
         return f"mean {'load' if units is None else 'torque'} on {word}"
-    return (
-        f"{word.replace('_', ' ')} of {owner}"
-        if owner and (word in _OF or _is_of_a_law(word))
-        else name.replace("_", " ")
-    )
+    of_a_law = law_parameters().get(word)
+    if owner and (word in _OF or (of_a_law and of_a_law.kind is not QuantityKind.STIFFNESS)):
+        return f"{word.replace('_', ' ')} of {owner}"
+    return name.replace("_", " ")
+
+
+def _symbol(name: str, units: Units | None) -> str:
+    return "Ω" if name == "frequency" and units is None else name
 
 
 def _with(words: str, unit: str | None) -> str:
@@ -99,8 +100,3 @@ def full_measure(measure: str, coordinates: tuple[str, ...]) -> str:
         return f"half.{measure}"
     is_kind = measure in _MEASURES or re.fullmatch(r"h\d+(/\d+)?", measure)
     return f"{measure}.{coordinates[0]}" if is_kind else measure
-
-
-def _is_of_a_law(word: str) -> bool:
-    parameters = [each for law in LAWS.values() for each in (*law.stage_parameters, *law.parameters)]
-    return word in {each.name for each in parameters if each.kind is not QuantityKind.STIFFNESS}

@@ -61,7 +61,7 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
 def _advice(system: System, ways: NDArray[np.float64]) -> str:
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
-        deflections = assembly.links(system.values)[2] @ ways
+        deflections = assembly.numbers(system.values).deflections @ ways
         for link, moved in zip(assembly.form.links, deflections, strict=True):
             if link.drag and np.abs(moved).max() > _NOTHING:
                 return f"give {link.name} a stiffness, however small, or begin where the contact closes"

@@ -23,7 +23,6 @@ from gapwalk.flow.flow import PERIOD
 from gapwalk.flow.hysteresis import Hysteresis
 from gapwalk.flow.motion import Motion, integrate
 from gapwalk.flow.signal import contact_to_show
-from gapwalk.model.drivetrain import geometry
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly
 from gapwalk.model.modes import Modes
 from gapwalk.model.structure import ContactForm
@@ -397,7 +396,7 @@ def _draw_mode(system: System, modes: Modes, number: int, ax: Axes, places: int)
     assembly = system.structure.assembly
     if isinstance(assembly, TrainAssembly):
         # Angles referred to the first inertia, the largest of them 1, so that the line is continuous across gears.
-        heights = modes.angles[:, number] / geometry.speeds(assembly.form, assembly.form.ratios(system.values))
+        heights = modes.angles[:, number] / assembly.numbers(system.values).speeds
         heights = np.append(heights / np.abs(heights).max(), 0.0)[:places]
         for link in assembly.form.links:
             ends = list(link.ends)

@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
 from gapwalk.model.contact import Side
+from gapwalk.model.laws import law_parameters
 from gapwalk.model.loads import LOADS, Load
 from gapwalk.model.model_file import Model, check_model, has_pace, in_order, read_parts
 from gapwalk.model.model_source import Source, read_source
-from gapwalk.model.model_tables import law_parameters
 from gapwalk.model.problems import ModelFileError, Path, Problem, did_you_mean, given
 from gapwalk.model.schema import Names, refusal, validate
 from gapwalk.model.system import System

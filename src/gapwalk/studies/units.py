@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from gapwalk.errors import ModelError
-from gapwalk.model.drivetrain.train_scales import NonDimensional, nondimensional
+from gapwalk.model.drivetrain.nondimensional import NonDimensional, nondimensional
 from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.options import SecondParameter
 from gapwalk.studies.study_file import Study

@@ -121,14 +121,14 @@ def test_an_orbit_with_contacts_on_both_sides_of_the_coupling_is_that_of_the_ang
         move[[(0,), (0, 1, 2), (4,), (4, 5, 6), (4, 5)][place],] = step
         return without_the_free_angles(after_a_period(first + move))
 
-    step = 1e-5
+    step = 1e-4  # the error of DOP853 at the corners of the force is 1e-9, and differences divide it by the step
     slopes = np.transpose([(changed(place, step) - changed(place, -step)) / (2.0 * step) for place in range(5)])
     expected = np.linalg.eigvals(slopes)
-    rate = orbit.system.structure.assembly.leaks(orbit.system.values)[1]
+    rate = orbit.system.structure.assembly.numbers(orbit.system.values).leaks[1]
     leak = np.abs(orbit.multipliers - np.exp(-rate * 2.0 * np.pi / PACE)).argmin()
     assert orbit.multipliers[leak] == pytest.approx(np.exp(-rate * 2.0 * np.pi / PACE), abs=1e-9)
     left = np.delete(orbit.multipliers, leak)
-    assert max(np.abs(left - value).min() for value in expected) < 1e-5
+    assert max(np.abs(left - value).min() for value in expected) < 1e-6
 
 
 def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
@@ -142,7 +142,7 @@ def test_a_walk_along_the_drag_of_a_coupling_is_verified() -> None:
 def test_a_coupled_train_rests_slipping_and_vibrates_as_its_two_sides_do() -> None:
     system = converter().system()
     (rest,) = gw.rest_of(system).equilibria
-    leaks = system.structure.assembly.leaks(system.values)
+    leaks = system.structure.assembly.numbers(system.values).leaks
     assert leaks[1] * rest.position[1] == pytest.approx(MEAN / (0.4 + 0.02), rel=1e-12)
     assert rest.stable
     assert not rest.loose

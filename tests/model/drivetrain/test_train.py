@@ -193,7 +193,7 @@ def test_so_are_those_of_any_tree_of_which_drags_alone_join_parts(seed: int) -> 
     parts = [name.removesuffix("_slip") for name in system.coordinates]
     q, rate = (np.array([each[name] for name in parts]) for each in (x, v))
     expected = rates_by_hand(train, angle, speed, 0.9)
-    leaks = system.structure.assembly.leaks(system.values)
+    leaks = system.structure.assembly.numbers(system.values).leaks
     assert [leak > 0.0 for leak in leaks] == slips
     layout, coefficients = layout_of(system.structure), coefficients_of(system)
     found = accelerations(layout, coefficients, 0.9 * 1.3, q, rate - leaks * q) + leaks * (rate - leaks * q)
@@ -304,7 +304,7 @@ def test_an_unbalanced_train_accelerates_and_its_deflections_carry_that() -> Non
     loaded = gw.Train(train.inertias, train.shafts, mean={"disc1": 6.0}).system()
     assembly = loaded.structure.assembly
     assert isinstance(assembly, TrainAssembly)
-    np.testing.assert_allclose(assembly.acceleration(loaded.values), 1.0)
+    np.testing.assert_allclose(assembly.numbers(loaded.values).acceleration, 1.0)
     (rest,) = gw.rest_of(loaded).equilibria
     assert rest.position == pytest.approx([4.0 / 5.0, 2.0 / 5.0])  # each shaft accelerates what is behind it
 

@@ -6,8 +6,9 @@ import pytest
 
 import gapwalk as gw
 from gapwalk.model import ModelFileError
-from gapwalk.model.model_file import check_model, read_system
+from gapwalk.model.model_file import check_model
 from gapwalk.model.model_source import parse_source
+from tests.models import read_system
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "train.toml"
 
@@ -102,6 +103,8 @@ def test_a_file_becomes_the_train_it_describes(tmp_path: Path) -> None:
         ("ratio = 2.5", "ratio = 0.0", 'm.toml:34: gear "pair".ratio is 0; it must be the speed of the first'),
         ("ratio = 2.5", "", 'gear "pair".ratio is missing; it is the speed of the first inertia divided by that of'),
         ('name = "pair"', 'name = "clutch"', 'm.toml:31: gear "clutch" has the name of another part; give each a name'),
+        ("ratio = 2.5", 'ratio = 2.5\ndamping = "viscous"', 'write law = "viscous" and viscous_damping = ...'),
+        ("ratio = 2.5", 'ratio = 2.5\ndamping = "visco"', 'write law, which must be one of "elastic", "viscous"'),
         ("stiffness = 70.0", "", 'gear "pair" has a clearance, but no stiffness beyond it; write stiffness = ...'),
         ("clearance = 0.1", "clearance = 0.5", 'shaft "clutch".stage is out of order on the positive side'),
         ("mean = { engine = 3.0 }", "mean = { motor = 3.0 }", "mean.motor names no inertia; they are engine, hub"),

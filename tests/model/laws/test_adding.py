@@ -21,11 +21,11 @@ from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.equilibria import rest_of
 from gapwalk.model.laws import CLEARANCE, LAWS, Law, register
 from gapwalk.model.loads import LOADS
-from gapwalk.model.model_file import read_system
 from gapwalk.model.parameter import Parameter
 from gapwalk.model.problems import ModelFileError
 from gapwalk.results.codec import encode
 from gapwalk.results.result_file import Part, ResultFile, reading
+from tests.models import read_system
 from tests.toys import quadratic, unbalance, yielding
 
 MODEL = """\

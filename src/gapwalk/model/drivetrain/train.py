@@ -14,16 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.model.contact import Contact
 from gapwalk.model.drivetrain.train_assembly import TrainAssembly, structure_of
-from gapwalk.model.drivetrain.train_form import Edge, LinkForm, TorqueForm, TrainForm, tree_of
-from gapwalk.model.drivetrain.train_parts import GROUND, Gear, Inertia, Link, Shaft
-from gapwalk.model.drivetrain.train_quantities import Contents, without_units
+from gapwalk.model.drivetrain.train_form import LinkForm, TorqueForm, TrainForm, tree_of
+from gapwalk.model.drivetrain.train_parts import GROUND, Change, Gear, Inertia, Link, Shaft
 from gapwalk.model.loads import Load, LoadForm
 from gapwalk.model.problems import did_you_mean
 from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, checked
-from gapwalk.model.units import Quantity, Units, has_unit
+from gapwalk.model.units import Quantity, QuantityKind, Units, has_unit, kind_of, read_quantity, units_of
 
 _RESERVED = ("frequency", "speed", "mass", "damping", "stiffness", "mean", "study", GROUND)
 
@@ -101,41 +99,69 @@ class Train:
         return (*self.shafts, *self.gears)
 
     def system(self) -> System:
-        """The train as a system: coordinates are deflections of shafts and gears, parameters those of its parts."""
+        """Make its system: coordinates are deflections of shafts and gears, parameters those of its parts."""
         assembly, values = self._assembled()
         structure = structure_of(assembly)
         return System.from_values(structure, checked(structure, values))
 
     def _read_units(self) -> list[str]:
-        """Put numbers in place of all quantities with units; what is wrong with these."""
-        pace = "frequency" if self.speed is None else "speed"
+        """Put numbers in place of all quantities with units; return the errors of these."""
         if self.speed is not None and (not has_unit(self.speed) or self.frequency != 1.0):
             return [f'speed is {self.speed!r}; write a speed such as speed="1500 rpm", or frequency=..., not both']
         if self.speed is not None and self.units is not None:
             return [f"speed is {self.speed!r}, but this train has its units already; make a new one for another pace"]
-        given = self.frequency if self.speed is None else self.speed
-        contents = Contents(self.inertias, self.shafts, self.gears, self.mean, self.harmonics, given)
-        found, units, problems = without_units(contents, self.units, pace)
-        if problems or units is None:
+        values: dict[str, Any] = {}
+        self._converted(values.setdefault)
+        mixed = self.units is not None  # then plain numbers are in its units already
+        if not any(has_unit(value) for name, value in values.items() if kind_of(name) is not QuantityKind.PHASE):
+            values = {name: value for name, value in values.items() if has_unit(value)} if mixed else {}
+        found: dict[str, Quantity] = {}
+        problems = []
+        for name, value in values.items():
+            kind, is_plain = kind_of(name), not isinstance(value, str | Quantity)
+            if kind is None or value is None or (is_plain and (mixed or value == 0)):  # nothing is zero in any unit
+                continue
+            try:
+                found[name] = read_quantity(value, kind)
+            except ValueError as error:
+                problems.append(f"{name} {error}")
+        if problems or not found:
             return problems
-        harmonics = found.harmonics
+        # periods of the excitation per turn: orders 2, 4 and 6 of a shaft repeat twice in each of its turns
+        turns = None if self.speed is None else math.gcd(*(each.order for each in self.harmonics)) or 1
+        units = self.units or units_of(found.values(), turns)
+        changed = self._converted(
+            lambda name, value: units.number(found[name], found[name].kind) if name in found else value
+        )
         if self.speed is not None:
-            harmonics = [replace(each, order=each.order // (units.turns or 1)) for each in harmonics]
-        for name, value in (
-            ("inertias", found.inertias),
-            ("shafts", found.shafts),
-            ("gears", found.gears),
-            ("mean", found.mean),
-            ("harmonics", tuple(harmonics)),
-            ("frequency", found.pace),
-            ("speed", None),
-            ("units", units),
-        ):
+            changed |= {"frequency": changed["speed"], "speed": None}
+            changed["harmonics"] = tuple(
+                replace(each, order=each.order // (turns or 1)) for each in changed["harmonics"]
+            )
+        for name, value in {**changed, "units": units}.items():
             object.__setattr__(self, name, value)
         return []
 
+    def _converted(self, change: Change) -> dict[str, Any]:
+        """Return its fields with other values of all quantities."""
+        pace = "frequency" if self.speed is None else "speed"
+        return {
+            **{
+                group: tuple(each._converted(change) for each in getattr(self, group))
+                for group in ("inertias", "shafts", "gears")
+            },
+            "mean": {name: change(f"mean.{name}", value) for name, value in self.mean.items()},
+            "harmonics": tuple(
+                replace(
+                    each, **{p.name: change(f"{each.name}.{p.name}", getattr(each, p.name)) for p in each.parameters}
+                )
+                for each in self.harmonics
+            ),
+            pace: change(pace, getattr(self, pace)),
+        }
+
     def replaced(self, part: str, **changes: Any) -> Train:
-        """The train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
+        """Return the train with other values of one part: ``train.replaced("shaft7", clearance=0.01)``.
 
         In a train with units a number is in the unit of its kind, and a text has its own: ``clearance="0.5 deg"``.
 
@@ -153,42 +179,48 @@ class Train:
         raise ModelError(f"there is no part {part!r}; {did_you_mean(part, known)}")
 
     def _assembled(self) -> tuple[TrainAssembly, NDArray[np.float64]]:
-        numbers, edges = _joints(self)
-        looped = tree_of(edges, len(self.inertias)).looped
-        contacts = [link.contact() for link in self.links]
+        numbers, links = self._joined()
+        looped = tree_of(links, len(self.inertias)).looped
         form = TrainForm(
             tuple(inertia.name for inertia in self.inertias),
             tuple(
-                _link_form(link, edge, contact, fixed=number in looped)
-                for number, (link, edge, contact) in enumerate(zip(self.links, edges, contacts, strict=True))
+                replace(form, fixed=link.ratio) if number in looped and isinstance(link, Gear) else form
+                for number, (link, form) in enumerate(zip(self.links, links, strict=True))
             ),
             tuple(
                 TorqueForm(LoadForm.of(each), tuple(numbers[name] for name in each.acts_on)) for each in self.harmonics
             ),
             None if self.reaction is None else numbers[self.reaction],
         )
-        return TrainAssembly(form, self.units), np.array([*self._numbers(form, contacts)], dtype=float)
+        return TrainAssembly(form, self.units), np.array([*self._numbers(form)], dtype=float)
 
-    def _numbers(self, form: TrainForm, contacts: Sequence[Contact | None]) -> Iterator[float]:
-        """All numbers in the order of `TrainForm.names`."""
+    def _joined(self) -> tuple[dict[str, int], list[LinkForm]]:
+        """Return the numbers of the inertias and of the ground by name, and the links between them."""
+        numbers = {inertia.name: number for number, inertia in enumerate(self.inertias)} | {GROUND: len(self.inertias)}
+        forms = []
+        for link in self.links:
+            contact = link.contact()
+            form = None if contact is None else ContactForm.of(contact, reciprocal=True)
+            always = link.stiffness is not None and link.clearance is None
+            ends = numbers[link.between[0]], numbers[link.between[1]]
+            forms.append(LinkForm(link.name, ends, isinstance(link, Gear), None, link.is_rigid, always, form))
+        return numbers, forms
+
+    def _numbers(self, form: TrainForm) -> Iterator[float]:
+        """Iterate over all numbers in the order of `TrainForm.names`."""
         yield self.frequency
         yield from (inertia.inertia for inertia in self.inertias)
         yield from (self.mean.get(form.inertias[number], 0.0) for number in form.loaded)
-        for link, of_link, contact in zip(self.links, form.links, contacts, strict=True):
-            if of_link.has_ratio and isinstance(link, Gear):
-                yield link.ratio
-            if of_link.always and link.stiffness is not None:
-                yield link.stiffness
-            if not of_link.rigid:
-                yield link.damping
-            if contact and of_link.contact:
+        for link, of_link in zip(self.links, form.links, strict=True):
+            yield from (getattr(link, what) for what in of_link.own_numbers)
+            if contact := link.contact():
                 yield from contact.values()
         for harmonic in self.harmonics:
             yield from (*harmonic.values(), *harmonic.acts_on.values())
 
 
 def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *, held: bool = False) -> Train:
-    """A chain of equal inertias ``disc1``, ``disc2``, ... with equal shafts ``shaft1``, ``shaft2``, ... between them.
+    """Make a chain of equal inertias ``disc1``, ``disc2``, ... with equal shafts ``shaft1``, ... between them.
 
     Parameters
     ----------
@@ -208,13 +240,6 @@ def chain(count: int, inertia: float, stiffness: float, damping: float = 0.0, *,
     pairs = pairwise(names)
     shafts = [Shaft(f"shaft{i}", pair, stiffness=stiffness, damping=damping) for i, pair in enumerate(pairs, start=1)]
     return Train([Inertia(name, inertia) for name in names[:count]], shafts)
-
-
-def _link_form(link: Link, edge: Edge, contact: Contact | None, *, fixed: bool) -> LinkForm:
-    ratio = link.ratio if isinstance(link, Gear) else None
-    form = None if contact is None else ContactForm.of(contact, reciprocal=True)
-    always = link.stiffness is not None and link.clearance is None
-    return LinkForm(link.name, edge.ends, ratio is not None, ratio if fixed else None, edge.rigid, always, form)
 
 
 def _name_problems(train: Train) -> Iterator[str]:
@@ -278,19 +303,10 @@ def _part_problems(train: Train) -> Iterator[str]:
             yield f"mean.{train.reaction} and reaction = {train.reaction!r} are both given; leave one of the two out"
 
 
-def _joints(train: Train) -> tuple[dict[str, int], list[Edge]]:
-    """The numbers of the inertias and of the ground by name, and the links as edges between them."""
-    numbers = {inertia.name: number for number, inertia in enumerate(train.inertias)} | {GROUND: len(train.inertias)}
-    edges = [
-        Edge((numbers[a], numbers[b]), link.is_rigid, link.is_drag) for link in train.links for a, b in [link.between]
-    ]
-    return numbers, edges
-
-
 def _connection_problems(train: Train) -> Iterator[str]:
     """Report parts that are not connected, and parts that cannot move."""
-    _, edges = _joints(train)
-    tree = tree_of(edges, len(train.inertias))
+    _, links = train._joined()
+    tree = tree_of(links, len(train.inertias))
     reached = {tree.root, *(step.child for step in tree.steps)}
     apart = [inertia.name for number, inertia in enumerate(train.inertias) if number not in reached]
     if apart:
@@ -309,6 +325,6 @@ def _connection_problems(train: Train) -> Iterator[str]:
             )
         elif f"{link.name}_slip" in {part.name for part in (*train.inertias, *train.links)}:
             yield f"{link.name}_slip is the name of how far {link.name} slips; choose another one for the part"
-    if not drags and all(edge.rigid or edge.drag for edge in edges):
+    if not drags and all(link.rigid or link.drag for link in links):
         link = next(link for link in train.links if link.is_rigid)
         yield f"{link.name} is rigid, as all links are, so nothing vibrates; give a shaft or a gear stiffness"

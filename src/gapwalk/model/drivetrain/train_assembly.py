@@ -34,12 +34,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import coo_array, csr_array, diags_array
 
-from gapwalk.model.drivetrain import geometry
-from gapwalk.model.drivetrain.train_form import TrainForm
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import Structure
+from gapwalk.model.drivetrain.train_form import Step, TrainForm
+from gapwalk.model.structure import NameBlock, ParameterNames, Structure
 from gapwalk.model.system import System
 from gapwalk.model.units import Units
 
@@ -73,128 +71,50 @@ class TrainAssembly:
             return names
         return ParameterNames((NameBlock(self.units.pace), *names.blocks[1:]))
 
-    def consistent(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Its numbers in consistent units: those of the equations of motion."""
-        return values if self.units is None else values * self._factors
-
-    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The values of the equations of motion, in symmetric form."""
-        form, turned, values = self.form, self.angles(values), self.consistent(values)
-        deflections = geometry.deflections(form, form.ratios(values))
-        mass = turned.T @ (form.inertia(values)[:, None] * turned)
-        damping, stiffness = (
-            deflections.T @ (numbers[:, None] * deflections)
-            for numbers in (form.dampings(values), form.stiffnesses(values))
-        )
-        if form.slips:
-            leaks = self._leaks(values)
-            damping, stiffness = damping + mass * leaks, stiffness + damping * leaks
-        parts = [values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ self._mean(values)]
-        for torque in form.torques:
-            parts += [form.parameters(values, torque), turned.T @ form.shape(values, torque)]
-        for number, contact in form.contacts:
-            parts += [deflections[number], form.springs_and_law(values, contact)]
-        return np.concatenate(parts)
-
-    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The columns of stiffness, damping, contacts, mean load and excitation, divided by the masses.
-
-        ``T^T J T`` is the inverse of ``W B^-1 W^T``, with the deflections ``W`` of the coordinates by the bodies that
-        rigid gears make of the inertias, and the inertias ``B`` of those. So nothing is solved, and zeros stay zeros.
-        """
-        values = self.consistent(values)
-        form, ratios = self.form, self.form.ratios(values)
-        bodies, flexed, inverse = self._flexed(values)
-        deflections = csr_array(geometry.deflections(form, ratios))
-        torques = [self._mean(values), *(form.shape(values, torque) for torque in form.torques)]
-        stiffness, damping = (
-            (inverse @ (diags_array(numbers) @ deflections)).toarray()
-            for numbers in (form.stiffnesses(values), form.dampings(values))
-        )
-        if form.slips:
-            leaks = self._leaks(values)
-            stiffness, damping = stiffness + damping * leaks, damping + np.diag(leaks)
-        columns = [
-            stiffness,
-            damping,
-            inverse.toarray()[:, [number for number, _ in form.contacts]],
-            flexed @ (bodies.T @ np.stack(torques, axis=1)),
-        ]
-        return np.concatenate(columns, axis=1)
-
-    def leaks(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The leaks g of the coordinates, in consistent units, shape (n,): 0 for deflections."""
-        return self._leaks(self.consistent(values))
-
-    def _leaks(self, values: NDArray[Any]) -> NDArray[Any]:
-        form, found = self.form, np.zeros(len(self.form.springs), dtype=values.dtype)
-        if form.slips:
-            inverse = self._flexed(values)[2].toarray()
-            deflections = geometry.deflections(form, form.ratios(values))
-            for place in form.slips:
-                column = deflections[:, place]
-                drag = column @ (form.dampings(values) * column)  # with that of other drags in parallel
-                found[place] = 2.0 * inverse[place, form.springs[place]] * drag
-        return found
-
-    def _flexed(self, values: NDArray[Any]) -> tuple[csr_array, csr_array, csr_array]:
-        """Bodies, deflections of the coordinates by them over their inertias, and accelerations by forces of links."""
-        form, ratios = self.form, self.form.ratios(values)
-        bodies = geometry.bodies(form, ratios)
-        pulls = geometry.pulls(form, ratios, bodies)
-        flexed = pulls[list(form.springs)] @ diags_array(1.0 / ((bodies * bodies).T @ form.inertia(values)))
-        return bodies, csr_array(flexed), csr_array(flexed @ pulls.T)
-
-    def angles(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
-        values = self.consistent(values)
-        ratios, inertia = self.form.ratios(values), self.form.inertia(values)
-        turned = geometry.angles(self.form, ratios)[:-1]
-        if not self.form.is_free:
-            return turned
-        speeds = geometry.speeds(self.form, ratios)
-        momentum = (inertia * speeds) @ turned
-        return turned - np.outer(speeds, momentum / np.sum(inertia * speeds * speeds))
-
-    def links(self, values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return stiffness and damping of the links that always act, and deflections, shape (links, n)."""
-        values, form = self.consistent(values), self.form
-        return form.stiffnesses(values), form.dampings(values), geometry.deflections(form, form.ratios(values))
-
-    def mean(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The mean torques on the inertias in consistent units, with the reaction, shape (inertias,)."""
-        return self._mean(self.consistent(values))
-
-    def acceleration(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
-        if self.form.reaction is not None:  # it leaves rounding errors at most
-            return np.zeros(len(self.form.inertias))
-        return self.turning(values)[:, 0]
-
-    def turning(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The accelerations of the inertias by their torques as a free train turns as a whole.
-
-        They are in consistent units, shape (inertias, 1 + terms of the excitation): by the mean torques, then by each
-        term at the size 1. Together with `angles`, which have no momentum, they are all of the motion: the angles are
-        ``T x + r psi``, and ``r^T J r psi'' = r^T (torques)``. Zeros where the ground holds the train.
-        """
-        values, form = self.consistent(values), self.form
-        shapes = [self._mean(values), *(form.shape(values, torque) for torque in form.torques)]
-        if not form.is_free:
-            return np.zeros((len(form.inertias), len(shapes)), dtype=values.dtype)
-        speeds, inertia = geometry.speeds(form, form.ratios(values)), form.inertia(values)
-        return np.outer(speeds, speeds @ np.stack(shapes, axis=1)) / np.sum(inertia * speeds * speeds)
-
-    def _mean(self, values: NDArray[Any]) -> NDArray[Any]:
-        mean = self.form.mean(values)
-        if self.form.reaction is not None:
-            speeds = geometry.speeds(self.form, self.form.ratios(values))
-            mean[self.form.reaction] = -(speeds @ mean) / speeds[self.form.reaction]
-        return mean
+    def numbers(self, values: NDArray[Any]) -> TrainNumbers:
+        """Return the train with its numbers, converted to consistent units."""
+        return TrainNumbers(self.form, values if self.units is None else values * self._factors)
 
     @cached_property
     def _factors(self) -> NDArray[np.float64]:
         return np.ones(1) if self.units is None else self.units.factors(self.names)
+
+    def expand(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values of the equations of motion, in symmetric form."""
+        numbers = self.numbers(values)
+        form, turned, deflections = self.form, numbers.angles, numbers.deflections
+        mass = turned.T @ (numbers.inertia[:, None] * turned)
+        damping, stiffness = (
+            deflections.T @ (each[:, None] * deflections) for each in (numbers.damping, numbers.stiffness)
+        )
+        if form.slips:
+            damping, stiffness = damping + mass * numbers.leaks, stiffness + damping * numbers.leaks
+        mean, *shapes = numbers.torques
+        parts = [numbers.values[:1], mass.ravel(), damping.ravel(), stiffness.ravel(), turned.T @ mean]
+        for torque, shape in zip(form.torques, shapes, strict=True):
+            parts += [form.numbers(torque.harmonic.parameters, numbers.values), turned.T @ shape]
+        for number, contact in form.contacts:
+            parts += [deflections[number], form.numbers(contact.parameters, numbers.values)]
+        return np.concatenate(parts)
+
+    def accelerations(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the columns of stiffness, damping, contacts, mean load and excitation, divided by the masses.
+
+        ``T^T J T`` is the inverse of ``W B^-1 W^T``, with the deflections ``W`` of the coordinates by the bodies that
+        rigid gears make of the inertias, and the inertias ``B`` of those. So nothing is solved, and zeros stay zeros.
+        """
+        numbers = self.numbers(values)
+        bodies, flexed, inverse = numbers.flexed
+        deflections = csr_array(numbers.deflections)
+        stiffness, damping = (
+            (inverse @ (diags_array(each) @ deflections)).toarray() for each in (numbers.stiffness, numbers.damping)
+        )
+        if self.form.slips:
+            stiffness, damping = stiffness + damping * numbers.leaks, damping + np.diag(numbers.leaks)
+        contacts = inverse.toarray()[:, [number for number, _ in self.form.contacts]]
+        return np.concatenate(
+            (stiffness, damping, contacts, flexed @ (bodies.T @ np.stack(numbers.torques, axis=1))), axis=1
+        )
 
     def problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """List the errors of the numbers, one sentence each."""
@@ -206,12 +126,12 @@ class TrainAssembly:
                 yield f"{name} is 0; it must be the speed of the first inertia over that of the second"
             elif what.endswith("damping") and not value >= 0:
                 yield f"{name} is {value:g}; it must be >= 0"
-        for link, value in zip(self.form.links, self.form.stiffnesses(values).tolist(), strict=True):
+        numbers = TrainNumbers(self.form, values)
+        for link, value in zip(self.form.links, numbers.stiffness.tolist(), strict=True):
             if link.always and not value > 0:
                 yield f"{link.name}.stiffness is {value:g}; it must be > 0"
-        dampings = self.form.dampings(values).tolist()
         for link in (self.form.springs[place] for place in self.form.slips):
-            if dampings[link] == 0.0:
+            if numbers.damping[link] == 0.0:
                 yield (
                     f"{self.form.links[link].name}.damping is 0; it must be > 0, for nothing else joins its two "
                     "inertias: compute what is on either side of it as a train of its own"
@@ -219,8 +139,8 @@ class TrainAssembly:
 
     def loop_problems(self, values: NDArray[np.float64]) -> Iterator[str]:
         """List the errors of closed loops, once only: the ratios on them are not parameters."""
-        form, ratios = self.form, self.form.ratios(values)
-        speeds, body = geometry.speeds(form, ratios), geometry.bodies(form, ratios).indices
+        form, numbers = self.form, TrainNumbers(self.form, values)
+        ratios, speeds, body = numbers.ratios, numbers.speeds, numbers.bodies.indices
         for number in form.tree.chords:
             link, (first, second) = form.links[number], form.links[number].ends
             if number not in form.tree.looped:
@@ -243,20 +163,180 @@ class TrainAssembly:
                 yield f"{link.name} never deflects, for rigid gears hold its two inertias together; leave it out"
 
 
+@dataclass(frozen=True, eq=False)
+class TrainNumbers:
+    """A train with its numbers, real or complex, and the vectors and matrices that follow from them.
+
+    Parameters
+    ----------
+    form
+        The train without its numbers.
+    values
+        The numbers in the order of `TrainForm.names`, in consistent units.
+    """
+
+    form: TrainForm
+    values: NDArray[Any]
+
+    @cached_property
+    def inertia(self) -> NDArray[Any]:
+        """The inertias, shape (inertias,)."""
+        return self.values[1 : 1 + len(self.form.inertias)]
+
+    @cached_property
+    def ratios(self) -> NDArray[Any]:
+        """The ratios of all links, shape (links,); that of a shaft is 1."""
+        return self._of_links("ratio", [1.0 if link.fixed is None else link.fixed for link in self.form.links])
+
+    @cached_property
+    def stiffness(self) -> NDArray[Any]:
+        """The stiffnesses of the springs that act always, shape (links,)."""
+        return self._of_links("stiffness", [0.0] * len(self.form.links))
+
+    @cached_property
+    def damping(self) -> NDArray[Any]:
+        """The coefficients of the dampers that act always, shape (links,)."""
+        return self._of_links("damping", [0.0] * len(self.form.links))
+
+    def _of_links(self, what: str, otherwise: list[float]) -> NDArray[Any]:
+        which, places = self.form.places[what]
+        numbers = np.array(otherwise, dtype=self.values.dtype)
+        numbers[which] = self.values[places]
+        return numbers
+
+    @cached_property
+    def _steps(self) -> list[tuple[Step, Any]]:
+        """The steps through the tree, each with the angle of its child by that of its parent while nothing deflects."""
+        found = []
+        for step in self.form.tree.steps:
+            forward, ratio = self.form.links[step.link].ends[0] == step.parent, self.ratios[step.link]
+            found.append((step, 1 / ratio if forward else ratio))
+        return found
+
+    @cached_property
+    def speeds(self) -> NDArray[Any]:
+        """The speeds at which the inertias turn together, the first at 1, shape (inertias,)."""
+        found = np.ones(len(self.form.inertias) + 1, dtype=self.ratios.dtype)
+        for step, factor in self._steps:
+            if step.parent != self.form.ground:
+                found[step.child] = found[step.parent] * factor
+        return found[:-1]
+
+    @cached_property
+    def _turned(self) -> NDArray[Any]:
+        """The angles of the inertias, and of the ground, by the coordinates while the root of the tree is at rest."""
+        columns = {link: column for column, link in enumerate(self.form.springs)}
+        found = np.zeros((len(self.form.inertias) + 1, len(columns)), dtype=self.ratios.dtype)
+        for step, factor in self._steps:
+            angle = found[step.child]
+            np.multiply(found[step.parent], factor, out=angle)
+            if step.link in columns:
+                forward = self.form.links[step.link].ends[0] == step.parent
+                angle[columns[step.link]] += -factor if forward else 1.0
+        return found
+
+    @cached_property
+    def angles(self) -> NDArray[Any]:
+        """The matrix T: angles of the inertias by the coordinates, without momentum, shape (inertias, n)."""
+        turned = self._turned[:-1]
+        if not self.form.is_free:
+            return turned
+        momentum = (self.inertia * self.speeds) @ turned
+        return turned - np.outer(self.speeds, momentum / np.sum(self.inertia * self.speeds * self.speeds))
+
+    @cached_property
+    def deflections(self) -> NDArray[Any]:
+        """The deflections of the links by the coordinates, shape (links, n)."""
+        form = self.form
+        found = np.zeros((len(form.links), len(form.springs)), dtype=self.ratios.dtype)
+        found[list(form.springs), range(len(form.springs))] = 1.0
+        for chord in form.tree.chords:
+            if not form.links[chord].rigid:
+                first, second = form.links[chord].ends
+                found[chord] = self._turned[first] - self.ratios[chord] * self._turned[second]
+        return found
+
+    @cached_property
+    def bodies(self) -> csr_array:
+        """The angles of the inertias by those of the bodies that rigid gears make of them, shape (inertias, bodies)."""
+        count = len(self.form.inertias)
+        body, turn = np.zeros(count + 1, dtype=np.intp), np.ones(count + 1, dtype=self.ratios.dtype)
+        known = 1 if self.form.is_free else 0
+        for step, factor in self._steps:
+            if self.form.links[step.link].rigid:
+                body[step.child], turn[step.child] = body[step.parent], turn[step.parent] * factor
+            else:
+                body[step.child], known = known, known + 1
+        return coo_array((turn[:-1], (np.arange(count), body[:-1])), shape=(count, known)).tocsr()
+
+    @cached_property
+    def flexed(self) -> tuple[csr_array, csr_array, csr_array]:
+        """Bodies, deflections of the coordinates by them over their inertias, and accelerations by forces of links."""
+        form, bodies = self.form, self.bodies
+        # deflections of the links by the angles of the inertias, then of the bodies
+        numbers, ends = np.arange(len(form.links)), np.array([link.ends for link in form.links]).T.ravel()
+        weights, moving = np.concatenate((np.ones(len(numbers)), -self.ratios)), ends != form.ground
+        places = (np.tile(numbers, 2)[moving], ends[moving])
+        by_inertias = coo_array((weights[moving], places), shape=(len(numbers), len(form.inertias))).tocsr()
+        pulls = csr_array(by_inertias @ bodies)
+        flexed = pulls[list(form.springs)] @ diags_array(1.0 / ((bodies * bodies).T @ self.inertia))
+        return bodies, csr_array(flexed), csr_array(flexed @ pulls.T)
+
+    @cached_property
+    def leaks(self) -> NDArray[Any]:
+        """The leaks g of the coordinates, shape (n,): 0 for deflections."""
+        form, found = self.form, np.zeros(len(self.form.springs), dtype=self.values.dtype)
+        if form.slips:
+            inverse = self.flexed[2].toarray()
+            for place in form.slips:
+                column = self.deflections[:, place]
+                drag = column @ (self.damping * column)  # with that of other drags in parallel
+                found[place] = 2.0 * inverse[place, form.springs[place]] * drag
+        return found
+
+    @cached_property
+    def torques(self) -> list[NDArray[Any]]:
+        """The mean torques with the reaction, and each term of the excitation at the size 1, each shape (inertias,)."""
+        form, mean = self.form, np.zeros(len(self.form.inertias), dtype=self.values.dtype)
+        mean[list(form.loaded)] = self.values[1 + len(form.inertias) :][: len(form.loaded)]
+        if form.reaction is not None:
+            mean[form.reaction] = -(self.speeds @ mean) / self.speeds[form.reaction]
+        return [mean, *(form.shape(self.values, torque) for torque in form.torques)]
+
+    @cached_property
+    def turning(self) -> NDArray[Any]:
+        """The accelerations of the inertias by their torques as a free train turns as a whole.
+
+        Shape (inertias, 1 + terms of the excitation): by the mean torques, then by each term at the size 1. Together
+        with `angles`, which have no momentum, they are all of the motion: the angles are ``T x + r psi``, and
+        ``r^T J r psi'' = r^T (torques)``. Zeros where the ground holds the train.
+        """
+        if not self.form.is_free:
+            return np.zeros((len(self.form.inertias), len(self.torques)), dtype=self.values.dtype)
+        moved = self.speeds @ np.stack(self.torques, axis=1)
+        return np.outer(self.speeds, moved) / np.sum(self.inertia * self.speeds * self.speeds)
+
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """The steady accelerations of the inertias as a free train turns as a whole, shape (inertias,)."""
+        # a reaction leaves rounding errors at most
+        return self.turning[:, 0] if self.form.reaction is None else np.zeros(len(self.form.inertias))
+
+
 def of_angles(
     system: System, stiffness: NDArray[np.float64], damping: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Stiffness and damping matrices with the angles of slips as coordinates, from those by the slips themselves."""
+    """Return stiffness and damping matrices with the angles of slips as coordinates, from those by the slips."""
     assembly = system.structure.assembly
     if not isinstance(assembly, TrainAssembly) or not assembly.form.slips:
         return stiffness, damping
     stiffness = stiffness.copy()
     stiffness[:, assembly.form.slips] = 0.0  # no spring acts on the angle of a slip, nor any contact
-    return stiffness, damping - system.matrix("mass") * assembly.leaks(system.values)
+    return stiffness, damping - system.matrix("mass") * assembly.numbers(system.values).leaks
 
 
 def structure_of(assembly: TrainAssembly) -> Structure:
-    """The structure of the system that a train makes up."""
+    """Make the structure of the system of a train."""
     form = assembly.form
     contacts = tuple(contact for _, contact in form.contacts)
     return Structure(form.coordinates, contacts, tuple(torque.harmonic for torque in form.torques), assembly)

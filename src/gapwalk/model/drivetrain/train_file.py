@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from gapwalk.errors import ModelError
 from gapwalk.model.drivetrain.train import Train
@@ -15,8 +22,9 @@ from gapwalk.model.loads import LOADS
 from gapwalk.model.model_source import Source
 from gapwalk.model.model_tables import (
     LawTable,
+    by_registered_kinds,
     given_of,
-    kinds_known,
+    is_no_law,
     law_fields,
     load_fields,
     loads_of,
@@ -49,7 +57,7 @@ _KEYS = ("inertia", "shaft", "gear")
 # The quantities of a part: all are numbers in consistent units, or all are texts such as "0.12 kg m^2".
 _Inertia = Annotated[Positive, measured(QuantityKind.INERTIA)]
 _Stiffness = Annotated[Positive, measured(QuantityKind.STIFFNESS)]
-_Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING)]
+_Damping = Annotated[NonNegative, measured(QuantityKind.DAMPING), BeforeValidator(is_no_law)]
 _Pace = Annotated[Positive, measured(QuantityKind.FREQUENCY)]
 _Ends = Annotated[list[Name], Field(min_length=2, max_length=2), AfterValidator(without_repeats)]
 
@@ -66,7 +74,7 @@ class InertiaPart(Part):
 
 
 class LinkBase(LawTable):
-    """The common keys of shafts and gears; see `train_part`."""
+    """A shaft, clutch or spline, ``[[shaft]]``, and the keys that it has in common with a gear; see `train_part`."""
 
     name: Name = Field(description="its parameters begin with it, as in clutch.stiffness")
     between: _Ends = Field(description='name the two inertias that it joins, as in ["flywheel", "hub"]')
@@ -75,31 +83,22 @@ class LinkBase(LawTable):
     clearance: Clearance | None = None
     cubic: CubicStiffness = 0.0
 
-    def springs(self) -> dict[str, Any]:
-        """Return the arguments of `Shaft` and `Gear` after the name and the ends."""
-        stages = tuple(stage_of(part, part.name or "") for part in getattr(self, "stage", ()))
-        found = {name: getattr(self, name) for name in ("stiffness", "damping", "clearance", "cubic", "law")}
-        return {**found, "numbers": given_of(self, "parameters"), "stages": stages}
-
-
-class ShaftBase(LinkBase):
-    """A shaft, clutch or spline: ``[[shaft]]``."""
-
-    def part(self) -> Shaft:
-        """Make the shaft."""
+    def part(self) -> Shaft | Gear:
+        """Make the shaft or the gear."""
+        springs = {name: getattr(self, name) for name in ("stiffness", "damping", "clearance", "cubic", "law")}
+        springs["numbers"] = given_of(self, "parameters")
+        springs["stages"] = tuple(stage_of(part, part.name or "") for part in getattr(self, "stage", ()))
         first, second = self.between
-        return Shaft(self.name, (first, second), **self.springs())
+        ratio = getattr(self, "ratio", None)
+        if ratio is None:
+            return Shaft(self.name, (first, second), **springs)
+        return Gear(self.name, (first, second), ratio, **springs)
 
 
 class GearBase(LinkBase):
     """A gear mesh: ``[[gear]]``."""
 
     ratio: Number = Field(description="it is the speed of the first inertia divided by that of the second")
-
-    def part(self) -> Gear:
-        """Make the gear."""
-        first, second = self.between
-        return Gear(self.name, (first, second), self.ratio, **self.springs())
 
 
 class TrainBase(Part):
@@ -152,15 +151,11 @@ class TrainBase(Part):
         return self.train().system()
 
 
+@by_registered_kinds
 def train_part() -> type[TrainBase]:
-    """Return the schema of a model file with a drive train, with all registered force laws and loads."""
-    return _train_part(kinds_known())
-
-
-@lru_cache
-def _train_part(_: tuple[Any, ...]) -> type[TrainBase]:
+    """Return the schema of a model file with a drive train."""
     fields = {**law_fields("parameters"), "stage": (stages_field(0), Field(default=[]))}
-    links: dict[str, Any] = {"shaft": ("ShaftPart", ShaftBase), "gear": ("GearPart", GearBase)}
+    links: dict[str, Any] = {"shaft": ("ShaftPart", LinkBase), "gear": ("GearPart", GearBase)}
     for key, (name, base) in links.items():
         part: Any = create_model(name, __base__=base, **fields)
         links[key] = (list[part], Field(default=[], max_length=MAX_COORDINATES))

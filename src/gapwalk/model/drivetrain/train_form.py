@@ -1,12 +1,12 @@
 """A train without its numbers: its parts, how they are connected, and the place of each of its numbers.
 
-The connections of the parts of a train: a tree of links that reaches all of them, and the links that close loops.
+The parts are connected by a tree of links that reaches all of them, and by links that close loops.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,115 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.model.loads import LoadForm
-from gapwalk.model.names import NameBlock, ParameterNames
-from gapwalk.model.structure import ContactForm
-
-
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """A link as the tree sees it: its two ends as numbers (the ground has one of its own), and what it does.
-
-    A rigid one holds its ends together, a drag damps their relative motion and holds nothing.
-    """
-
-    ends: tuple[int, int]
-    rigid: bool
-    drag: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One step through the tree: the link, and its two ends in the direction of the step."""
-
-    link: int
-    parent: int
-    child: int
-
-
-@dataclass(frozen=True, slots=True)
-class Tree:
-    """The steps from a root to all inertias that are connected to it.
-
-    Parameters
-    ----------
-    root
-        The ground where there is one, or else the first inertia.
-    steps
-        In an order in which each begins where another has ended.
-    chords
-        The links that are not in the tree: each closes a loop.
-    looped
-        The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
-    """
-
-    root: int
-    steps: tuple[Step, ...]
-    chords: tuple[int, ...]
-    looped: frozenset[int]
-
-
-def tree_of(edges: Sequence[Edge], ground: int) -> Tree:
-    """The tree; rigid links are in it wherever they can, and links to the ground only where nothing else will do.
-
-    Drags close loops: they are in the tree only where nothing else holds what they join.
-    """
-    chosen = _spanning(edges, ground)
-    root = ground if any(ground in edge.ends and not edge.drag for edge in edges) else 0
-    steps = _walk(edges, chosen, root)
-    chords = tuple(number for number in range(len(edges)) if number not in chosen)
-    parents = {step.child: step for step in steps}
-    loops = [_loop(edges, parents, chord) for chord in chords]
-    inner = [loop for loop in loops if not any(ground in edges[link].ends for link in loop)]
-    return Tree(root, steps, chords, frozenset(link for loop in inner for link in loop))
-
-
-def _spanning(edges: Sequence[Edge], ground: int) -> set[int]:
-    """The links of the tree (Kruskal)."""
-    leaders: dict[int, int] = {}
-
-    def leader(node: int) -> int:
-        while (above := leaders.get(node, node)) != node:
-            leaders[node] = leaders.get(above, above)
-            node = above
-        return node
-
-    chosen = set()
-    for number in sorted(range(len(edges)), key=lambda k: (edges[k].drag, ground in edges[k].ends, not edges[k].rigid)):
-        first, second = map(leader, edges[number].ends)
-        if first != second:
-            leaders[first] = second
-            chosen.add(number)
-    return chosen
-
-
-def _walk(edges: Sequence[Edge], chosen: set[int], root: int) -> tuple[Step, ...]:
-    links_at: dict[int, list[int]] = {}
-    for number in sorted(chosen):
-        for end in edges[number].ends:
-            links_at.setdefault(end, []).append(number)
-    steps, seen, waiting = [], {root}, deque([root])
-    while waiting:
-        node = waiting.popleft()
-        for number in links_at.get(node, ()):
-            first, second = edges[number].ends
-            other = second if node == first else first
-            if other not in seen:
-                seen.add(other)
-                waiting.append(other)
-                steps.append(Step(number, node, other))
-    return tuple(steps)
-
-
-def _loop(edges: Sequence[Edge], parents: dict[int, Step], chord: int) -> set[int]:
-    """The links of the loop that a chord closes."""
-    found = {chord}
-    for end in edges[chord].ends:  # what both ways to the root share is not on the loop
-        way, node = set(), end
-        while node in parents:
-            way.add(parents[node].link)
-            node = parents[node].parent
-        found ^= way
-    return found
+from gapwalk.model.structure import ContactForm, NameBlock, ParameterNames
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +54,10 @@ class LinkForm:
         return not (self.rigid or self.always or self.contact)
 
     @property
-    def has_ratio(self) -> bool:
-        """True if its ratio is a parameter."""
-        return self.geared and self.fixed is None
+    def own_numbers(self) -> tuple[str, ...]:
+        """Names of its own numbers, besides those of its contact."""
+        has = {"ratio": self.geared and self.fixed is None, "stiffness": self.always, "damping": not self.rigid}
+        return tuple(what for what, value in has.items() if value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +66,101 @@ class TorqueForm:
 
     harmonic: LoadForm
     acts_on: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step through the tree: the link, and its two ends in the direction of the step."""
+
+    link: int
+    parent: int
+    child: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """The steps from a root to all inertias that are connected to it.
+
+    Parameters
+    ----------
+    root
+        The ground where there is one, or else the first inertia.
+    steps
+        In an order in which each begins where another has ended.
+    chords
+        The links that are not in the tree: each closes a loop.
+    looped
+        The links on loops that do not lead through the ground: on each, the ratios must multiply to one.
+    """
+
+    root: int
+    steps: tuple[Step, ...]
+    chords: tuple[int, ...]
+    looped: frozenset[int]
+
+
+def tree_of(links: Sequence[LinkForm], ground: int) -> Tree:
+    """Make the tree: rigid links are in it wherever they can, links to the ground only where nothing else will do.
+
+    Drags close loops: they are in the tree only where nothing else holds what they join.
+    """
+    chosen = _spanning(links, ground)
+    root = ground if any(ground in link.ends and not link.drag for link in links) else 0
+    steps = _walk(links, chosen, root)
+    chords = tuple(number for number in range(len(links)) if number not in chosen)
+    parents = {step.child: step for step in steps}
+    loops = [_loop(links, parents, chord) for chord in chords]
+    inner = [loop for loop in loops if not any(ground in links[number].ends for number in loop)]
+    return Tree(root, steps, chords, frozenset(link for loop in inner for link in loop))
+
+
+def _spanning(links: Sequence[LinkForm], ground: int) -> set[int]:
+    """Choose the links of the tree, in order of preference (Kruskal)."""
+    leaders: dict[int, int] = {}
+
+    def leader(node: int) -> int:
+        while (above := leaders.get(node, node)) != node:
+            leaders[node] = leaders.get(above, above)
+            node = above
+        return node
+
+    chosen = set()
+    for number in sorted(range(len(links)), key=lambda k: (links[k].drag, ground in links[k].ends, not links[k].rigid)):
+        first, second = map(leader, links[number].ends)
+        if first != second:
+            leaders[first] = second
+            chosen.add(number)
+    return chosen
+
+
+def _walk(links: Sequence[LinkForm], chosen: set[int], root: int) -> tuple[Step, ...]:
+    links_at: dict[int, list[int]] = {}
+    for number in sorted(chosen):
+        for end in links[number].ends:
+            links_at.setdefault(end, []).append(number)
+    steps, seen, waiting = [], {root}, deque([root])
+    while waiting:
+        node = waiting.popleft()
+        for number in links_at.get(node, ()):
+            first, second = links[number].ends
+            other = second if node == first else first
+            if other not in seen:
+                seen.add(other)
+                waiting.append(other)
+                steps.append(Step(number, node, other))
+    return tuple(steps)
+
+
+def _loop(links: Sequence[LinkForm], parents: dict[int, Step], chord: int) -> set[int]:
+    """Find the links of the loop that a chord closes."""
+    found = {chord}
+    for end in links[chord].ends:  # what both ways to the root share is not on the loop
+        way, node = set(), end
+        while node in parents:
+            way.add(parents[node].link)
+            node = parents[node].parent
+        found ^= way
+    return found
 
 
 @dataclass(frozen=True)
@@ -205,13 +193,6 @@ class TrainForm:
         if not all(0 <= number < self.ground for number in (*inertias, self.reaction or 0)):
             raise ValueError("a torque acts on no inertia")
 
-    def __hash__(self) -> int:
-        return self._hash
-
-    @cached_property
-    def _hash(self) -> int:
-        return hash((self.inertias, self.links, self.torques, self.reaction))
-
     @property
     def ground(self) -> int:
         """The number of the ground."""
@@ -220,7 +201,7 @@ class TrainForm:
     @cached_property
     def tree(self) -> Tree:
         """The connections of the links."""
-        return tree_of([Edge(link.ends, link.rigid, link.drag) for link in self.links], self.ground)
+        return tree_of(self.links, self.ground)
 
     @property
     def is_free(self) -> bool:
@@ -257,89 +238,35 @@ class TrainForm:
     @cached_property
     def names(self) -> ParameterNames:
         """The names of all numbers."""
-        return ParameterNames(tuple(map(NameBlock, self._generate_names())))
+        names = ["frequency", *(f"{name}.inertia" for name in self.inertias)]
+        names += [f"mean.{self.inertias[number]}" for number in self.loaded]
+        for link in self.links:
+            names += [f"{link.name}.{what}" for what in link.own_numbers]
+            names += link.contact.parameters if link.contact else ()
+        for torque in self.torques:
+            names += [*torque.harmonic.parameters, *self._shape_names(torque)]
+        return ParameterNames(tuple(map(NameBlock, names)))
 
-    def inertia(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The inertias, shape (inertias,)."""
-        return values[1 : 1 + len(self.inertias)]
+    def _shape_names(self, torque: TorqueForm) -> list[str]:
+        return [f"{torque.harmonic.shape}.{self.inertias[number]}" for number in torque.acts_on]
 
-    def mean(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The mean torques, shape (inertias,), with none for the reaction."""
-        mean = np.zeros(len(self.inertias), dtype=values.dtype)
-        mean[list(self.loaded)] = values[1 + len(self.inertias) :][: len(self.loaded)]
-        return mean
+    @cached_property
+    def places(self) -> dict[str, tuple[list[int], list[int]]]:
+        """The links that have a number ``"ratio"``, ``"stiffness"`` or ``"damping"`` of their own, and its places."""
+        found: dict[str, tuple[list[int], list[int]]] = {"ratio": ([], []), "stiffness": ([], []), "damping": ([], [])}
+        for number, link in enumerate(self.links):
+            for what in link.own_numbers:
+                found[what][0].append(number)
+                found[what][1].append(self.names.start(f"{link.name}.{what}"))
+        return found
+
+    def numbers(self, names: Sequence[str], values: NDArray[Any]) -> NDArray[Any]:
+        """Return the numbers of some names, which follow one another."""
+        first = self.names.start(names[0]) if names else 0
+        return values[first : first + len(names)]
 
     def shape(self, values: NDArray[Any], torque: TorqueForm) -> NDArray[Any]:
         """Return the distribution of a term of the excitation over the inertias, shape (inertias,)."""
         shape = np.zeros(len(self.inertias), dtype=values.dtype)
-        first = self._first(torque) + len(torque.harmonic.parameters)
-        shape[list(torque.acts_on)] = values[first : first + len(torque.acts_on)]
+        shape[list(torque.acts_on)] = self.numbers(self._shape_names(torque), values)
         return shape
-
-    def parameters(self, values: NDArray[Any], torque: TorqueForm) -> NDArray[Any]:
-        """The parameters of a term of the excitation: amplitude and phase of a harmonic."""
-        first = self._first(torque)
-        return values[first : first + len(torque.harmonic.parameters)]
-
-    def _first(self, torque: TorqueForm) -> int:
-        names = (*torque.harmonic.parameters, *(f"{torque.harmonic.shape}.{self.inertias[k]}" for k in torque.acts_on))
-        return self.names.start(names[0])
-
-    def ratios(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The ratios of all links, shape (links,); that of a shaft is 1."""
-        return self._numbers(values, "ratio", [1.0 if link.fixed is None else link.fixed for link in self.links])
-
-    def stiffnesses(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The stiffnesses of the springs that act always, shape (links,)."""
-        return self._numbers(values, "stiffness", [0.0] * len(self.links))
-
-    def dampings(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The coefficients of the dampers that act always, shape (links,)."""
-        return self._numbers(values, "damping", [0.0] * len(self.links))
-
-    def springs_and_law(self, values: NDArray[Any], contact: ContactForm) -> NDArray[Any]:
-        """The numbers of the stages of a contact, then those of its own."""
-        names = contact.parameters
-        first = self.names.start(names[0])
-        return values[first : first + len(names)]
-
-    def _numbers(self, values: NDArray[Any], what: str, otherwise: list[float]) -> NDArray[Any]:
-        which, places = self._places[what]
-        numbers = np.array(otherwise, dtype=values.dtype)
-        numbers[which] = values[places]
-        return numbers
-
-    @cached_property
-    def _places(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Links with a ratio, a spring or a damper that always acts, and the places of those numbers."""
-        having = {
-            "ratio": [link.has_ratio for link in self.links],
-            "stiffness": [link.always for link in self.links],
-            "damping": [not link.rigid for link in self.links],
-        }
-        found = {}
-        for what, which in having.items():
-            numbers = np.flatnonzero(which)
-            places = [self.names.start(f"{self.links[number].name}.{what}") for number in numbers]
-            found[what] = numbers, np.array(places, dtype=np.intp)
-        return found
-
-    def _generate_names(self) -> Iterator[str]:
-        yield "frequency"
-        yield from (f"{name}.inertia" for name in self.inertias)
-        yield from (f"mean.{self.inertias[number]}" for number in self.loaded)
-        for link in self.links:
-            yield from (f"{link.name}.{what}" for what in _own_numbers(link))
-            yield from link.contact.parameters if link.contact else ()
-        for torque in self.torques:
-            yield from torque.harmonic.parameters
-            yield from (f"{torque.harmonic.shape}.{self.inertias[number]}" for number in torque.acts_on)
-
-
-def _own_numbers(link: LinkForm) -> Iterator[str]:
-    if link.has_ratio:
-        yield "ratio"
-    if link.always:
-        yield "stiffness"
-    if not link.rigid:
-        yield "damping"

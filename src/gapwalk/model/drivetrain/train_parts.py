@@ -5,10 +5,9 @@ A number may also be a text with a unit, which `Train` reads: ``Inertia("hub", "
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from typing import Any, Self
 
 from gapwalk.errors import ModelError
 from gapwalk.model.contact import Contact, Stage
@@ -16,6 +15,12 @@ from gapwalk.model.laws import Law, law_with
 
 GROUND = "ground"
 """The name of the ground, which does not move; a shaft may end there."""
+
+Change = Callable[[str, Any], Any]
+"""A function that returns another value for a quantity, from its name and its value."""
+
+_OF_LINKS = ("stiffness", "damping", "clearance", "cubic")
+_OF_STAGES = ("clearance", "stiffness", "cubic")
 
 
 @dataclass(frozen=True)
@@ -33,9 +38,13 @@ class Inertia:
     name: str
     inertia: float
 
+    def _converted(self, change: Change) -> Inertia:
+        """Return it with another value of its quantity."""
+        return replace(self, inertia=change(f"{self.name}.inertia", self.inertia))
+
 
 @dataclass(frozen=True, init=False)
-class Link(ABC):
+class Link:
     """A connection of two inertias: springs with and without clearances, and a damper, all of them optional.
 
     Parameters
@@ -92,18 +101,13 @@ class Link(ABC):
     ) -> None:
         given = {**(numbers or {}), **{what: value for what, value in more.items() if value is not None}}
         parts = (name, between, stiffness, damping, clearance, tuple(stages), cubic, law, given)
-        names = ("name", "between", "stiffness", "damping", "clearance", "stages", "cubic", "law", "numbers")
-        for what, value in zip(names, parts, strict=True):
-            object.__setattr__(self, what, value)
+        for each, value in zip(fields(Link), parts, strict=True):
+            object.__setattr__(self, each.name, value)
 
     @property
-    @abstractmethod
     def is_rigid(self) -> bool:
         """True if it connects its two inertias rigidly."""
-
-    @abstractmethod
-    def problems(self) -> Iterator[str]:
-        """List the errors of its numbers, one sentence each, without its name."""
+        return False
 
     @property
     def is_drag(self) -> bool:
@@ -134,8 +138,22 @@ class Link(ABC):
         law = law_with(self.numbers) if self.law is None else self.law
         return Contact(self.name, {self.name: 1.0}, tuple(stages), None, law, self.numbers)
 
-    def spring_problems(self) -> Iterator[str]:
-        """List the errors of its springs and dampers, one sentence each, without its name."""
+    def _converted(self, change: Change) -> Self:
+        """Return it with other values of its quantities, in the order in which they choose the units of a train."""
+
+        def changed(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+            return {what: change(f"{prefix}.{what}", value) for what, value in values.items()}
+
+        values = changed(self.name, {what: getattr(self, what) for what in _OF_LINKS})
+        stages = []
+        for number, stage in enumerate(self.stages):
+            prefix = f"{self.name}.{stage.name or f'stage[{number}]'}"
+            own = changed(prefix, {what: getattr(stage, what) for what in _OF_STAGES})
+            stages.append(replace(stage, **own, numbers=changed(prefix, stage.numbers)))
+        return replace(self, **values, stages=tuple(stages), numbers=changed(self.name, self.numbers))
+
+    def problems(self) -> Iterator[str]:
+        """List the errors of its numbers, one sentence each, without its name."""
         if self.stiffness is None and self.clearance is not None:
             yield "has a clearance, but no stiffness beyond it; write stiffness = ..."
         if self.cubic and self.clearance is None:
@@ -164,11 +182,6 @@ class Shaft(Link):
     second of its inertias may be ``"ground"``. Parameters are those of `Link`.
     """
 
-    @property
-    def is_rigid(self) -> bool:
-        """True if it connects its two inertias rigidly."""
-        return False
-
     def problems(self) -> Iterator[str]:
         """List the errors of its numbers, one sentence each, without its name."""
         if not self.has_springs and self.clearance is None and not self.damping:
@@ -176,7 +189,7 @@ class Shaft(Link):
                 "has no stiffness; write stiffness = ..., or stages with a clearance and a stiffness each, or "
                 "damping = ... for a drag"
             )
-        yield from self.spring_problems()
+        yield from super().problems()
 
 
 @dataclass(frozen=True, init=False)
@@ -213,4 +226,4 @@ class Gear(Link):
             yield "has damping, but no stiffness, so it is rigid; leave damping out, or write stiffness = ..."
         if GROUND in self.between:
             yield "ends at the ground, but a gear joins two inertias; write a shaft instead"
-        yield from self.spring_problems()
+        yield from super().problems()

@@ -63,7 +63,7 @@ class Stages:
         return iter(self._stages)
 
     def total(self, terms: Iterable[Any]) -> Any:
-        """The sum of some terms."""
+        """Return the sum of some terms."""
         return self._add(list(terms))
 
 
@@ -115,7 +115,7 @@ class Symbols:
 
     @classmethod
     def of(cls, *symbol: Any) -> Symbols:
-        """One symbol."""
+        """Make a single symbol."""
         return cls({(symbol,): 1.0})
 
     def __add__(self, other: Any) -> Symbols:
@@ -151,7 +151,7 @@ def _symbols(value: Any) -> Symbols:
 
 
 def _product(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
-    """A product of symbols; a mode times itself is itself."""
+    """Multiply two products of symbols; a mode times itself is itself."""
     modes = {symbol for symbol in (*a, *b) if symbol[0] == _CLOSED}
     return tuple(sorted([*(symbol for symbol in (*a, *b) if symbol[0] != _CLOSED), *modes]))
 
@@ -161,7 +161,7 @@ _CLOSED, _DEPTH, _RATE, _NUMBER, _STAGE_NUMBER = "closed", "depth", "rate", "num
 
 @lru_cache(maxsize=256)
 def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...] | None:
-    """The force of a law as a sum of products for some stages; None if it is none, with one stage in each product."""
+    """Return the force of a law as a sum of products, each of one stage; None if it is no such sum."""
     stages = Stages(
         StageTerms(
             sign,
@@ -181,7 +181,7 @@ def closed_form_of(law: Law, shapes: tuple[StageShape, ...]) -> tuple[Term, ...]
 
 
 def _term(product: tuple[Any, ...], factor: float) -> Term:
-    """A product of symbols as a term; a ValueError if it is not one of a single stage, in its mode."""
+    """Make a term of a product of symbols; raise a ValueError if it is not one of a single stage, in its mode."""
     (stage,) = [symbol[1] for symbol in product if symbol[0] == _CLOSED]
     of_stages = [symbol for symbol in product if symbol[0] in (_DEPTH, _STAGE_NUMBER)]
     if any(symbol[1] != stage for symbol in of_stages):

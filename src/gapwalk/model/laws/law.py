@@ -52,7 +52,7 @@ class Law(ABC):
     it by name; the flow, shooting, special points, loci, verification and files do not.
 
     Where the force jumps at a breakpoint, sensitivities are carried over the jump by the general rule of
-    `gapwalk.flow.contact_events`; where it does not, nothing is computed.
+    `gapwalk.flow.switching`; where it does not, nothing is computed.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class Law(ABC):
 
     @abstractmethod
     def force(self, rate: Any, stages: Stages, numbers: Mapping[str, Any]) -> Any:
-        """The force of the contact.
+        """Compute the force of the contact.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Law(ABC):
         """
 
     def rebound(self, rate: Any, numbers: Mapping[str, Any]) -> Any:
-        """The rate of the deflection just after an innermost breakpoint is reached from within: the reset.
+        """Compute the rate of the deflection just after an innermost breakpoint is reached from within: the reset.
 
         By default the motion goes on through the breakpoint, and the stage closes. A law that says otherwise reverses
         the rate there, and its stage never closes. The change acts along the contact's force, as an impulse does.
@@ -136,7 +136,7 @@ def register(law: Law) -> None:
         If another law has that name, or if a table of a model file has another key of the name of a parameter.
     """
     whole, of_stages = ([each.name for each in those] for those in (law.parameters, law.stage_parameters))
-    others = {each.name for other in LAWS.values() for each in other.stage_parameters}
+    others = {*law_parameters("stage_parameters")}
     for name in (*(each for each in of_stages if each in _KEYS), *(each for each in whole if each in _KEYS | others)):
         raise ModelError(f"the force law {law.name!r} has a parameter {name!r}, but that is another key of its table")
     if of_stages[:1] != [CLEARANCE.name]:
@@ -150,21 +150,20 @@ def law_of(given: str | Law) -> Law:
 
 
 def law_with(parameters: Collection[str]) -> Law:
-    """The first law that has parameters of some names: that of a contact which gives them, and names no law."""
-    names = set(parameters)
+    """Return the first law that has parameters of some names: that of a contact which gives them, and names no law."""
+    names = sorted({*parameters})
     for law in LAWS.values():
-        if names <= {each.name for each in law.parameters}:
+        if {*names} <= {each.name for each in law.parameters}:
             return law
-    if len(names) == 1:
-        raise ModelError(f"no force law has the parameter {' and '.join(names)}")
-    raise ModelError(f"no force law has both {' and '.join(sorted(names))}")
+    raise ModelError(f"no force law has {'both' if names[1:] else 'the parameter'} {' and '.join(names)}")
+
+
+def law_parameters(*which: str) -> dict[str, Parameter]:
+    """Return the parameters of all laws by name: the ``"stage_parameters"``, the ``"parameters"``, or both."""
+    groups = which or ("stage_parameters", "parameters")
+    return {each.name: each for law in LAWS.values() for group in groups for each in getattr(law, group)}
 
 
 def never_negative() -> set[str]:
-    """The names of all parameters of force laws that must not be negative."""
-    return {
-        each.name
-        for law in LAWS.values()
-        for each in (*law.stage_parameters, *law.parameters)
-        if each.least is not None
-    }
+    """Return the names of all parameters of force laws that must not be negative."""
+    return {name for name, each in law_parameters().items() if each.least is not None}

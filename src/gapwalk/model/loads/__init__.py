@@ -5,8 +5,7 @@
 
 from gapwalk.model.loads.harmonic import Harmonic
 from gapwalk.model.loads.load import LOADS, Line, Load, LoadForm, check_order, register
-from gapwalk.model.loads.mean import MEAN, Mean
 
 register(Harmonic)
 
-__all__ = ["LOADS", "MEAN", "Harmonic", "Line", "Load", "LoadForm", "Mean", "check_order", "register"]
+__all__ = ["LOADS", "Harmonic", "Line", "Load", "LoadForm", "check_order", "register"]

@@ -91,7 +91,7 @@ class Load(ABC):
     @classmethod
     @abstractmethod
     def lines(cls, order: int, frequency: Any, numbers: Mapping[str, Any]) -> Iterable[Line]:
-        """The load in parts of one order each.
+        """Give the load in parts of one order each.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Load(ABC):
         """
 
     def values(self) -> Iterator[float]:
-        """The values of its parameters."""
+        """Iterate over the values of its parameters."""
         yield from (getattr(self, each.name) for each in self.parameters)
 
 
@@ -118,7 +118,7 @@ class LoadForm:
 
     @classmethod
     def of(cls, load: Load) -> LoadForm:
-        """The form of a load."""
+        """Make the form of a load."""
         return cls(load.name, load.order, type(load))
 
     @property
@@ -132,7 +132,7 @@ class LoadForm:
         return f"{self.name}.acts_on"
 
     def lines(self, frequency: Any, values: Iterable[Any]) -> tuple[Line, ...]:
-        """Its lines, for values of its parameters in their order."""
+        """Give its lines, for values of its parameters in their order."""
         numbers = {each.name: value for each, value in zip(self.kind.parameters, values, strict=True)}
         return tuple(self.kind.lines(self.order, frequency, numbers))
 
@@ -149,7 +149,7 @@ class LoadForm:
 
 @lru_cache
 def _example(load: LoadForm, frequency: float) -> tuple[Line, ...]:
-    """Lines for numbers at which nothing vanishes by chance."""
+    """Give lines for numbers at which nothing vanishes by chance."""
     return load.lines(frequency, [1.0 + 0.0123 * place for place, _ in enumerate(load.parameters, start=1)])
 
 
