@@ -26,7 +26,6 @@ from gapwalk.orbit.harmonic_balance.compliance import (
     Lines,
     PoleCompliance,
     Poles,
-    pole_compliance,
     poles_of,
 )
 from gapwalk.orbit.harmonic_balance.contact_forces import Forces, Laws, contact_forces_of, laws_of
@@ -224,8 +223,8 @@ class BalanceEquation(OrbitEquation):
             return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
         linearised = linearised or self.linearised(evidence)
         if self.options.stability == "hill":
-            tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
-            return projected_monodromy(linearised, tangents, length)
+            tangents = forces.parts[:, 1::2].transpose(1, 0, 2)  # of the springs, then of the dampers
+            return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length)
         return monodromy(linearised, evidence.lines, breaks, length)
 
     def _truncation(self, evidence: Evidence) -> float:
@@ -257,7 +256,7 @@ class BalanceEquation(OrbitEquation):
         slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
         lines = Lines(frequencies, slopes, np.array([0, *self._layout.orders], dtype=np.intp) * self.period)
         if self._poles is not None:
-            return pole_compliance(self._poles, lines)
+            return PoleCompliance.on(lines, self._poles)
         if self._fixed is not None:
             return DirectCompliance(self._fixed, None, lines, self._shift)
         change = None if slope is None else linear_of(self._layout, slope)
