@@ -6,7 +6,7 @@ Method: docs/numerics/verification.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
@@ -235,6 +235,11 @@ class Ledger:
         if not figure.passes:
             self._breaches.append(figure)
 
+    def judge(self, check: Check, spot: Spot, faults: Iterable[str]) -> None:
+        """Enter the number of faults found, which are sentences."""
+        faults = list(faults)
+        self.enter(check, spot, float(len(faults)), "; ".join(faults))
+
     def note(self, text: str) -> None:
         """Add a remark on what could not be verified; repetitions are dropped."""
         if text not in self.notes:
@@ -247,20 +252,15 @@ class Ledger:
     @property
     def verification(self) -> Verification:
         """Verification of everything entered so far."""
-        notes = [*self.notes, *_tell_unlocated(self._unlocated)]
+        notes, spots = list(self.notes), self._unlocated
+        if spots:
+            points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
+            named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
+            notes.append(f"the location of {points} could not be computed a second time, and is not verified: {named}")
         summaries = tuple(
             Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
         )
         return Verification(summaries, tuple(self._breaches), tuple(notes), self.points, self.special_points)
-
-
-def _tell_unlocated(spots: list[Spot]) -> list[str]:
-    """Return one note for all special points that could not be located a second time; none if there are none."""
-    if not spots:
-        return []
-    points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
-    named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
-    return [f"the location of {points} could not be computed a second time, and is not verified: {named}"]
 
 
 def _plain(figure: Figure) -> dict[str, Any]:

@@ -11,12 +11,10 @@ limit. No contact may graze up to that amplitude.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
@@ -25,8 +23,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import NumericalError
 from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.floquet import is_on_border, multipliers
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 from gapwalk.verification.walk_again import Track
 
@@ -35,9 +32,6 @@ _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be corr
 _SECANT = 1e-4  # arclength over which a test function is linear
 _SHARE = 0.4  # share of the distance to a neighbour; also the factor for a second, nearer examination
 _NEARER = 5  # largest number of examinations
-_CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
-_MOST = 24  # largest number of segments
-_POWERS = 6
 _AMPLITUDES = 1e-6 * 2.0 ** np.arange(12)  # scaled distances of doubled motions from the flip
 _NOISE = 1e-13  # error of the scaled parameter of a doubled motion
 _ROUNDING = 1e-16  # that error times the amplitude: near the flip a residual hardly determines the parameter
@@ -68,25 +62,6 @@ class Sides:
     held: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class Reshot:
-    """Result of shooting an orbit again, with more segments.
-
-    Attributes
-    ----------
-    multipliers : shape (2n,)
-        Largest modulus first.
-    contraction
-        Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
-    growth
-        Largest factor by which a small change of the state grows over the period; at least 1.
-    """
-
-    multipliers: NDArray[np.complex128]
-    contraction: float
-    growth: float
-
-
 def look(
     second: ErrorEstimator, special: SpecialPoint, next_to_it: Sequence[BranchPoint], changes: Sequence[BranchPoint]
 ) -> Sides:
@@ -107,14 +82,12 @@ def look(
     reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
     if special.kind is Kind.BRANCH_POINT:  # close to it no orbit can be corrected
         reaches.insert(1, _reach(special, changes))
-    first = None
-    for reach in reaches:
-        seen = _look(second, special, reach)
+    first = seen = _look(second, special, reaches[0])
+    for reach in reaches[1:]:
         if not seen.faults:
             return seen
-        first = first or seen
-    assert first is not None
-    return first
+        seen = _look(second, special, reach)
+    return first if seen.faults else seen
 
 
 def _reach(special: SpecialPoint, others: Sequence[BranchPoint]) -> float:
@@ -124,24 +97,17 @@ def _reach(special: SpecialPoint, others: Sequence[BranchPoint]) -> float:
     return min([reach, *(_SHARE * distance for distance in distances)])
 
 
-def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """Return the distance of two sets of multipliers: the largest relative difference of their power sums.
-
-    Multipliers that are about to collide are as sensitive as square roots. Their power sums, the traces of the powers
-    of the monodromy matrix, are not.
-    """
-    size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
-    powers = range(1, min(len(a), _POWERS) + 1)
-    return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
-
-
 def _look(second: ErrorEstimator, special: SpecialPoint, reach: float) -> Sides:
     """Examine a special point at one distance on both sides."""
     try:
         a, b = second.at(special.point, -reach), second.at(special.point, reach)
     except NumericalError as error:
         return Sides((str(error),), None, held=False)
-    faults = list(_counts(special, a, b))
+    faults = [
+        f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
+        for side, point, stored in (("before", a, special.before), ("after", b, special.after))
+        if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total
+    ]
     if special.kind is Kind.GRAZING:
         return _graze(second, special, a, b, reach, faults)
     signs = [special.kind.at(each) for each in (a, b)]
@@ -150,13 +116,6 @@ def _look(second: ErrorEstimator, special: SpecialPoint, reach: float) -> Sides:
     if special.kind is Kind.BRANCH_POINT:
         return Sides(tuple(faults), _crossing(second, special, reach), a, b)
     return Sides(tuple(faults), _zero(second, special, reach, special.kind.at), a, b)
-
-
-def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:
-    """Yield where the numbers of unstable multipliers on both sides are not those that are stored."""
-    for side, point, stored in (("before", a, special.before), ("after", b, special.after)):
-        if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total:
-            yield f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
 
 
 def _graze(
@@ -209,28 +168,6 @@ def _crossing(second: ErrorEstimator, special: SpecialPoint, reach: float) -> fl
     return None
 
 
-def spread(orbit: Orbit, segments: int, contraction: float, asides: Sequence[NDArray[np.float64]]) -> float:
-    """Return the variation of the multipliers over some small changes of the state: the largest `distance`."""
-    there = reshoot(orbit, segments, contraction).multipliers
-    beside = [reshoot(replace(orbit, state=orbit.state + aside), segments, contraction) for aside in asides]
-    return max(distance(there, each.multipliers) for each in beside)
-
-
-def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
-    """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
-    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
-    equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
-    arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
-    logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
-    total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
-    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
-    around = np.eye(len(units))
-    for arc in arcs:
-        around = arc.transition @ around
-    growth = float(np.linalg.norm(around * units / units[:, None], 2))
-    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
-
-
 def nature_faults(
     track: Track, second: ErrorEstimator, special: SpecialPoint, before: BranchPoint, after: BranchPoint
 ) -> Iterator[str]:
@@ -273,7 +210,9 @@ def _fold(second: ErrorEstimator, special: SpecialPoint, before: BranchPoint, af
 
 
 def _flip(track: Track, special: SpecialPoint, before: BranchPoint, after: BranchPoint) -> str:
-    outside = [abs(_critical(point)) > 1.0 for point in (before, after)]
+    # the multiplier nearest to -1
+    critical = [min(point.orbit.multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for point in (before, after)]
+    outside = [abs(each) > 1.0 for each in critical]
     if outside[0] == outside[1]:
         return ""
     unstable = (before if outside[0] else after).value - special.value
@@ -281,12 +220,6 @@ def _flip(track: Track, special: SpecialPoint, before: BranchPoint, after: Branc
     if not leaves or not unstable:
         return ""
     return "supercritical" if leaves * unstable > 0.0 else "subcritical"
-
-
-def _critical(point: BranchPoint) -> complex:
-    """Return the multiplier nearest to -1."""
-    values = point.orbit.multipliers
-    return complex(values[np.argmin(np.abs(values + 1.0))])
 
 
 def _leaves(track: Track, special: SpecialPoint) -> float:
