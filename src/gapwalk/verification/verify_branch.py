@@ -9,16 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch
 from gapwalk.bifurcation.branch_start import lift
 from gapwalk.bifurcation.detector import steps_of, unexplained
-from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.switch import halves_apart
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
@@ -27,8 +25,8 @@ from gapwalk.errors import NumericalError, VerificationError
 from gapwalk.verification.balanced import verify_truncated
 from gapwalk.verification.verification import Advance, Check, Ledger, Spot
 from gapwalk.verification.verify_orbits import verify_orbits
-from gapwalk.verification.verify_special_points import look, nature_faults
-from gapwalk.verification.walk_again import CROSSING, Track, special_spot
+from gapwalk.verification.verify_special_points import verify_special_points
+from gapwalk.verification.walk_again import CROSSING, Track
 
 _OFF = 0.1  # largest distance of the orbit between from the cubic through both points, in distances of the points
 _TURN = 0.6  # largest angle between a tangent and the chord, in radians
@@ -42,12 +40,6 @@ _NEAR = 0.1  # difference of the halves of a motion below which a doubled branch
 _BEYOND = 0.02  # distance, in scales of the parameter, by which a junction may lie beyond the last point
 
 _AT_LAST_POINT = frozenset(EndReason) - {EndReason.JOINED}
-_EXACT = 1e-12  # error with which a special point can be located again, in widths of the range
-_LEAST = 1e-16  # relative error of a parameter below which no number can represent it
-_MANY = 1e4  # factor on the location error above which no stated error is plausible
-_MOST = 1e-4  # the same as a share of the parameter
-_ONE_PLACE = 1e-7  # arclength within which grazing points of two contacts may be one event of a symmetric motion
-_INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
 
 def verify_branches(
@@ -79,7 +71,7 @@ def verify_branches(
         _verify_order(ledger, track)
         _verify_ends(ledger, track, within)
         _verify_gaps(ledger, track)
-        _verify_specials(ledger, track)
+        verify_special_points(ledger, track)
         ledger.points += len(track.branch.points)
         ledger.special_points += len(track.branch.special_points)
 
@@ -237,59 +229,6 @@ def _between(track: Track, a: BranchPoint, b: BranchPoint) -> tuple[BranchPoint 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Return the angle between two unit vectors, in radians."""
     return 2.0 * math.asin(min(1.0, length_of(a - b) / 2.0))
-
-
-def _verify_specials(ledger: Ledger, track: Track) -> None:
-    """Check each special point from both sides."""
-    branch, estimators = track.branch, cache(lambda size: ErrorEstimator(track.corrector(size)))
-    for number, special in enumerate(branch.special_points):
-        spot = special_spot(track.name, number, special)
-        estimator = estimators(len(special.point.x))
-        next_to_it = _neighbours(special, branch, branch.points)
-        changes = _neighbours(special, branch, (branch.points[0], branch.points[-1]))
-        sides = look(estimator, special, next_to_it, changes)
-        faults = sides.faults
-        if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
-            faults = ()  # branches cross there, so near another special point that no motion can be corrected nearby
-        ledger.judge(Check.SIDES, spot, faults)
-        if sides.before is not None and sides.after is not None:
-            ledger.judge(Check.NATURE, spot, nature_faults(track, estimator, special, sides.before, sides.after))
-        if sides.value is None or special.uncertainty == math.inf:
-            ledger.leave_unlocated(spot)
-        else:
-            _enter_location(ledger, spot, special, sides.value)
-
-
-def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
-    """Return the neighbours of a special point: points, or other special points that are not at the same place.
-
-    In a symmetric motion both sides of a gap graze at once; there is nothing between the two.
-    """
-
-    def is_one_place(other: SpecialPoint) -> bool:
-        both_graze = other.kind is special.kind is Kind.GRAZING and other.contact != special.contact
-        return both_graze and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
-
-    others = (each for each in branch.special_points if each is not special and not is_one_place(each))
-    knots = [*points, *(each.point for each in others)]
-    here = special.point.arclength
-    before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
-    after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
-    return [each for each in (before, after) if each is not None]
-
-
-def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: float) -> None:
-    """Enter the distance of a special point from its second location, in units of its stated error."""
-    off = abs(found - special.value)
-    width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
-    stated = special.uncertainty
-    error = stated + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
-    detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {stated:.2g}"
-    least, most = _LEAST * max(abs(special.value), width), max(_MANY * off, _MOST * (abs(special.value) + width))
-    if not least <= stated <= most:
-        detail = f"{detail}, which is {'less than rounding' if stated < least else 'implausibly large'}"
-        error = 0.0
-    ledger.enter(Check.LOCATION, spot, off / error if error > 0.0 else math.inf, detail)
 
 
 def confirm(branch: Branch) -> None:

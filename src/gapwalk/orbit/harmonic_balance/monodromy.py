@@ -29,7 +29,7 @@ from gapwalk.orbit.harmonic_balance.compliance import Poles
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
-from gapwalk.orbit.harmonic_balance.series import two_sided, waves
+from gapwalk.orbit.harmonic_balance.series import waves
 
 _MODAL_REACH = 0.4  # largest angle by which the fastest eigenvector, or a closed contact, turns in one step
 _MODAL_FINE = 4  # smallest number of steps per shortest wave of the motion
@@ -108,7 +108,8 @@ def projected_monodromy(linearised: Linearised, tangents: NDArray[np.complex128]
     """
     steady, parts = linearised.steady, linearised.parts
     size, count = len(steady), (tangents.shape[1] - 1) // 2
-    harmonics = np.tensordot(two_sided(tangents).T, parts, axes=1)
+    spectra = np.concatenate((tangents[:, :0:-1].conj(), tangents), axis=1)  # k = -2K ... 2K
+    harmonics = np.tensordot(spectra.T, parts, axes=1)
     harmonics[2 * count] += steady
     k = np.arange(2 * count + 1)
     blocks = harmonics[2 * count + k[None, :] - k[:, None]]
