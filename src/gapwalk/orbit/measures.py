@@ -105,7 +105,7 @@ def survey(orbit: Orbit) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[
         if len(factors) > 1:
             event = next(k for k, (slots, _) in enumerate(flow.equations.turning) if slots is contact.deflection)
         own = [turn for turn in turns if turn.event == event]
-        values = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
+        values: list[float] = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
         contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
     return tuple(contacts), visited, integrals / length

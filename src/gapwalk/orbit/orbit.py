@@ -79,7 +79,7 @@ class Orbit(Shown):
         if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
         if not all(0 <= event.switch < switches for event in self.events):
-            raise ValueError("a contact event belongs to no contact")
+            raise ValueError("a contact event has the number of a switch that the system does not have")
 
     @cached_property
     def instability(self) -> Instability:
@@ -101,9 +101,14 @@ class Orbit(Shown):
         """H, the highest harmonic of the forcing frequency in its Fourier series; 0 if it is given by its state."""
         return 0
 
+    @property
+    def method(self) -> type[Method]:
+        """The method that finds such orbits."""
+        return Method.named(self.found_by)
+
     def posed_in(self, count: int) -> Method:
         """Return the method with the options with which it poses this orbit in so many unknowns."""
-        return Method.named(self.found_by).resolving(self, count)
+        return self.method.resolving(self, count)
 
     @cached_property
     def closings(self) -> tuple[int, ...]:

@@ -29,25 +29,7 @@ _RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped
 
 
 class Equation(Protocol):
-    """Periodic orbit of `system` as N equations in N unknowns and, optionally, one named parameter.
-
-    Continuation requires no more than this interface.
-    """
-
-    @property
-    def system(self) -> System:
-        """System at some value of the parameter."""
-        ...
-
-    @property
-    def parameter(self) -> str | None:
-        """Name of the parameter that may vary."""
-        ...
-
-    @property
-    def period(self) -> int:
-        """m, number of forcing periods of the orbit."""
-        ...
+    """Periodic orbit as N equations in N unknowns and one named parameter; continuation requires no more than this."""
 
     @property
     def tolerance(self) -> float:
@@ -60,10 +42,6 @@ class Equation(Protocol):
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
-        ...
-
-    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of an orbit found by any method."""
         ...
 
 
@@ -117,11 +95,11 @@ class OrbitEquation:
         return self.system if self.parameter is None else self.line.system_at(value)
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-        """Return residual and derivatives; raise a NumericalError where they do not exist."""
+        """See `Equation.evaluate`."""
         raise NotImplementedError
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution."""
+        """See `Equation.orbit`."""
         raise NotImplementedError
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
@@ -211,7 +189,7 @@ def check_period(period: object) -> None:
 
 
 def solve(
-    equation: Equation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
+    equation: OrbitEquation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
 ) -> tuple[NDArray[np.float64], Evaluation]:
     """Return the solution nearest to a start, and the evaluation there.
 
@@ -238,7 +216,7 @@ def solve(
     )
 
 
-def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
+def is_solved(equation: OrbitEquation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
     """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
@@ -246,7 +224,7 @@ def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Eva
     return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale
 
 
-def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
+def _polished(equation: OrbitEquation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
     """Take one more step, which leaves only rounding errors, if it helps and if the orbit is an isolated one."""
     try:
         better = unknowns - np.linalg.solve(evaluation.by_unknowns, evaluation.residual)

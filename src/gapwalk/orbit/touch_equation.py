@@ -149,6 +149,7 @@ class TouchEquation:
         full, rate = PERIOD * equation.period, coefficients_of(near.system)[0]
         self._thetas = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
         self._posed = replace(equation, marks=tuple(self._thetas))
+        self._firsts = [self._posed.knots.index(knot) for knot in equation.knots]  # where the own segments begin
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
         self._gauges = [_Gauge(equation.system, switch) for switch in self._switches]
@@ -215,16 +216,13 @@ class TouchEquation:
 
     def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
         """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
-        knots, own = self._posed.knots, self._own.knots
-        firsts = [knots.index(knot) for knot in own]
-        pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(firsts)]
-        states = held.states[firsts[:-1]]
+        pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(self._firsts)]
+        states = held.states[self._firsts[:-1]]
         return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
-        firsts = [self._posed.knots.index(knot) for knot in self._own.knots[:-1]]
-        return np.append(held.slope[:-1].reshape(-1, self._size)[firsts].ravel(), held.slope[-1])
+        return np.append(held.slope[:-1].reshape(-1, self._size)[self._firsts[:-1]].ravel(), held.slope[-1])
 
     def _lead(self, touch: Touch, lead: float) -> float:
         """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""

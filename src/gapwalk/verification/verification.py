@@ -219,8 +219,7 @@ class Ledger:
     """Collector of figures, which it adds up to a verification."""
 
     def __init__(self) -> None:
-        self._counts: dict[Check, int] = {}
-        self._worst: dict[Check, Figure] = {}
+        self._summaries: dict[Check, Summary] = {}
         self._breaches: list[Figure] = []
         self.notes: list[str] = []
         self._unlocated: list[Spot] = []
@@ -229,9 +228,9 @@ class Ledger:
     def enter(self, check: Check, spot: Spot, size: float, detail: str = "") -> None:
         """Enter one figure; nan counts as infinite."""
         figure = Figure(check, spot, math.inf if math.isnan(size) else size, detail)
-        self._counts[check] = self._counts.get(check, 0) + 1
-        if check not in self._worst or figure.size > self._worst[check].size:
-            self._worst[check] = figure
+        known = self._summaries.get(check, Summary(check, 0, figure))
+        worst = figure if figure.size > known.worst.size else known.worst
+        self._summaries[check] = Summary(check, known.count + 1, worst)
         if not figure.passes:
             self._breaches.append(figure)
 
@@ -257,9 +256,7 @@ class Ledger:
             points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
             named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
             notes.append(f"the location of {points} could not be computed a second time, and is not verified: {named}")
-        summaries = tuple(
-            Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
-        )
+        summaries = tuple(self._summaries[check] for check in Check if check in self._summaries)
         return Verification(summaries, tuple(self._breaches), tuple(notes), self.points, self.special_points)
 
 

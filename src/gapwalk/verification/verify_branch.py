@@ -134,7 +134,7 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
             way = -1.0 if place == 0 else 1.0
             ahead = (point.value - origin.value) * float(origin.tangent[-1]) * way
             if end.reason is EndReason.TURNED_BACK and ahead > 0.0:
-                yield f"{said}, but it lies on the other side"
+                yield f"{said}, but it is ahead of the start, where the branch was walked to"
         case EndReason.CLOSED:
             a, b = branch.points[0], branch.points[-1]
             if len(a.x) == len(b.x):

@@ -47,7 +47,8 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
     for member in diagram.members:
         counts[member.period] += 1
         name = f"P{member.period}-{counts[member.period]}"
-        detail = "" if member.name == name else f"it is in the place of {name}, which is missing"
+        detail = f"by its number it should be {name}: a branch of period {member.period} before it is missing"
+        detail = "" if member.name == name else detail
         ledger.enter(Check.TREE, Spot(member.name, "its name", math.nan), math.inf if detail else 0.0, detail)
     if diagram.max_period is None:
         ledger.note("whether branches are missing is not verified: the longest requested period is not stored")

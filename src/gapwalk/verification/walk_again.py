@@ -15,7 +15,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Equation, OrbitEquation
+from gapwalk.orbit.orbit_equation import OrbitEquation
 from gapwalk.verification.verification import Spot
 
 CROSSING = 1e-6
@@ -87,7 +87,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = self._determined(corrector.equation, orbit)
+        known = self._determined(self.equation_at(point), orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]
@@ -114,7 +114,7 @@ class Track:
         scales = self.corrector_at(point).scales[:-1]
         return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
-    def _determined(self, equation: Equation, orbit: Orbit) -> NDArray[np.float64]:
+    def _determined(self, equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
         """Return the first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
         return orbit.state if self.is_exact else equation.unknowns(orbit)
 

@@ -61,22 +61,20 @@ class Laws:
         return np.abs(self.polynomials[:, 0, 1])
 
     @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Coefficients of each switch's part of g' and P', derivatives by x; shape (switches, 2, degree + 1)."""
+        return self.sign[:, None, None] * self._by_depth
+
+    @cached_property
     def table(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g, g', P and P', derivatives by x; shape (switches, 4, degree + 1)."""
-        table = np.empty((len(self.sign), 4, self.polynomials.shape[2]))
-        table[:, 0::2] = self.polynomials
-        table[:, 1::2] = self.sign[:, None, None] * self._by_depth
-        return table
+        """Coefficients of each switch's part of g, g', P and P', shape (switches, 4, degree + 1)."""
+        switches, _, powers = self.polynomials.shape
+        return np.stack((self.polynomials, self.rates), axis=2).reshape(switches, 4, powers)
 
     @cached_property
     def switches(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
         """Contact, sign and clearance of each switch."""
         return self.contact, self.sign, self.clearance
-
-    @cached_property
-    def rates(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g' and P', shape (switches, 2, degree + 1)."""
-        return np.ascontiguousarray(self.table[:, 1::2])
 
     @cached_property
     def slope_table(self) -> NDArray[np.float64]:
@@ -141,8 +139,8 @@ def laws_of(
     contacts, signs = plan.contacts, plan.signs
     if slope is None:
         return Laws(contacts, signs, clearance, table.copy(), np.zeros(clearance.shape), np.zeros(table.shape))
-    slopes = clearance.imag / _STEP, table.imag / _STEP
-    return Laws(contacts, signs, clearance.real.copy(), table.real.copy(), *slopes)
+    slopes = np.imag(clearance) / _STEP, np.imag(table) / _STEP
+    return Laws(contacts, signs, np.real(clearance).copy(), np.real(table).copy(), *slopes)
 
 
 @lru_cache(maxsize=256)
