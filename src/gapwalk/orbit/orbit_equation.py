@@ -32,6 +32,11 @@ class Equation(Protocol):
     """Periodic orbit as N equations in N unknowns and one named parameter; continuation requires no more than this."""
 
     @property
+    def parameter(self) -> str | None:
+        """Name of the parameter that may vary."""
+        ...
+
+    @property
     def tolerance(self) -> float:
         """Largest residual of a solution, relative to the size of the unknowns."""
         ...
@@ -42,6 +47,10 @@ class Equation(Protocol):
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
+        ...
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns of an orbit found by any method."""
         ...
 
 
@@ -103,7 +112,7 @@ class OrbitEquation:
         raise NotImplementedError
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of an orbit found by any method."""
+        """See `Equation.unknowns`."""
         raise NotImplementedError
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
