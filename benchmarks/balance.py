@@ -24,7 +24,7 @@ from benchmarks.row import Row, Target
 from benchmarks.stopwatch import fastest
 from gapwalk import Balance, Branch, Harmonic, Kind, System, WalkOptions, backlash, find_orbit, follow
 from gapwalk.errors import GapwalkError
-from gapwalk.orbit.orbit_equation import Method
+from gapwalk.orbit.method import Method
 from gapwalk.orbit.shooting import Shooting
 from gapwalk.paper import case
 

@@ -64,7 +64,8 @@ def test_the_lines_of_the_forces_are_those_of_finely_sampled_ones(law, coefficie
     sampled = contact_forces(layout, numbers, q, rates)
     expected = 2.0 * (waves(-phi, 2 * count).T @ sampled) / samples
     expected[0] *= 0.5
-    found = forces.spring + 1j * system.frequency * np.arange(2 * count + 1) * forces.damper
+    spring, damper = forces.parts[:, 0], forces.parts[:, 2]
+    found = spring + 1j * system.frequency * np.arange(2 * count + 1) * damper
     # sampling errs by 1/samples where the viscous force jumps, by its square elsewhere
     assert pytest.approx(expected, abs=3e-4 if law == "viscous" else 2e-8) == found.T
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -14,8 +13,8 @@ import gapwalk as gw
 from gapwalk.bifurcation.membership import Curve
 from gapwalk.flow.forces import accelerations
 from gapwalk.model import Contact, Harmonic, Stage, System
-from gapwalk.model.coefficients import ParameterLine, coefficients_of, layout_of
-from gapwalk.orbit import Evaluation, Method, Orbit, register
+from gapwalk.model.coefficients import layout_of
+from gapwalk.orbit import Evaluation, Method, Orbit, OrbitEquation, register
 from gapwalk.orbit.method import METHODS
 
 TINY = 1e-30  # a complex step
@@ -55,14 +54,10 @@ class TrapezoidOrbit(Orbit):
 
 
 @dataclass(frozen=True)
-class TrapezoidEquation:
+class TrapezoidEquation(OrbitEquation):
     """``x_(j+1) - x_j = h / 2 (f_j + f_(j+1))`` around the period."""
 
-    system: System
-    parameter: str | None
-    period: int
-    options: Trapezoids
-    by_touches = None
+    options: Trapezoids = Trapezoids()
     tolerance = 1e-10
 
     @property
@@ -73,10 +68,6 @@ class TrapezoidEquation:
     def step(self):
         return 2.0 * np.pi / self.options.nodes
 
-    @cached_property
-    def line(self):
-        return None if self.parameter is None else ParameterLine(self.system, self.parameter)
-
     def rates(self, states, coefficients):
         n = self.system.size
         q, v = states[:, :n], states[:, n:]
@@ -84,9 +75,7 @@ class TrapezoidEquation:
         return coefficients[0] * np.hstack((v, a))
 
     def evaluate(self, unknowns, value):
-        coefficients, slope = (
-            (coefficients_of(self.system), None) if self.line is None else self.line.coefficients(value)
-        )
+        coefficients, slope = self.coefficients(value)
         x = unknowns.reshape(self.count, -1)
         size, half = x.shape[1], 0.5 * self.step
         f = self.rates(x, coefficients)
@@ -116,7 +105,7 @@ class TrapezoidEquation:
         values = np.linalg.eigvals(around).astype(complex)
         bend = np.abs(np.roll(f, 1, axis=0) - 2.0 * f + np.roll(f, -1, axis=0)).sum(axis=0)
         return TrapezoidOrbit(
-            self.system if self.line is None else self.line.system_at(value),
+            self.system_at(value),
             self.period,
             x[0].copy(),
             values[np.argsort(-np.abs(values))],
@@ -137,12 +126,6 @@ class TrapezoidEquation:
         n = self.system.size
         unit = np.repeat([length, length * (frequency or self.system.frequency)], n)
         return np.tile(unit, self.count) * np.sqrt(n * self.count)
-
-    def inaccuracy(self, orbit):
-        return ""
-
-    def finer(self):
-        return None
 
     def otherwise(self):
         return replace(self, options=Trapezoids(3 * self.options.nodes // 2))

@@ -149,7 +149,7 @@ def test_turning_points_of_a_combined_deflection():
     )  # fmt: skip
     orbit = find_orbit(system)
     fine = orbit.motion(20_000)
-    thetas, values = orbit.survey.turns[0]
+    thetas, values = orbit.turns[0]
     assert max(values) == pytest.approx(fine.deflections.max(), abs=1e-7)
     assert min(values) == pytest.approx(fine.deflections.min(), abs=1e-7)
     slopes = np.diff(np.append(fine.deflections[:, 0], fine.deflections[1, 0]))

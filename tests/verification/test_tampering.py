@@ -156,7 +156,7 @@ def test_a_branch_without_its_last_half_is_found(branch) -> None:
     [
         (EndReason.CLOSED, "its last point is not its first"),
         (EndReason.JOINED, "no other branch is near its end"),
-        (EndReason.TURNED_BACK, "it lies on the other side"),
+        (EndReason.TURNED_BACK, "it is ahead of the start"),
     ],
 )
 def test_a_reason_of_an_end_that_does_not_hold_is_found(branch, reason, words) -> None:

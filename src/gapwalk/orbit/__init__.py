@@ -5,7 +5,7 @@ from gapwalk.orbit.floquet import Instability, classify, multipliers
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.method import Method, register
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Equation, Evaluation, Newton
+from gapwalk.orbit.orbit_equation import Equation, Evaluation, Newton, OrbitEquation
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
 
 for _method in (Shooting, Balance):  # the default comes first
@@ -19,6 +19,7 @@ __all__ = [
     "Method",
     "Newton",
     "Orbit",
+    "OrbitEquation",
     "Shooting",
     "ShootingEquation",
     "classify",

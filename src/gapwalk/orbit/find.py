@@ -7,6 +7,7 @@ If the end of a transient leads to no orbit (it may be unstable and attract noth
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,10 +140,15 @@ def _found(equation: OrbitEquation, newton: Newton | None) -> Orbit:
         except NumericalError:
             if words not in tried:
                 tried.append(words)
-    why = ". ".join(f"{text[0].upper()}{text[1:]}" for text in doubts)
+    name = system.structure.names[0]
+    advice = (
+        f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
+        f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
+    )
+    if doubts:
+        advice = ". ".join(f"{text[0].upper()}{text[1:]}" for text in doubts)
     raise ConvergenceError(
-        f"no period-{period} orbit found. Tried as starts: {', '.join(tried)} (the first: {first}). "
-        f"{why or _advice(system.structure.names[0], period)}"
+        f"no period-{period} orbit found. Tried as starts: {', '.join(tried)} (the first: {first}). {advice}"
     ) from first
 
 
@@ -167,8 +173,12 @@ def other_starts(
         Function that finds an orbit of another system by a transient, or raises a `NumericalError`.
     """
     if settled is not None:
-        states = _strobes(system, period, settled)
-        if states is not None:
+        flow, coefficients, motion = flow_of(system), coefficients_of(system), [settled]
+        with suppress(NumericalError):  # the motion may diverge
+            for _ in range(_STROBES - 1):
+                motion.append(flow.integrate(coefficients, motion[-1], 0.0, PERIOD * period).state)
+        if len(motion) == _STROBES:
+            states = np.array(motion)
             nearest = np.argsort(np.linalg.norm(np.diff(states, axis=0), axis=1))[:_NEAREST]
             yield from (("states that nearly repeat", lambda state=state: state) for state in states[nearest])
             yield "their mean", lambda: states.mean(axis=0)
@@ -178,18 +188,14 @@ def other_starts(
         other = system.at({name: ratio * system[name]})
         yield f"{name} {other[name]:.4g}", lambda other=other: carry(find(other), system, [name]).state
     if system.structure.contacts:
-        yield "harmonic balance", lambda: _balanced(system, period)
+        from gapwalk.orbit.harmonic_balance import Balance  # imported late: slow to import, and rarely needed
 
+        def balanced() -> NDArray[np.float64]:
+            equation = Balance(harmonics=10).pose(system, None, period)
+            unknowns, evaluation = solve(equation, equation.start(np.zeros(2 * system.size)), 0.0)
+            return equation.orbit(unknowns, 0.0, evaluation).state
 
-def _strobes(system: System, period: int, state: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return states of a motion at intervals of an orbit's period, shape (_STROBES, 2n); None if it diverges."""
-    flow, coefficients, states = flow_of(system), coefficients_of(system), [state]
-    try:
-        for _ in range(_STROBES - 1):
-            states.append(flow.integrate(coefficients, states[-1], 0.0, PERIOD * period).state)
-    except NumericalError:
-        return None
-    return np.array(states)
+        yield "harmonic balance", balanced
 
 
 def carry(orbit: Orbit, system: System, names: Sequence[str] = ()) -> Orbit:
@@ -254,20 +260,3 @@ def _step(orbit: Orbit, target: System, names: list[str], change) -> Orbit:
     if missed > _ASTRAY * np.linalg.norm(unit * moved) + _CLOSE * np.linalg.norm(unit * state):
         raise ConvergenceError("the next orbit lies far from the tangent; the branch bends sharply here, or has a fold")
     return equation.orbit(state, 0.0, evaluation)
-
-
-def _balanced(system: System, period: int) -> NDArray[np.float64]:
-    """Return the state of an orbit by harmonic balance, with rest as the start."""
-    from gapwalk.orbit.harmonic_balance import Balance  # imported late: slow to import, and rarely needed
-    from gapwalk.orbit.orbit_equation import solve
-
-    equation = Balance(harmonics=10).pose(system, None, period)
-    unknowns, evaluation = solve(equation, equation.start(np.zeros(2 * system.size)), 0.0)
-    return equation.orbit(unknowns, 0.0, evaluation).state
-
-
-def _advice(name: str, period: int) -> str:
-    return (
-        f"Give a state near the orbit (start = [...]), follow it from another value of {name}, or look for another "
-        f"period (period = {2 * period}): `gapwalk.settle` shows what the motion settles on"
-    )

@@ -47,22 +47,17 @@ def floats(orbit: Orbit, ways: NDArray[np.float64]) -> str:
         (touching if closed else opened).append((contact.name, deflection @ ways))
     if np.linalg.matrix_rank(np.array([row for _, row in touching]).reshape(-1, ways.shape[1])) == ways.shape[1]:
         return ""
-    if not opened:
-        return (
-            f"no spring restrains it in some direction, so each such motion is one of a family; {_advice(system, ways)}"
-        )
-    names = " and ".join(name for name, _ in opened)
-    return (
-        f"{names} {'touch' if opened[1:] else 'touches'} nowhere, and no other spring restrains the floating part: it "
-        f"may lie anywhere within its clearance, so each such motion is one of a family; {_advice(system, ways)}"
-    )
-
-
-def _advice(system: System, ways: NDArray[np.float64]) -> str:
-    assembly = system.structure.assembly
-    if isinstance(assembly, TrainAssembly):
+    advice = "give it a stiffness, however small, or begin where the contact closes"
+    if isinstance(assembly := system.structure.assembly, TrainAssembly):
         deflections = assembly.numbers(system.values).deflections @ ways
         for link, moved in zip(assembly.form.links, deflections, strict=True):
             if link.drag and np.abs(moved).max() > _NOTHING:
-                return f"give {link.name} a stiffness, however small, or begin where the contact closes"
-    return "give it a stiffness, however small, or begin where the contact closes"
+                advice = f"give {link.name} a stiffness, however small, or begin where the contact closes"
+                break
+    if not opened:
+        return f"no spring restrains it in some direction, so each such motion is one of a family; {advice}"
+    names = " and ".join(name for name, _ in opened)
+    return (
+        f"{names} {'touch' if opened[1:] else 'touches'} nowhere, and no other spring restrains the floating part: it "
+        f"may lie anywhere within its clearance, so each such motion is one of a family; {advice}"
+    )

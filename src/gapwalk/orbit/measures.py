@@ -6,16 +6,14 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.errors import ModelError
-from gapwalk.flow.flow import PERIOD, Turn, flow_of
+from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.problems import near_names
 
@@ -42,56 +40,27 @@ class Turns(NamedTuple):
         return before if nearer else after
 
 
-@dataclass(frozen=True, eq=False)
-class Survey:
-    """Results of one pass over an orbit, accurate to rounding.
-
-    Attributes
-    ----------
-    turns
-        Angles at which the deflection of each contact turns, and its values there.
-    visited
-        Positions at the start, and at the turning points of coordinates and deflections.
-    means : shape (2, n)
-        Mean of each coordinate, and of its square.
-    """
-
-    turns: tuple[Turns, ...]
-    visited: list[list[float]]
-    means: NDArray[np.float64]
-
-    @cached_property
-    def extremes(self) -> NDArray[np.float64]:
-        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
-        visited = np.array(self.visited)
-        return np.column_stack((visited.max(axis=0), visited.min(axis=0), self.means[0], np.sqrt(self.means[1])))
-
-
 def measure(orbit: Orbit, name: str) -> float:
     """See `Orbit.measure`."""
     kind, _, signal = name.partition(".")
-    if signal in orbit.system.coordinates and kind in MEASURES:
-        return pick(orbit.extremes[orbit.system.coordinates.index(signal)], kind)
+    coordinates = orbit.system.coordinates
     if kind in MEASURES:
-        values = orbit.motion(8 * orbit.samples).signal(signal)  # its largest sample is its maximum to about 1e-5
-        mean, rms = float(values[:-1].mean()), float(np.sqrt(np.mean(values[:-1] ** 2)))
-        return pick(np.array([values.max(), values.min(), mean, rms]), kind)
+        if signal in coordinates:
+            row = orbit.extremes[coordinates.index(signal)]
+        else:
+            values = orbit.motion(8 * orbit.samples).signal(signal)  # its largest sample is its maximum to about 1e-5
+            row = values.max(), values.min(), values[:-1].mean(), np.sqrt(np.mean(values[:-1] ** 2))
+        if kind == "half":
+            return float(row[0] - row[1]) / 2
+        return float(row[("max", "min", "mean", "rms").index(kind)])
     if kind.startswith("h") and signal and not near_names(kind, MEASURES):
         return abs(harmonic(orbit, kind[1:], signal))
-    coordinates = orbit.system.coordinates
     if near := near_names(name, [*coordinates, *(f"{each}.{q}" for each in MEASURES for q in coordinates)]):
         raise ModelError(f"there is no measure {name!r}; did you mean {' or '.join(near)}?")
     raise ModelError(
         f"there is no measure {name!r}; write one of {', '.join(MEASURES)}, h0, h1, ... , a dot and a signal, "
         f"such as half.{coordinates[0]}"
     )
-
-
-def pick(row: NDArray[np.float64], kind: str) -> float:
-    """Return one measure from a row of maximum, minimum, mean and rms."""
-    if kind == "half":
-        return float(row[0] - row[1]) / 2
-    return float(row[("max", "min", "mean", "rms").index(kind)])
 
 
 def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
@@ -114,27 +83,32 @@ def harmonic(orbit: Orbit, order: str | int | Fraction, signal: str) -> complex:
     return complex(lines[int(line)]) * (1 if line == 0 else 2)
 
 
-def survey(orbit: Orbit) -> Survey:
-    """Integrate an orbit once more, with the integrals of its positions, and record every turning point."""
+def survey(orbit: Orbit) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[np.float64]]:
+    """Integrate an orbit once more, with the integrals of its positions, and record every turning point.
+
+    Returns
+    -------
+    turns
+        Angles at which the deflection of each contact turns, and its values there.
+    visited
+        Positions at the start, and at the turning points of coordinates and deflections.
+    means : shape (2, n)
+        Mean of each coordinate, and of its square.
+    """
     flow, coefficients = flow_of(orbit.system, survey=True), coefficients_of(orbit.system)
     length, n = PERIOD * orbit.period, orbit.system.size
     integrals, turns = flow.survey(coefficients, orbit.state, length)
-    rows = flow.equations.turning
     contacts = []
     for contact in flow.equations.layout.contacts:
         factors = [(i, f) for i, f in enumerate(coefficients[contact.deflection].tolist()) if f] or [(0, 0.0)]
-        event = factors[0][0]
+        event = factors[0][0]  # the deflection turns with its only coordinate, or has an event of its own
         if len(factors) > 1:
-            event = next(k for k, (slots, _) in enumerate(rows) if slots is contact.deflection)
-        contacts.append(_turns_along(factors, [turn for turn in turns if turn.event == event]))
+            event = next(k for k, (slots, _) in enumerate(flow.equations.turning) if slots is contact.deflection)
+        own = [turn for turn in turns if turn.event == event]
+        values: list[float] = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in own]
+        contacts.append(Turns([turn.theta for turn in own], values))
     visited = [orbit.state[:n].tolist(), *(turn.positions for turn in turns)]
-    return Survey(tuple(contacts), visited, integrals / length)
-
-
-def _turns_along(factors: list[tuple[int, float]], turns: list[Turn]) -> Turns:
-    """Return the turning points of a deflection, given its non-zero factors."""
-    values = [sum([factor * turn.positions[i] for i, factor in factors]) for turn in turns]
-    return Turns([turn.theta for turn in turns], values)
+    return tuple(contacts), visited, integrals / length
 
 
 def apart(a: float, b: float, full: float) -> float:

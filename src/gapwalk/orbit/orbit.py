@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.flow.motion import Motion, sample, switch_names
+from gapwalk.flow.motion import Motion, sample
 from gapwalk.flow.switching import ContactEvent
 from gapwalk.model.coefficients import coefficients_of
-from gapwalk.model.structure import ContactForm
 from gapwalk.model.system import System, pace_text
 from gapwalk.notebook import Shown
 from gapwalk.orbit.floquet import Instability, classify
-from gapwalk.orbit.measures import Survey, Turns, measure, survey
+from gapwalk.orbit.measures import Turns, measure, survey
 from gapwalk.orbit.method import Method
 
 _SIGNS = {1: "+", -1: "-"}
@@ -80,7 +79,7 @@ class Orbit(Shown):
         if shapes != ((2 * n,), (2 * n,), (n, 4)) or self.period < 1 or self.steps < 0:
             raise ValueError("an orbit has another size than the states of its system")
         if not all(0 <= event.switch < switches for event in self.events):
-            raise ValueError("a contact event belongs to no contact")
+            raise ValueError("a contact event has the number of a switch that the system does not have")
 
     @cached_property
     def instability(self) -> Instability:
@@ -130,7 +129,22 @@ class Orbit(Shown):
         It is ``open`` for a contact that never closes, ``closed+`` or ``closed-`` for one that never opens, and
         ``closed`` for one without a gap.
         """
-        return _pattern(self)
+        texts, breakpoints = [], self.system.breakpoints
+        for place, contact in enumerate(self.system.structure.contacts):
+            innermost: dict[int, int] = {}  # only the innermost stage of each side counts as an impact
+            for switch, (own, side, _) in enumerate(breakpoints):
+                if own == place and not self.system.gapless[switch]:
+                    innermost.setdefault(side, switch)
+            if not innermost:
+                text = "closed"
+            elif any(self.closings[switch] for switch in innermost.values()):
+                text = "/".join(f"{self.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())
+            else:
+                deflection = self.system.vector(f"{contact.name}.deflection") @ self.state[: self.system.size]
+                held = [side for side, switch in innermost.items() if side * deflection > breakpoints[switch][2]]
+                text = f"closed{_SIGNS[held[0]]}" if held else "open"
+            texts.append(text if len(self.system.structure.contacts) == 1 else f"{contact.name} {text}")
+        return ", ".join(texts)
 
     def motion(self, samples: int | None = None) -> Motion:
         """Return one full period, with `samples` even samples per forcing period (by default as many as it needs)."""
@@ -152,19 +166,20 @@ class Orbit(Shown):
         return 1 << (needed - 1).bit_length()
 
     @cached_property
-    def survey(self) -> Survey:
-        """Extrema of the coordinates, and the turning points of the contacts' deflections."""
+    def _survey(self) -> tuple[tuple[Turns, ...], list[list[float]], NDArray[np.float64]]:
         return survey(self)
 
     @cached_property
     def turns(self) -> tuple[Turns, ...]:
         """Angles at which the deflection of each contact turns, and its values there."""
-        return self.survey.turns
+        return self._survey[0]
 
     @cached_property
     def extremes(self) -> NDArray[np.float64]:
-        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4)."""
-        return self.survey.extremes
+        """Maximum, minimum, mean and root mean square of each coordinate, shape (n, 4); accurate to rounding."""
+        _, positions, (mean, square) = self._survey
+        visited = np.array(positions)
+        return np.column_stack((visited.max(axis=0), visited.min(axis=0), mean, np.sqrt(square)))
 
     @cached_property
     def turning_depths(self) -> tuple[Turns, ...]:
@@ -237,31 +252,3 @@ def phases(orbit: Orbit) -> NDArray[np.float64]:
 def repeats(system: System) -> int:
     """Return how often the excitation repeats within a forcing period: three times for orders 3 and 6 alone."""
     return math.gcd(*(order for load in system.structure.harmonics for order in load.orders)) or 1
-
-
-def _pattern(orbit: Orbit) -> str:
-    """Return the contact pattern as text; only the innermost stage of each side counts as an impact."""
-    names = switch_names(orbit.system)
-    texts = []
-    for contact in orbit.system.structure.contacts:
-        innermost: dict[int, int] = {}
-        for switch, (name, _, side) in enumerate(names):
-            if name == contact.name and not orbit.system.gapless[switch]:
-                innermost.setdefault(side, switch)
-        if not innermost:
-            text = "closed"
-        elif any(orbit.closings[switch] for switch in innermost.values()):
-            text = "/".join(f"{orbit.closings[switch]}{_SIGNS[side]}" for side, switch in innermost.items())
-        else:
-            held = [side for side, switch in innermost.items() if _is_inside(orbit, contact, names[switch])]
-            text = f"closed{_SIGNS[held[0]]}" if held else "open"
-        texts.append(text if len(orbit.system.structure.contacts) == 1 else f"{contact.name} {text}")
-    return ", ".join(texts)
-
-
-def _is_inside(orbit: Orbit, contact: ContactForm, name: tuple[str, str, int]) -> bool:
-    """Return whether a stage is closed at the start of an orbit."""
-    system, (_, stage, side) = orbit.system, name
-    deflection = system.vector(f"{contact.name}.deflection")
-    clearance = system[f"{contact.name}.{stage}.clearance" if stage else f"{contact.name}.clearance"]
-    return side * float(deflection @ orbit.state[: system.size]) > clearance

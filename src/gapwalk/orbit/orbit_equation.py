@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 
 from gapwalk.errors import ConvergenceError, FlowError, ModelError
 from gapwalk.flow.length_unit import smallness
+from gapwalk.model.coefficients import ParameterLine, coefficients_of
 from gapwalk.model.system import System
-from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 if TYPE_CHECKING:
@@ -28,24 +29,11 @@ _RUNAWAY = 1e12  # size above which unknowns are not a motion, as at an undamped
 
 
 class Equation(Protocol):
-    """Periodic orbit of `system` as N equations in N unknowns and, optionally, one named parameter.
-
-    Continuation requires no more than this interface.
-    """
-
-    @property
-    def system(self) -> System:
-        """System at some value of the parameter."""
-        ...
+    """Periodic orbit as N equations in N unknowns and one named parameter; continuation requires no more than this."""
 
     @property
     def parameter(self) -> str | None:
         """Name of the parameter that may vary."""
-        ...
-
-    @property
-    def period(self) -> int:
-        """m, number of forcing periods of the orbit."""
         ...
 
     @property
@@ -66,49 +54,98 @@ class Equation(Protocol):
         ...
 
 
-class OrbitEquation(Equation, Protocol):
-    """Equation that can be posed again: for an orbit found by another method, with a finer resolution, or otherwise.
+@dataclass(frozen=True)
+class OrbitEquation:
+    """Equation of the orbits of one method; see `Equation`.
 
-    To add a discretisation of orbits, write a class with these members, and a `Method` that creates it. Continuation,
-    special points and everything above require no more.
+    To add a discretisation of orbits, derive from this a frozen dataclass with a default for `options`, and write a
+    `Method` that creates it. `evaluate`, `orbit`, `unknowns`, `scales`, `start`, `otherwise` and `embed` are required;
+    the others have defaults. Continuation, special points and everything above require no more.
+
+    Parameters
+    ----------
+    system
+        The system.
+    parameter
+        The named parameter to follow, or None.
+    period
+        m, number of forcing periods.
+    options
+        Method that posed the equation; it poses other systems, parameters and periods in the same way.
     """
 
-    @property
-    def options(self) -> Method:
-        """Method that posed the equation; it poses other systems, parameters and periods in the same way."""
-        ...
+    system: System
+    parameter: str | None = None
+    period: int = 1
+    options: Any = None
+
+    def __post_init__(self) -> None:
+        check_period(self.period)
+        if self.parameter is not None:
+            self.system.structure.place(self.parameter)
 
     @property
-    def by_touches(self) -> Callable[..., TouchEquation] | None:
-        """Function that creates the `TouchEquation` of the same orbits; None if there is none."""
-        ...
+    def tolerance(self) -> float:
+        """Largest residual of a solution, relative to the size of the unknowns."""
+        return self.options.tolerance
+
+    @cached_property
+    def line(self) -> ParameterLine:
+        """Systems along the parameter."""
+        assert self.parameter is not None
+        return ParameterLine(self.system, self.parameter)
+
+    def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one."""
+        return (coefficients_of(self.system), None) if self.parameter is None else self.line.coefficients(value)
+
+    def system_at(self, value: float) -> System:
+        """Return the system at a value of the parameter; the equation's own if it has no parameter."""
+        return self.system if self.parameter is None else self.line.system_at(value)
+
+    def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
+        """See `Equation.evaluate`."""
+        raise NotImplementedError
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """See `Equation.orbit`."""
+        raise NotImplementedError
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """See `Equation.unknowns`."""
+        raise NotImplementedError
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the change of each unknown that weighs as much as a motion of one length; shape (N,).
 
         Velocities count as lengths times a frequency, by default that of the system.
         """
-        ...
-
-    def inaccuracy(self, orbit: Orbit) -> str:
-        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
-        ...
-
-    def finer(self) -> OrbitEquation | None:
-        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
-        ...
+        raise NotImplementedError
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknowns of the motion from a state, as a start for Newton's method."""
-        ...
+        raise NotImplementedError
 
     def otherwise(self) -> OrbitEquation:
         """Return the equation of the same orbits with another or finer discretisation, for an error estimate."""
-        ...
+        raise NotImplementedError
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return a change of the unknowns as one of the unknowns of `otherwise()`; additional ones are zero."""
-        ...
+        raise NotImplementedError
+
+    @property
+    def by_touches(self) -> Callable[..., TouchEquation] | None:
+        """Function that creates the `TouchEquation` of the same orbits; None if there is none."""
+        return None
+
+    def inaccuracy(self, orbit: Orbit) -> str:
+        """Return why the orbit of a solution is not accurate enough, and what to change; empty if it is."""
+        return ""
+
+    def finer(self) -> OrbitEquation | None:
+        """Return the equation of the same orbits with a finer resolution, or None if the method has none."""
+        return None
 
 
 class Evaluation(NamedTuple):
@@ -161,7 +198,7 @@ def check_period(period: object) -> None:
 
 
 def solve(
-    equation: Equation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
+    equation: OrbitEquation, unknowns: NDArray[np.float64], value: float, options: Newton | None = None
 ) -> tuple[NDArray[np.float64], Evaluation]:
     """Return the solution nearest to a start, and the evaluation there.
 
@@ -171,10 +208,13 @@ def solve(
         If there is none within reach; the message gives the last residual.
     """
     options = options or Newton()
-    evaluation = _evaluate(equation, unknowns, value)
+    try:
+        evaluation = equation.evaluate(unknowns, value)
+    except FlowError as error:
+        raise ConvergenceError(f"the motion from the start of Newton's method cannot be followed: {error}") from error
     for _ in range(options.iterations):
         if is_solved(equation, unknowns, evaluation):
-            return _polished(equation, unknowns, value, evaluation)
+            break
         step = np.linalg.lstsq(evaluation.by_unknowns, -evaluation.residual, rcond=1e-14)[0]
         unknowns, evaluation = _damped(equation, unknowns, value, evaluation, step, options.halvings)
     if is_solved(equation, unknowns, evaluation):
@@ -185,14 +225,7 @@ def solve(
     )
 
 
-def _evaluate(equation: Equation, unknowns: NDArray[np.float64], value: float) -> Evaluation:
-    try:
-        return equation.evaluate(unknowns, value)
-    except FlowError as error:
-        raise ConvergenceError(f"the motion from the start of Newton's method cannot be followed: {error}") from error
-
-
-def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
+def is_solved(equation: OrbitEquation, unknowns: NDArray[np.float64], evaluation: Evaluation) -> bool:
     """Return whether the residual is within the equation's tolerance, relative to the size of the unknowns."""
     scale = max(smallness(equation.system), float(np.abs(unknowns).max()))
     if scale > _RUNAWAY:
@@ -200,7 +233,7 @@ def is_solved(equation: Equation, unknowns: NDArray[np.float64], evaluation: Eva
     return float(np.abs(evaluation.residual).max()) <= equation.tolerance * scale
 
 
-def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
+def _polished(equation: OrbitEquation, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation):
     """Take one more step, which leaves only rounding errors, if it helps and if the orbit is an isolated one."""
     try:
         better = unknowns - np.linalg.solve(evaluation.by_unknowns, evaluation.residual)
@@ -213,19 +246,17 @@ def _polished(equation: Equation, unknowns: NDArray[np.float64], value: float, e
 
 
 def _damped(equation, unknowns, value, evaluation, step, halvings):
-    """Return the longest of the halved steps that reduces the residual."""
-    before, factor = np.linalg.norm(evaluation.residual), 1.0
-    best = None
-    for _ in range(halvings + 1):
+    """Return the longest of the halved steps that reduces the residual; if none does, the longest that has one."""
+    before, longest = np.linalg.norm(evaluation.residual), None
+    for halving in range(halvings + 1):
+        trial = unknowns + 0.5**halving * step
         try:
-            trial = equation.evaluate(unknowns + factor * step, value)
+            reached = trial, equation.evaluate(trial, value)
         except FlowError:
-            trial = None
-        if trial is not None:
-            best = (unknowns + factor * step, trial) if best is None else best
-            if np.linalg.norm(trial.residual) < before:
-                return unknowns + factor * step, trial
-        factor /= 2
-    if best is None:
+            continue
+        if np.linalg.norm(reached[1].residual) < before:
+            return reached
+        longest = longest or reached
+    if longest is None:
         raise ConvergenceError("Newton's method left the region in which the motion can be followed")
-    return best
+    return longest

@@ -86,24 +86,19 @@ class Sensitivity:
         lines = [ParameterLine(system, name).coefficients(system[name])[1] for name in self.names]
         return np.array(lines).reshape(len(self.names), len(self._coefficients))
 
-    def vary(self, theta: NDArray[np.float64]) -> tuple[Motion, NDArray[np.float64]]:
-        """Return the motion at increasing angles from 0, and the derivative of each state, shape (samples, 2n, k)."""
-        orbit = self.orbit
-        found = self._flow.vary(self._coefficients, orbit.state, theta, self.slopes)
-        n = orbit.system.size
-        motion = Motion(orbit.system, theta, found.states[:, :n], found.states[:, n:], tuple(found.contacts))
-        return motion, found.transitions @ self.state + found.sensitivities
-
     def signal(self, signal: Signal, theta: NDArray[np.float64]) -> SignalSlopes:
         """Return a signal at any angles, with its derivatives by the parameters and by the angle."""
         grid, back = _grid(self.orbit, theta)
-        motion, states = self.vary(grid)
+        system, n = self.orbit.system, self.orbit.system.size
+        found = self._flow.vary(self._coefficients, self.orbit.state, grid, self.slopes)
+        motion = Motion(system, grid, found.states[:, :n], found.states[:, n:], tuple(found.contacts))
+        states = found.transitions @ self.state + found.sensitivities
         by_parameters, sizes = np.zeros((len(grid), len(self.names))), np.zeros(len(self.names))
         for k, direction in enumerate(self.slopes):
             through_state = signal.slope(motion, states[:, :, k])
             by_parameters[:, k] = signal.slope(motion, states[:, :, k], direction)
             sizes[k] = np.sqrt(np.mean(through_state**2) + np.mean((by_parameters[:, k] - through_state) ** 2))
-        rate = np.hstack((motion.v, motion.a)) / self.orbit.system.frequency
+        rate = np.hstack((motion.v, motion.a)) / system.frequency
         by_angle = signal.slope(motion, rate, theta=1.0)
         return SignalSlopes(signal.of(motion)[back], by_parameters[back], by_angle[back], sizes)
 

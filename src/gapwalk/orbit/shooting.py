@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.switching import ContactEvent
-from gapwalk.model.coefficients import ParameterLine, coefficients_of
+from gapwalk.model.coefficients import coefficients_of
 from gapwalk.model.system import System
 from gapwalk.orbit.floquet import multipliers
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, check_period
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 
 if TYPE_CHECKING:
     from gapwalk.orbit.touch_equation import TouchEquation
@@ -68,7 +68,7 @@ class Shooting(Method):
 
 
 @dataclass(frozen=True)
-class ShootingEquation:
+class ShootingEquation(OrbitEquation):
     """Equations ``Phi_j(x_j; a) - x_(j+1) = 0`` for the S segments of an orbit of m forcing periods (paper, section 3).
 
     The unknowns are the states at the start of each segment, one after the other. Over theta the period is ``2 pi m``
@@ -76,28 +76,14 @@ class ShootingEquation:
 
     Parameters
     ----------
-    system
-        The system.
-    parameter
-        The named parameter to follow, or None.
-    period
-        m, number of forcing periods.
-    options
-        Options of shooting.
+    system, parameter, period, options
+        See `OrbitEquation`.
     marks
         Angles at which further segments begin, in addition to those of the options: see `TouchEquation`.
     """
 
-    system: System
-    parameter: str | None = None
-    period: int = 1
     options: Shooting = Shooting()
     marks: tuple[float, ...] = ()
-
-    def __post_init__(self) -> None:
-        check_period(self.period)
-        if self.parameter is not None:
-            self.system.structure.place(self.parameter)
 
     @property
     def by_touches(self) -> Callable[..., TouchEquation]:
@@ -105,11 +91,6 @@ class ShootingEquation:
         from gapwalk.orbit.touch_equation import TouchEquation
 
         return partial(TouchEquation, self)
-
-    @property
-    def tolerance(self) -> float:
-        """Largest residual of an orbit, relative to the size of its state."""
-        return self.options.tolerance
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return residual and derivatives; see `Equation.evaluate`.
@@ -120,18 +101,18 @@ class ShootingEquation:
             If the motion diverges or chatters without end.
         """
         coefficients, direction = self.coefficients(value)
-        knots = self.knots
-        size, count = 2 * self.system.size, len(knots) - 1
-        states = unknowns.reshape(count, size)
-        arcs = [self._flow.integrate(coefficients, states[j], knots[j], knots[j + 1], direction) for j in range(count)]
+        states = unknowns.reshape(len(self.knots) - 1, -1)
+        arcs = [
+            self._flow.integrate(coefficients, state, start, stop, direction)
+            for state, (start, stop) in zip(states, pairwise(self.knots), strict=True)
+        ]
         return assembled(arcs, states)._replace(reach=_shallowest(arcs) * float(coefficients[0]))
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
         arcs: list[Arc] = evaluation.evidence
-        system = self.system if self.parameter is None else self._line.system_at(value)
         return Orbit(
-            system,
+            self.system_at(value),
             self.period,
             unknowns[: 2 * self.system.size].copy(),
             multipliers([_transition(arc) for arc in arcs]),
@@ -142,23 +123,13 @@ class ShootingEquation:
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the states of an orbit at the start of each segment."""
-        if len(self.knots) == 2:
-            return orbit.state.copy()
-        return self.spread(orbit.state, orbit.system)
+        return self._spread(orbit.state, orbit.system)
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return scales: a length for positions, times the frequency for velocities, divided among the unknowns."""
         size, segments = self.system.size, len(self.knots) - 1
         unit = np.repeat([length, length * (frequency or self.system.frequency)], size)
         return np.tile(unit, segments) * np.sqrt(size * segments)
-
-    def inaccuracy(self, orbit: Orbit) -> str:
-        """Return an empty string: an orbit by shooting is as accurate as the flow."""
-        return ""
-
-    def finer(self) -> None:
-        """Return None: the flow is already accurate to rounding."""
-        return None
 
     def otherwise(self) -> ShootingEquation:
         """Return the equation with one segment more: its steps and its rounding differ."""
@@ -171,13 +142,12 @@ class ShootingEquation:
 
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at the start of each segment on the motion from `state`."""
-        return self.spread(state)
+        return self._spread(state, self.system)
 
-    def spread(self, state: NDArray[np.float64], system: System | None = None) -> NDArray[np.float64]:
-        """Return the states at the start of each segment on the motion from `state`, concatenated."""
-        system = self.system if system is None else system
-        states, knots = [np.asarray(state, dtype=float)], self.knots[:-1]
-        for start, stop in pairwise(knots):
+    def _spread(self, state: NDArray[np.float64], system: System) -> NDArray[np.float64]:
+        """Return the states at the start of each segment on the motion of a system from `state`, concatenated."""
+        states = [np.asarray(state, dtype=float)]
+        for start, stop in pairwise(self.knots[:-1]):
             states.append(flow_of(system).integrate(coefficients_of(system), states[-1], start, stop).state)
         return np.concatenate(states)
 
@@ -188,35 +158,25 @@ class ShootingEquation:
         return sorted([*(PERIOD * self.period * j / count for j in range(count + 1)), *self.marks])
 
     @cached_property
-    def _line(self) -> ParameterLine:
-        assert self.parameter is not None
-        return ParameterLine(self.system, self.parameter)
-
-    @cached_property
     def _flow(self) -> Flow:
         names = () if self.parameter is None else (self.parameter,)
         return flow_of(self.system, *names, transition=True)
-
-    @cached_property
-    def _fixed(self) -> NDArray[np.float64]:
-        return coefficients_of(self.system)
-
-    def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """Return the coefficients of the flow at a value of the parameter, and their derivative if there is one."""
-        if self.parameter is None:
-            return self._fixed, None
-        return self._line.coefficients(value)
 
 
 def assembled(arcs: list[Arc], states: NDArray[np.float64]) -> Evaluation:
     """Assemble residual and derivatives from the segments' arcs and their initial states, shape (segments, 2n)."""
     count, size = states.shape
-    if count == 1:
-        arc = arcs[0]
-        return Evaluation(arc.state - states[0], _jacobian(arcs, size), arc.sensitivity, arcs)
     residual = np.concatenate([arcs[j].state - states[(j + 1) % count] for j in range(count)])
     by_parameter = None if arcs[0].sensitivity is None else np.concatenate([_sensitivity(arc) for arc in arcs])
-    return Evaluation(residual, _jacobian(arcs, size), by_parameter, arcs)
+    # [ P_1  -I        ]
+    # [       P_2  -I  ]
+    # [ -I        P_3  ]
+    jacobian = np.zeros((states.size, states.size))
+    for j, arc in enumerate(arcs):
+        jacobian[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
+    rows = np.arange(states.size)
+    jacobian[rows, (rows + size) % states.size] -= 1.0
+    return Evaluation(residual, jacobian, by_parameter, arcs)
 
 
 def composed(arcs: list[Arc]) -> Arc:
@@ -243,24 +203,6 @@ def _shallowest(arcs: list[Arc]) -> float:
                 first = begun.pop(event.switch)
                 least = min(least, 0.25 * abs(first.velocity) * (event.theta - first.theta))
     return least
-
-
-def _jacobian(arcs: list[Arc], size: int) -> NDArray[np.float64]:
-    """Return the cyclic block matrix with the transitions on its diagonal and ``-I`` to the right of each."""
-    # [ P_1  -I        ]
-    # [       P_2  -I  ]
-    # [ -I        P_3  ]
-    count = len(arcs)
-    if count == 1:
-        matrix = _transition(arcs[0]).copy()
-        matrix.flat[:: size + 1] -= 1.0
-        return matrix
-    matrix = np.zeros((count * size, count * size))
-    for j, arc in enumerate(arcs):
-        matrix[j * size : (j + 1) * size, j * size : (j + 1) * size] = _transition(arc)
-        following = (j + 1) % count
-        matrix[j * size : (j + 1) * size, following * size : (following + 1) * size] -= np.eye(size)
-    return matrix
 
 
 def _transition(arc: Arc) -> NDArray[np.float64]:

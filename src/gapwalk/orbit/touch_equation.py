@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from gapwalk.errors import ConvergenceError
 from gapwalk.flow.flow import PERIOD, flow_of
 from gapwalk.flow.forces import accelerations
-from gapwalk.model.coefficients import CoefficientLayout, coefficients_of, layout_of
+from gapwalk.model.coefficients import coefficients_of, layout_of
+from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.orbit.orbit_equation import Evaluation
 from gapwalk.orbit.shooting import ShootingEquation, assembled, composed
@@ -91,7 +92,6 @@ def touches(orbit: Orbit) -> list[Touch]:
 
     For a crossing, the depth is computed from the velocity there.
     """
-    layout = layout_of(orbit.system.structure)
     places: list[tuple[float, int, float | None]] = [
         (theta, switch, depth)
         for switch, turns in enumerate(orbit.turning_depths)
@@ -103,10 +103,9 @@ def touches(orbit: Orbit) -> list[Touch]:
         return []
     thetas = sorted({theta for theta, _, _ in places})
     states = dict(zip(thetas, _states(orbit, thetas), strict=True))
-    layout, coefficients = layout_of(orbit.system.structure), coefficients_of(orbit.system)
-    found = []
+    coefficients, found = coefficients_of(orbit.system), []
     for theta, switch, depth in places:
-        _, speed, acceleration = _Gauge(layout, switch).read(coefficients, theta, states[theta])
+        _, speed, acceleration = _Gauge(orbit.system, switch).read(coefficients, theta, states[theta])
         if depth is None:
             if speed * acceleration < 0.0:
                 found.append(Touch(switch, theta, -0.5 * speed**2 / acceleration, acceleration))
@@ -150,9 +149,10 @@ class TouchEquation:
         full, rate = PERIOD * equation.period, coefficients_of(near.system)[0]
         self._thetas = [(touch.theta - ahead) % full for touch, ahead in zip(touches, leads, strict=True)]
         self._posed = replace(equation, marks=tuple(self._thetas))
+        self._firsts = [self._posed.knots.index(knot) for knot in equation.knots]  # where the own segments begin
         self._segments = [self._posed.knots.index(theta) for theta in self._thetas]
         self._switches = [touch.switch for touch in touches]
-        self._gauges = [_Gauge(layout_of(equation.system.structure), switch) for switch in self._switches]
+        self._gauges = [_Gauge(equation.system, switch) for switch in self._switches]
         self._offsets = np.zeros(len(touches))
         self.deepest = min(
             abs(touch.acceleration) * (rate * ahead) ** 2 / 8.0 for touch, ahead in zip(touches, leads, strict=True)
@@ -216,23 +216,19 @@ class TouchEquation:
 
     def evaluation(self, held: Held) -> tuple[NDArray[np.float64], Evaluation]:
         """Return the unknowns and the evaluation of the shooting equation itself at an orbit."""
-        knots, own = self._posed.knots, self._own.knots
-        firsts = [knots.index(knot) for knot in own]
-        pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(firsts)]
-        states = held.states[firsts[:-1]]
+        pieces = [held.evaluation.evidence[i:j] for i, j in pairwise(self._firsts)]
+        states = held.states[self._firsts[:-1]]
         return states.ravel(), assembled([composed(arcs) for arcs in pieces], states)
 
     def slope(self, held: Held) -> NDArray[np.float64]:
         """Return the derivatives of the shooting equation's scaled unknowns and scaled parameter by the depth."""
-        firsts = [self._posed.knots.index(knot) for knot in self._own.knots[:-1]]
-        return np.append(held.slope[:-1].reshape(-1, self._size)[firsts].ravel(), held.slope[-1])
+        return np.append(held.slope[:-1].reshape(-1, self._size)[self._firsts[:-1]].ravel(), held.slope[-1])
 
     def _lead(self, touch: Touch, lead: float) -> float:
         """Return the angle before a touch at which its segment begins, after the last event, at steady acceleration."""
         before = [event.theta for event in self._near.events if event.theta < touch.theta]
         lead = min(lead, 0.5 * (touch.theta - max(before, default=0.0)))
-        layout, coefficients = layout_of(self._near.system.structure), coefficients_of(self._near.system)
-        gauge = _Gauge(layout, touch.switch)
+        gauge, coefficients = _Gauge(self._near.system, touch.switch), coefficients_of(self._near.system)
         while lead > _SHORTEST:
             theta = touch.theta - lead
             acceleration = gauge.read(coefficients, theta, _states(self._near, [theta])[0])[2]
@@ -268,22 +264,19 @@ class TouchEquation:
             # a residual of rounding causes steps of this length: they are long if a coordinate is hardly restrained
             rounding = max(_ROUNDING, _EXACT * float(np.abs(unknowns[:-1]).max()) / float(singular[-1]))
             if length < _SETTLED or (length < rounding and length > 0.5 * before):
-                self._check(right[:, 0], unknowns, depth)
+                # all equations must be satisfied: there may be more of them than unknowns
+                slack = self._own.tolerance * float(np.abs(unknowns[:-1]).max())
+                uneven = np.abs(depth - depths).max() > _UNEVEN * abs(depth) + slack * 1e-3
+                if uneven or np.abs(evaluation.residual).max() > slack:
+                    raise ConvergenceError("the touches do not reach the same depth")
                 error = abs(float(steps[-1, 0]) * self._scales[-1])
                 return Held(unknowns[:-1].reshape(-1, self._size), value, depth, evaluation, steps[:, 1], error)
             unknowns, before = unknowns + steps[:, 0] * self._scales, length
         raise ConvergenceError(f"no orbit is found that passes a breakpoint by {depth:.3g}, near {unknowns[-1]:.12g}")
 
-    def _check(self, left: NDArray[np.float64], unknowns: NDArray[np.float64], depth: float) -> None:
-        """Check that all equations are satisfied, since there may be more of them than unknowns."""
-        size = float(np.abs(unknowns[:-1]).max())
-        residual, depths = np.abs(left[: len(unknowns) - 1]).max(), np.abs(left[len(unknowns) - 1 :]).max()
-        if residual > self._own.tolerance * size or depths > _UNEVEN * abs(depth) + self._own.tolerance * size * 1e-3:
-            raise ConvergenceError("the touches do not reach the same depth")
-
     def _depths(self, unknowns: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the depth of each touch, and its derivatives with respect to all unknowns and the parameter."""
-        coefficients, direction = self._posed.coefficients(float(unknowns[-1]))
+        coefficients, direction = self._posed.line.coefficients(float(unknowns[-1]))
         depths, rows = self._offsets.copy(), np.zeros((len(self._gauges), len(unknowns)))
         for number, (gauge, segment) in enumerate(zip(self._gauges, self._segments, strict=True)):
             place = slice(segment * self._size, (segment + 1) * self._size)
@@ -297,25 +290,25 @@ class TouchEquation:
 class _Gauge:
     """Gauge of the depth that a motion would reach beyond the breakpoint of a switch if the stage did not change."""
 
-    def __init__(self, layout: CoefficientLayout, switch: int) -> None:
-        self._layout = layout
-        stages = [(contact, stage) for contact in layout.contacts for stage in contact.stages]
-        self._contact, self._stage = stages[switch]
+    def __init__(self, system: System, switch: int) -> None:
+        self._layout = layout_of(system.structure)
+        stages = [(contact, stage) for contact in self._layout.contacts for stage in contact.stages]
+        contact, stage = stages[switch]
+        self._deflection, self._clearance, self._sign = contact.deflection, stage.clearance, stage.sign
 
     def read(
         self, coefficients: NDArray[np.float64], theta: float, state: NDArray[np.float64]
     ) -> tuple[float, float, float]:
         """Return the depth beyond the breakpoint, and its first and second derivatives over time."""
-        n, sign = len(state) // 2, self._stage.sign
-        vector = sign * coefficients[self._contact.deflection]
-        depth = float(vector @ state[:n]) - float(coefficients[self._stage.clearance])
+        n, vector = len(state) // 2, self._sign * coefficients[self._deflection]
+        depth = float(vector @ state[:n]) - float(coefficients[self._clearance])
         turning = float(vector @ accelerations(self._layout, coefficients, theta, state[:n], state[n:]))
         return depth, float(vector @ state[n:]), turning
 
     def row(
         self,
         coefficients: NDArray[np.float64],
-        direction: NDArray[np.float64] | None,
+        direction: NDArray[np.float64],
         theta: float,
         state: NDArray[np.float64],
     ) -> tuple[float, NDArray[np.float64], float]:
@@ -327,13 +320,8 @@ class _Gauge:
         depth, speed, turning = self.read(coefficients, theta, state)
         if turning == 0.0:
             raise ConvergenceError("the deflection does not turn at the breakpoint")
-        n, sign = len(state) // 2, self._stage.sign
-        vector = sign * coefficients[self._contact.deflection]
-        by_value = 0.0
-        if direction is not None:
-            by_value = sign * float(direction[self._contact.deflection] @ state[:n]) - float(
-                direction[self._stage.clearance]
-            )
+        n, vector = len(state) // 2, self._sign * coefficients[self._deflection]
+        by_value = self._sign * float(direction[self._deflection] @ state[:n]) - float(direction[self._clearance])
         return depth - 0.5 * speed**2 / turning, np.concatenate((vector, -speed / turning * vector)), by_value
 
 

@@ -3,7 +3,7 @@
 from gapwalk.verification.verification import Check, Figure, Ledger, Spot, Summary, Verification
 from gapwalk.verification.verify_branch import confirm, verify_branches
 from gapwalk.verification.verify_diagram import verify_distinct, verify_tree, verify_whole
-from gapwalk.verification.verify_locus import verify_loci
+from gapwalk.verification.verify_orbits import verify_loci
 
 __all__ = [
     "Check",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import singledispatch
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -35,26 +36,20 @@ _NEAR = 0.05  # distance of a multiplier from criticality within which nothing i
 _BATCH = 2_000_000  # numbers in the wave matrix of one batch of panels
 
 
-def verify_truncated(ledger: Ledger, name: str, track: Track) -> None:
+def verify_truncated(ledger: Ledger, track: Track) -> None:
     """Check the orbits of a branch that are not exact."""
-    branch = track.branch
-    points = [(Spot(name, f"point {number}", point.value), point) for number, point in enumerate(branch.points)]
-    special = [
-        (Spot(name, f"special point {number} ({each.kind.value})", each.value), each.point)
-        for number, each in enumerate(branch.special_points)
-    ]
-    for spot, point in (*points, *special):
+    for spot, point, _ in track.spots():
         ledger.enter(Check.RECORD, spot, track.mismatch(point))
         ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point))
         if (off := imbalance(point.orbit)) is not None:
             ledger.enter(Check.LINES, spot, off.lines)
             ledger.enter(Check.STAGES, spot, off.astray)
-    if branch.system.size >= _LARGE:
-        ledger.note(f"{name}: with {branch.system.size} degrees of freedom no exact motions were compared with it")
+    points, size = track.branch.points, track.branch.system.size
+    if size >= _LARGE:
+        ledger.note(f"{track.name}: with {size} degrees of freedom no exact motions were compared with it")
         return
-    every = max(1, math.ceil(len(points) / _MOST))
-    for spot, point in points[::every]:
-        _beside_exact(ledger, spot, point)
+    for spot, point, _ in islice(track.spots(), 0, len(points), max(1, math.ceil(len(points) / _MOST))):
+        _compare_with_exact(ledger, spot, point)
 
 
 class Imbalance(NamedTuple):
@@ -80,13 +75,15 @@ def imbalance(orbit: Orbit) -> Imbalance | None:
 
 @imbalance.register(BalancedOrbit)
 def _of_series(orbit: BalancedOrbit) -> Imbalance:
-    system, count = orbit.system, orbit.series.lines.shape[1] - 1
-    equations = Equations([system])
+    system, lines = orbit.system, orbit.series.lines
+    count, equations = lines.shape[1] - 1, Equations([system])
+    rate = 1j * np.arange(count + 1) * system.frequency / orbit.period
     total = np.zeros((system.size, count + 1), dtype=complex)
     largest, astray, length = 0.0, 0.0, float(np.abs(orbit.extremes[:, :2]).max())
     for theta, weights in _panels(orbit, count):
         waves = np.exp(1j * np.outer(theta / orbit.period, np.arange(count + 1)))
-        states, accelerations = _motion(orbit, waves)
+        states = np.hstack([(waves @ (lines * rate**power).T).real for power in (0, 1)])
+        accelerations = (waves @ (lines * rate**2).T).real
         depths = equations.depths(equations.deflections(states[:, : system.size]))
         closed = (depths > 0.0).astype(float)
         full = np.column_stack((states, np.zeros(len(theta))))
@@ -111,14 +108,6 @@ def _panels(orbit: BalancedOrbit, count: int):
         yield ((0.5 * (a + b))[:, None] + half[:, None] * _NODES).ravel(), (half[:, None] * _WEIGHTS).ravel()
 
 
-def _motion(orbit: BalancedOrbit, waves: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return positions, velocities and accelerations of a series, from its waves at some angles."""
-    lines = orbit.series.lines
-    rate = 1j * np.arange(lines.shape[1]) * orbit.system.frequency / orbit.period
-    position, velocity, acceleration = ((waves @ (lines * rate**power).T).real for power in range(3))
-    return np.hstack((position, velocity)), acceleration
-
-
 def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64]) -> float:
     """Return how far a deflection is on the other side of a breakpoint than its events imply, at some angles."""
     worst = 0.0
@@ -136,7 +125,7 @@ def _astray(orbit: Orbit, theta: NDArray[np.float64], depths: NDArray[np.float64
     return worst
 
 
-def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
+def _compare_with_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     """Find an exact motion near one that is not, and compare their states and stability."""
     orbit = point.orbit
     near = float(np.abs(orbit.multipliers - 1.0).min())
@@ -154,13 +143,9 @@ def _beside_exact(ledger: Ledger, spot: Spot, point: BranchPoint) -> None:
     ledger.enter(
         Check.TRUTH, spot, off / allowed, f"difference {off:.2g} of the motion, truncation {orbit.truncation:.2g}"
     )
-    if not _is_undecided(orbit, allowed):
+    # the truncation may change the number of multipliers outside of the unit circle if one is near it
+    distances = np.abs(np.abs(orbit.multipliers) - 1.0)
+    if not is_on_border(orbit.multipliers) and distances.min() >= max(_NEAR, allowed):
         found = exact.instability.total
         detail = f"{found} unstable multipliers of the exact motion, where {orbit.instability.total} are stored"
         ledger.enter(Check.STABILITY, spot, float(found != orbit.instability.total), detail)
-
-
-def _is_undecided(orbit: Orbit, error: float) -> bool:
-    """Return whether the truncation may change the number of unstable multipliers."""
-    distances = np.abs(np.abs(orbit.multipliers) - 1.0)
-    return is_on_border(orbit.multipliers) or bool(distances.min() < max(_NEAR, error))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.independent_equations import Equations
 
-STAGES = 12
-"""Evaluations of the rates in a step, not counting the one at its end."""
 Array = NDArray[np.float64]
 
 _PERIOD = 2.0 * math.pi
@@ -34,28 +32,6 @@ _PASSES = 6  # number of times that they are: where the force jumps, moving an e
 _ASIDE = 1e-5  # largest angle by which an event may be moved: farther away there is another event
 _LANES = 2048  # number of orbits that are integrated at once
 _NUMBERS = 4_000_000  # of the matrices of so many orbits
-
-
-class Tableau(NamedTuple):
-    """Coefficients of a step.
-
-    Attributes
-    ----------
-    a : shape (STAGES, STAGES)
-        Weights of earlier stages in each stage.
-    b : shape (STAGES,)
-        Weights of the stages in the step.
-    c : shape (STAGES,)
-        Times of the stages, in steps.
-    fifth, third : shape (STAGES + 1,)
-        Weights in the two estimates of the error.
-    """
-
-    a: NDArray[np.float64]
-    b: NDArray[np.float64]
-    c: NDArray[np.float64]
-    fifth: NDArray[np.float64]
-    third: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -123,7 +99,12 @@ def _carry(orbits: Sequence[Orbit]) -> list[Round]:
         if not open_ended:
             break
         for index in open_ended:
-            moved[index] = _with_events_moved(moved[index], rounds[index].shifts)
+            end = _PERIOD * orbits[index].period
+            events = [
+                event._replace(theta=min(max(event.theta + shift, 0.0), end))
+                for event, shift in zip(moved[index].events, rounds[index].shifts, strict=True)
+            ]
+            moved[index] = replace(moved[index], events=tuple(sorted(events, key=lambda event: event.theta)))
         for index, better in zip(open_ended, _around([moved[index] for index in open_ended], finer), strict=True):
             # whether stages change at the stated events is judged by the events as they are stored
             rounds[index] = replace(better, astray=rounds[index].astray)
@@ -136,29 +117,32 @@ def _around(orbits: Sequence[Orbit], finer: float) -> list[Round]:
     everyone = Equations([orbit.system for orbit in orbits])
     inside = everyone.depths(everyone.deflections(states[:, :n])) > 0.0
     plans = [_plan(orbit, inside[index], finer) for index, orbit in enumerate(orbits)]
-    order = sorted(range(len(orbits)), key=lambda index: -len(plans[index].theta))
-    counts = np.array([len(plans[index].theta) for index in order])
+    order = sorted(range(len(orbits)), key=lambda index: -len(plans[index][0]))
+    counts = np.array([len(plans[index][0]) for index in order])
     theta, length = (np.zeros((counts[0], len(orbits))) for _ in range(2))
     closed = np.zeros((counts[0], len(orbits), inside.shape[1]))
     for lane, index in enumerate(order):
-        plan, count = plans[index], counts[lane]
-        theta[:count, lane], length[:count, lane], closed[:count, lane] = plan.theta, plan.length, plan.closed
+        count = counts[lane]
+        theta[:count, lane], length[:count, lane], closed[:count, lane], _ = plans[index]
     equations = Equations([orbits[index].system for index in order])
     motions = _Motions(equations, states[order])
     crossings: dict[int, list[tuple[int, int]]] = {}
     for lane, index in enumerate(order):
-        for step, switch in plans[index].crossings:
+        for step, switch in plans[index][3]:
             crossings.setdefault(step, []).append((lane, switch))
     motions.cross(crossings.get(-1, ()))
     for k in range(counts[0]):
         active = int(np.searchsorted(-counts, -k))  # those with more than k steps come first
         motions.advance(slice(0, active), theta[k, :active], length[k, :active], closed[k, :active])
         motions.cross(crossings.get(k, ()))
-    found: list[Round] = [motions.round(lane) for lane in np.argsort(order).tolist()]
-    return found
+    return [motions.round(lane) for lane in np.argsort(order).tolist()]
 
 
-def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
+def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> tuple[Array, Array, Array, list[tuple[int, int]]]:
+    """Return the steps of one orbit: start and length of each, the stages that act in it, and the contact events.
+
+    The latter are the numbers of the steps after which they are, with their switches, in the order of the events.
+    """
     end = _PERIOD * orbit.period
     step = end / max(8.0 * orbit.period, finer * orbit.steps)
     closed = inside.copy()
@@ -177,20 +161,7 @@ def _plan(orbit: Orbit, inside: NDArray[np.bool_], finer: float) -> _Plan:
         if event is not None:
             closed[event.switch] = event.enters
             crossings.append((len(thetas) - 1, event.switch))
-    return _Plan(np.array(thetas), np.array(lengths), np.array(stages), crossings)
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """Steps of one orbit: start and length of each, the stages that act in it, and the steps after which events are.
-
-    The latter are stored with their switches, in the order of the events.
-    """
-
-    theta: Array
-    length: Array
-    closed: Array
-    crossings: list[tuple[int, int]]
+    return np.array(thetas), np.array(lengths), np.array(stages), crossings
 
 
 class _Motions:
@@ -207,13 +178,15 @@ class _Motions:
     def advance(self, lanes: slice, theta: Array, length: Array, closed: Array) -> None:
         """Take one step of each of the first lanes."""
         n, state, h = self.equations.size, self._state[lanes], length[:, None]
-        method, rates = tableau(), np.empty((STAGES + 1, *state.shape))
+        method = _method()
+        stages = method.n_stages  # not counting the evaluation at the end of the step
+        rates = np.empty((stages + 1, *state.shape))
         with np.errstate(over="ignore", invalid="ignore"):  # a wrong orbit may diverge, which is detected at the end
             rates[0] = self.equations.rates(theta, state, closed, lanes)
-            for s in range(1, STAGES):
-                middle = state + h * _sum(method.a[s, :s], rates[:s])
-                rates[s] = self.equations.rates(theta + method.c[s] * length, middle, closed, lanes)
-            new = state + h * _sum(method.b, rates[:STAGES])
+            for s in range(1, stages):
+                middle = state + h * np.tensordot(method.A[s, :s], rates[:s], axes=1)
+                rates[s] = self.equations.rates(theta + method.C[s] * length, middle, closed, lanes)
+            new = state + h * np.tensordot(method.B, rates[:stages], axes=1)
             rates[-1] = self.equations.rates(theta + length, new, closed, lanes)
             self._errors[lanes] += np.abs(h * _error(rates))[:, : 2 * n]
             self._watch(lanes, state, new, rates, h, closed)
@@ -232,10 +205,10 @@ class _Motions:
 
     def _watch(self, lanes: slice, state: Array, new: Array, rates: Array, h: Array, closed: Array) -> None:
         """Record extrema, and the depth of a deflection on the wrong side of a breakpoint."""
-        n = self.equations.size
+        n, frequency = self.equations.size, self.equations.frequency[lanes, None]
         self._fastest[lanes] = np.maximum(self._fastest[lanes], np.abs(new[:, n : 2 * n]).max(axis=1))
-        first = [state[:, :n], h * rates[0][:, :n], h**2 * rates[0][:, n : 2 * n] / self._speed(lanes)]
-        last = [new[:, :n], h * rates[-1][:, :n], h**2 * rates[-1][:, n : 2 * n] / self._speed(lanes)]
+        first = [state[:, :n], h * rates[0][:, :n], h**2 * rates[0][:, n : 2 * n] / frequency]
+        last = [new[:, :n], h * rates[-1][:, :n], h**2 * rates[-1][:, n : 2 * n] / frequency]
         turning = _turn(first, last)
         for seen in (turning, new[:, :n]):
             np.maximum(self._largest[lanes], seen, out=self._largest[lanes])
@@ -247,9 +220,6 @@ class _Motions:
             depths = self.equations.depths(x, lanes)
             wrong = np.where(closed > 0.0, -depths, depths).max(axis=1)
             self._astray[lanes] = np.fmax(self._astray[lanes], wrong)
-
-    def _speed(self, lanes: slice) -> Array:
-        return self.equations.frequency[lanes, None]
 
     def round(self, lane: int) -> Round:
         """Return the result of one orbit."""
@@ -272,23 +242,16 @@ class _Motions:
 
 
 @cache
-def tableau() -> Tableau:
-    """Return the coefficients."""
+def _method() -> Any:
+    """Return the class with the coefficients."""
     from scipy.integrate import DOP853  # takes a fifth of the start-up time of a command, and few commands verify
 
-    method: Any = DOP853
-    return Tableau(method.A[:STAGES, :STAGES], method.B, method.C[:STAGES], method.E5, method.E3)
-
-
-def _sum(weights: Array, rates: Array) -> Array:
-    """Return the weighted sum of the rates of some stages."""
-    total: Any = np.tensordot(weights, rates, axes=(0, 0))
-    return total
+    return DOP853
 
 
 def _error(rates: Array) -> Array:
     """Return the error of a step of length 1, as DOP853 estimates it, component by component."""
-    fifth, third = (_sum(weights, rates) for weights in (tableau().fifth, tableau().third))
+    fifth, third = (np.tensordot(weights, rates, axes=1) for weights in (_method().E5, _method().E3))
     size = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
     return np.divide(fifth**2, size, out=np.zeros_like(size), where=size > 0.0)
 
@@ -310,12 +273,3 @@ def _turn(first: Sequence[Array], last: Sequence[Array]) -> Array:
     bend = a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))
     s = np.where(turns, np.clip(s - np.divide(slope, bend, out=np.zeros_like(s), where=bend != 0.0), 0.0, 1.0), 0.0)
     return x0 + s * (r0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-
-
-def _with_events_moved(orbit: Orbit, shifts: tuple[float, ...]) -> Orbit:
-    end = _PERIOD * orbit.period
-    events = [
-        event._replace(theta=min(max(event.theta + shift, 0.0), end))
-        for event, shift in zip(orbit.events, shifts, strict=True)
-    ]
-    return replace(orbit, events=tuple(sorted(events, key=lambda event: event.theta)))

@@ -78,7 +78,8 @@ class Equations:
         self.contact_of = np.array([index for index, _, _ in stages], dtype=np.intp)
         self.signs = np.array([sign for _, sign, _ in stages], dtype=float)
         self._contacts = contacts
-        self._clearance = self._numbers(values, [f"{prefix}.clearance" for _, _, prefix in stages], structure)
+        places = [structure.place(f"{prefix}.clearance") for _, _, prefix in stages]
+        self._clearance = values[:, np.array(places, dtype=np.intp)]
         self._of_stages = [
             {
                 each.name: values[:, structure.place(f"{prefix}.{each.name}")]
@@ -92,10 +93,6 @@ class Equations:
         ]
         self._free = -np.trace(self._damping, axis1=1, axis2=2)
         self._drag = np.sum(self._deflections * self._push.transpose(0, 2, 1), axis=2)
-
-    @staticmethod
-    def _numbers(values: Array, names: list[str], structure) -> Array:
-        return values[:, [structure.place(name) for name in names]] if names else np.zeros((len(values), 0))
 
     def deflections(self, q: Array, lanes: slice = slice(None)) -> Array:
         """Return the deflections of the contacts, shape (L, contacts), for positions (or rates) of shape (L, n)."""

@@ -6,7 +6,7 @@ Method: docs/numerics/verification.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Self
@@ -219,8 +219,7 @@ class Ledger:
     """Collector of figures, which it adds up to a verification."""
 
     def __init__(self) -> None:
-        self._counts: dict[Check, int] = {}
-        self._worst: dict[Check, Figure] = {}
+        self._summaries: dict[Check, Summary] = {}
         self._breaches: list[Figure] = []
         self.notes: list[str] = []
         self._unlocated: list[Spot] = []
@@ -229,11 +228,16 @@ class Ledger:
     def enter(self, check: Check, spot: Spot, size: float, detail: str = "") -> None:
         """Enter one figure; nan counts as infinite."""
         figure = Figure(check, spot, math.inf if math.isnan(size) else size, detail)
-        self._counts[check] = self._counts.get(check, 0) + 1
-        if check not in self._worst or figure.size > self._worst[check].size:
-            self._worst[check] = figure
+        known = self._summaries.get(check, Summary(check, 0, figure))
+        worst = figure if figure.size > known.worst.size else known.worst
+        self._summaries[check] = Summary(check, known.count + 1, worst)
         if not figure.passes:
             self._breaches.append(figure)
+
+    def judge(self, check: Check, spot: Spot, faults: Iterable[str]) -> None:
+        """Enter the number of faults found, which are sentences."""
+        faults = list(faults)
+        self.enter(check, spot, float(len(faults)), "; ".join(faults))
 
     def note(self, text: str) -> None:
         """Add a remark on what could not be verified; repetitions are dropped."""
@@ -247,20 +251,13 @@ class Ledger:
     @property
     def verification(self) -> Verification:
         """Verification of everything entered so far."""
-        notes = [*self.notes, *_tell_unlocated(self._unlocated)]
-        summaries = tuple(
-            Summary(check, self._counts[check], self._worst[check]) for check in Check if check in self._counts
-        )
+        notes, spots = list(self.notes), self._unlocated
+        if spots:
+            points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
+            named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
+            notes.append(f"the location of {points} could not be computed a second time, and is not verified: {named}")
+        summaries = tuple(self._summaries[check] for check in Check if check in self._summaries)
         return Verification(summaries, tuple(self._breaches), tuple(notes), self.points, self.special_points)
-
-
-def _tell_unlocated(spots: list[Spot]) -> list[str]:
-    """Return one note for all special points that could not be located a second time; none if there are none."""
-    if not spots:
-        return []
-    points = "one special point" if len(spots) == 1 else f"{len(spots)} special points"
-    named = "; ".join(map(str, spots[:_NAMED])) + ("; and others" if len(spots) > _NAMED else "")
-    return [f"the location of {points} could not be computed a second time, and is not verified: {named}"]
 
 
 def _plain(figure: Figure) -> dict[str, Any]:

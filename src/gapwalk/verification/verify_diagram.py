@@ -14,7 +14,6 @@ from itertools import combinations
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.membership import Curve, lies_on
@@ -22,8 +21,8 @@ from gapwalk.bifurcation.switch import halves_apart, switch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.orbit.orbit import Orbit
 from gapwalk.verification.verification import Check, Ledger, Spot
+from gapwalk.verification.walk_again import special_spot
 
 _POINTS = 6  # number of points of a branch that is searched for: enough to distinguish it from others
 _CLOSE = 1e-2  # difference of the halves of an orbit below which a doubled branch may end before its parent
@@ -33,23 +32,13 @@ _TRUNCATED = 30.0  # allowed difference of orbits, in truncation errors, which a
 def verify_distinct(ledger: Ledger, branches: Sequence[tuple[str, Branch]]) -> None:
     """Check that no two of some branches of one system are the same."""
     for (name, one), (other_name, other) in combinations(branches, 2):
-        if one.period == other.period:
-            same = _overlap(one, other) and _holds_middle(one, other) and _holds_middle(other, one)
-            spot = Spot(other_name, "its middle", _middle(other).system[other.parameter])
-            ledger.enter(Check.TREE, spot, math.inf if same else 0.0, f"it is the branch {name} again" if same else "")
-
-
-def _overlap(one: Branch, other: Branch) -> bool:
-    """Return whether the ranges of two branches overlap, before they are compared."""
-    return one.values.min() <= other.values.max() and other.values.min() <= one.values.max()
-
-
-def _holds_middle(branch: Branch, other: Branch) -> bool:
-    return lies_on(branch, _middle(other))
-
-
-def _middle(branch: Branch) -> Orbit:
-    return branch.points[len(branch.points) // 2].orbit
+        if one.period != other.period:
+            continue
+        middle, others = (branch.points[len(branch.points) // 2].orbit for branch in (one, other))
+        overlap = one.values.min() <= other.values.max() and other.values.min() <= one.values.max()
+        same = overlap and lies_on(one, others) and lies_on(other, middle)
+        spot = Spot(other_name, "its middle", others.system[other.parameter])
+        ledger.enter(Check.TREE, spot, math.inf if same else 0.0, f"it is the branch {name} again" if same else "")
 
 
 def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
@@ -58,7 +47,8 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
     for member in diagram.members:
         counts[member.period] += 1
         name = f"P{member.period}-{counts[member.period]}"
-        detail = "" if member.name == name else f"it is in the place of {name}, which is missing"
+        detail = f"by its number it should be {name}: a branch of period {member.period} before it is missing"
+        detail = "" if member.name == name else detail
         ledger.enter(Check.TREE, Spot(member.name, "its name", math.nan), math.inf if detail else 0.0, detail)
     if diagram.max_period is None:
         ledger.note("whether branches are missing is not verified: the longest requested period is not stored")
@@ -67,38 +57,26 @@ def verify_whole(ledger: Ledger, diagram: Diagram) -> None:
     for member in diagram.members:
         for index, special in enumerate(member.branch.special_points):
             period = member.period * special.kind.times
-            if not special.kind.ways or period > diagram.max_period or _is_told(diagram, member, index):
+            failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
+            present = len(diagram.attached(member.name, index)) >= special.kind.ways  # also if it has no ways
+            if period > diagram.max_period or failed or present:
                 continue
             fellows = [curves[each.name] for each in diagram.members if each.period == period]
             missing = _is_missing(diagram, special, fellows)
-            spot = Spot(member.name, f"special point {index} ({special.kind.value})", special.value)
-            detail = f"a branch of period {period} begins there, and is missing"
-            ledger.enter(Check.TREE, spot, math.inf if missing else 0.0, detail if missing else "")
-
-
-def _is_told(diagram: Diagram, member: DiagramBranch, index: int) -> bool:
-    """Return whether all branches that begin at a special point are present or reported as failures."""
-    special = member.branch.special_points[index]
-    failed = any(f"{special.value:.10g}" in text for text in diagram.failures)
-    return failed or len(diagram.attached(member.name, index)) >= special.kind.ways
+            detail = f"a branch of period {period} begins there, and is missing" if missing else ""
+            ledger.enter(Check.TREE, special_spot(member.name, index, special), math.inf if missing else 0.0, detail)
 
 
 def _is_missing(diagram: Diagram, special: SpecialPoint, fellows: Sequence[Curve]) -> bool:
     """Return whether a branch that begins at a special point lies on none of the present ones."""
     try:
         method = special.orbit.posed_in(len(special.point.x) - 1)
-        beginnings = switch(special, diagram.parameter, diagram.within, method)
-        beginnings = [_beginning(beginning) for beginning in beginnings]
+        starts = switch(special, diagram.parameter, diagram.within, method)
+        walks = [[point for point, _ in BranchTracer(start, WalkOptions(max_points=_POINTS))] for start in starts]
     except (NumericalError, ModelError):
         return False
-    found = [orbit for orbit in beginnings if orbit is not None]
+    found = [points[len(points) // 2].orbit for points in walks if points]
     return any(not any(curve.holds(orbit) for curve in fellows) for orbit in found)
-
-
-def _beginning(beginning: BranchStart) -> Orbit | None:
-    """Return a motion of a branch a few points from its beginning; None if it has none."""
-    points = [point for point, _ in BranchTracer(beginning, WalkOptions(max_points=_POINTS))]
-    return points[len(points) // 2].orbit if points else None
 
 
 def verify_tree(ledger: Ledger, diagram: Diagram) -> None:
@@ -123,7 +101,9 @@ def _verify_end(
     if not special.kind.ways or member.period != parent.period * special.kind.times:
         ledger.enter(Check.TREE, spot, np.inf, f"{detail}, a {special.kind.value} of period {parent.period}")
         return
-    apart = _apart(special, end.orbit)
+    # in any phase, relative to its size
+    state, states = end.orbit.state, special.orbit.strobes(special.orbit.period)
+    apart = float(np.abs(states - state).max(axis=1).min()) / (1.0 + float(np.abs(state).max()))
     slack = 0.0
     # it may end just before its parent, whose orbit is the mean of its halves
     if special.kind.times == 2 and origin == member.joins:
@@ -131,9 +111,3 @@ def _verify_end(
         slack = halves if halves < _CLOSE else 0.0
     neglected = _TRUNCATED * max(special.orbit.truncation, end.orbit.truncation)
     ledger.enter(Check.TREE, spot, max(0.0, apart - slack - neglected), detail)
-
-
-def _apart(special: SpecialPoint, orbit: Orbit) -> float:
-    """Return the distance of an orbit from that of a special point, in any phase, relative to its size."""
-    states = special.orbit.strobes(special.orbit.period)
-    return float(np.abs(states - orbit.state).max(axis=1).min()) / (1.0 + float(np.abs(orbit.state).max()))

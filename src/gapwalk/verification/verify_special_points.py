@@ -12,41 +12,44 @@ limit. No contact may graze up to that amplitude.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Kind, SpecialPoint
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.kinds.grazing import describe_switch
+from gapwalk.bifurcation.kinds.grazing import depth_near, describe_switch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import NumericalError
-from gapwalk.flow.flow import PERIOD
-from gapwalk.orbit.floquet import is_on_border, multipliers
-from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.floquet import is_on_border
 from gapwalk.orbit.shooting import Shooting, ShootingEquation
-from gapwalk.verification.walk_again import Track
+from gapwalk.verification.verification import Check, Ledger, Spot
+from gapwalk.verification.walk_again import CROSSING, Track, special_spot
 
 _REACH = 1e-3  # arclength at which the sides of a special point are examined, unless its neighbours are nearer
 _WIDE = 5e-3  # the same for a branch point, close to which no orbit can be corrected
 _SECANT = 1e-4  # arclength over which a test function is linear
 _SHARE = 0.4  # share of the distance to a neighbour; also the factor for a second, nearer examination
 _NEARER = 5  # largest number of examinations
-_CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
-_MOST = 24  # largest number of segments
-_POWERS = 6
 _AMPLITUDES = 1e-6 * 2.0 ** np.arange(12)  # scaled distances of doubled motions from the flip
 _NOISE = 1e-13  # error of the scaled parameter of a doubled motion
 _ROUNDING = 1e-16  # that error times the amplitude: near the flip a residual hardly determines the parameter
 _AGREEING = 2  # number of amplitudes that must agree
 _CLEAR = 30.0  # factor on the error above which a difference is significant
+_EXACT = 1e-12  # error with which a special point can be located again, in widths of the range
+_LEAST = 1e-16  # relative error of a parameter below which no number can represent it
+_MANY = 1e4  # factor on the location error above which no stated error is plausible
+_MOST = 1e-4  # the same as a share of the parameter
+_ONE_PLACE = 1e-7  # arclength within which grazing points of two contacts may be one event of a symmetric motion
+_INTERPOLATED = 1e-9  # error in widths of the range of a branch point, which is interpolated again
 
 
-@dataclass(frozen=True)
-class Sides:
+class Sides(NamedTuple):
     """Result of examining a special point from both sides.
 
     Attributes
@@ -68,250 +71,212 @@ class Sides:
     held: bool = True
 
 
-@dataclass(frozen=True, eq=False)
-class Reshot:
-    """Result of shooting an orbit again, with more segments.
-
-    Attributes
-    ----------
-    multipliers : shape (2n,)
-        Largest modulus first.
-    contraction
-        Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
-    growth
-        Largest factor by which a small change of the state grows over the period; at least 1.
-    """
-
-    multipliers: NDArray[np.complex128]
-    contraction: float
-    growth: float
-
-
-def look(
-    second: ErrorEstimator, special: SpecialPoint, next_to_it: Sequence[BranchPoint], changes: Sequence[BranchPoint]
-) -> Sides:
-    """Examine a special point from both sides.
-
-    Parameters
-    ----------
-    second
-        The branch with another discretisation.
-    special
-        The special point.
-    next_to_it
-        The points or special points next to it.
-    changes
-        The special points, or ends of the branch, next to it: beyond those other changes would be included.
-    """
-    from_afar = _reach(special, next_to_it)
-    reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
-    if special.kind is Kind.BRANCH_POINT:  # close to it no orbit can be corrected
-        reaches.insert(1, _reach(special, changes))
-    first = None
-    for reach in reaches:
-        seen = _look(second, special, reach)
-        if not seen.faults:
-            return seen
-        first = first or seen
-    assert first is not None
-    return first
+def verify_special_points(ledger: Ledger, track: Track) -> None:
+    """Check each special point of a branch from both sides."""
+    estimators = cache(lambda size: ErrorEstimator(track.corrector(size)))
+    for number, special in enumerate(track.branch.special_points):
+        spot = special_spot(track.name, number, special)
+        examination = Examination(track, estimators(len(special.point.x)), special)
+        sides = examination.sides()
+        faults = sides.faults
+        if not sides.held and special.kind is Kind.BRANCH_POINT and track.regularity(special.point) < CROSSING:
+            faults = ()  # branches cross there, so near another special point that no motion can be corrected nearby
+        ledger.judge(Check.SIDES, spot, faults)
+        if sides.before is not None and sides.after is not None:
+            found = examination.criticality(sides.before, sides.after)
+            wrong = f"its criticality is stated as {special.nature!r}, but is {found}"
+            ledger.judge(Check.NATURE, spot, [wrong] if found and found not in special.nature else [])
+        if sides.value is None or special.uncertainty == math.inf:
+            ledger.leave_unlocated(spot)
+        else:
+            _enter_location(ledger, spot, special, sides.value)
 
 
-def _reach(special: SpecialPoint, others: Sequence[BranchPoint]) -> float:
-    """Return the arclength at which a special point is examined: closer to it than its neighbours are."""
-    reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
-    distances = [length_of(each.x - special.point.x) for each in others if len(each.x) == len(special.point.x)]
-    return min([reach, *(_SHARE * distance for distance in distances)])
-
-
-def distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
-    """Return the distance of two sets of multipliers: the largest relative difference of their power sums.
-
-    Multipliers that are about to collide are as sensitive as square roots. Their power sums, the traces of the powers
-    of the monodromy matrix, are not.
-    """
-    size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
-    powers = range(1, min(len(a), _POWERS) + 1)
-    return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
-
-
-def _look(second: ErrorEstimator, special: SpecialPoint, reach: float) -> Sides:
-    """Examine a special point at one distance on both sides."""
-    try:
-        a, b = second.at(special.point, -reach), second.at(special.point, reach)
-    except NumericalError as error:
-        return Sides((str(error),), None, held=False)
-    faults = list(_counts(special, a, b))
-    if special.kind is Kind.GRAZING:
-        return _graze(second, special, a, b, reach, faults)
-    signs = [special.kind.at(each) for each in (a, b)]
-    if signs[0] * signs[1] > 0.0:
-        return Sides((*faults, f"the test function of a {special.kind.value} does not change its sign"), None)
-    if special.kind is Kind.BRANCH_POINT:
-        return Sides(tuple(faults), _crossing(second, special, reach), a, b)
-    return Sides(tuple(faults), _zero(second, special, reach, special.kind.at), a, b)
-
-
-def _counts(special: SpecialPoint, a: BranchPoint, b: BranchPoint) -> Iterator[str]:
-    """Yield where the numbers of unstable multipliers on both sides are not those that are stored."""
-    for side, point, stored in (("before", a, special.before), ("after", b, special.after)):
-        if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total:
-            yield f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
-
-
-def _graze(
-    second: ErrorEstimator, special: SpecialPoint, a: BranchPoint, b: BranchPoint, reach: float, faults: list[str]
-) -> Sides:
-    """Examine a grazing point: the contact pattern must change there, and the depth of an extremum be zero."""
-    names = [describe_switch(special.orbit, switch) for switch in range(len(special.orbit.closings))]
-    if special.contact not in names:
-        return Sides((*faults, f"there is no contact {special.contact!r}"), None)
-    switch = names.index(special.contact)
-    if a.orbit.closings[switch] == b.orbit.closings[switch]:
-        return Sides((*faults, f"{special.contact} closes equally often on both sides"), None)
-    turns = special.orbit.turning_depths[switch]
-    theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
-    full = PERIOD * special.orbit.period
-
-    def depth(point: BranchPoint) -> float:
-        found = point.orbit.turning_depths[switch]
-        return found.values[found.nearest(theta, full)]
-
-    return Sides(tuple(faults), _zero(second, special, reach, depth))
-
-
-def _zero(
-    second: ErrorEstimator, special: SpecialPoint, reach: float, function: Callable[[BranchPoint], float]
-) -> float | None:
-    """Return the parameter where a function of the point is zero, by a secant from the special point."""
-    shift = min(reach, _SECANT)
-    try:
-        here, beside = second.at(special.point), second.at(special.point, shift)
-    except NumericalError:
-        return None
-    first, last = function(here), function(beside)
-    if first == last:
-        return None
-    return here.value - (beside.value - here.value) * first / (last - first)
-
-
-def _crossing(second: ErrorEstimator, special: SpecialPoint, reach: float) -> float | None:
-    """Return the parameter where the branch crosses another, with another discretisation.
-
-    A contact may graze just beyond the reach, so that polynomials through points up to there would be less accurate.
-    Therefore points up to a share of it are used first.
-    """
-    for share in (_SHARE, 1.0):
-        try:
-            return second.crossing(special.point, share * reach)
-        except NumericalError:
-            continue
-    return None
-
-
-def spread(orbit: Orbit, segments: int, contraction: float, asides: Sequence[NDArray[np.float64]]) -> float:
-    """Return the variation of the multipliers over some small changes of the state: the largest `distance`."""
-    there = reshoot(orbit, segments, contraction).multipliers
-    beside = [reshoot(replace(orbit, state=orbit.state + aside), segments, contraction) for aside in asides]
-    return max(distance(there, each.multipliers) for each in beside)
-
-
-def reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
-    """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
-    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
-    equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
-    arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
-    logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
-    total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
-    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
-    around = np.eye(len(units))
-    for arc in arcs:
-        around = arc.transition @ around
-    growth = float(np.linalg.norm(around * units / units[:, None], 2))
-    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
-
-
-def nature_faults(
-    track: Track, second: ErrorEstimator, special: SpecialPoint, before: BranchPoint, after: BranchPoint
-) -> Iterator[str]:
-    """Yield contradictions to the stated criticality of a special point; none if it cannot be determined again.
+@dataclass(frozen=True)
+class Examination:
+    """Examination of one special point of a branch, with another discretisation.
 
     Parameters
     ----------
     track
         The branch.
     second
-        Estimator that computes the branch with another discretisation.
+        Estimator that computes it with the other discretisation.
     special
         The special point.
-    before, after
-        Motions on both sides of it, with that discretisation.
     """
-    if not special.nature:
-        return
-    try:
-        if special.kind is Kind.FOLD:
-            found = _fold(second, special, before, after)
-        elif special.kind is Kind.FLIP and special.orbit.is_exact:
-            found = _flip(track, special, before, after)
-        else:
-            return
-    except NumericalError:
-        return
-    if found and found not in special.nature:
-        yield f"its criticality is stated as {special.nature!r}, but is {found}"
 
+    track: Track
+    second: ErrorEstimator
+    special: SpecialPoint
 
-def _fold(second: ErrorEstimator, special: SpecialPoint, before: BranchPoint, after: BranchPoint) -> str:
-    here = second.at(special.point).value
-    sides = [each.value - here for each in (before, after)]
-    scaled = float(special.point.x[-1])
-    width = abs(special.value) + (abs(special.value / scaled) if scaled else 1.0)
-    if min(map(abs, sides)) < _CLEAR * _NOISE * width or sides[0] * sides[1] < 0.0:
+    def sides(self) -> Sides:
+        """Examine the point from both sides, ever closer to it as long as something contradicts what is stored."""
+        branch = self.track.branch
+        from_afar = self._reach(branch.points)
+        reaches = [from_afar * _SHARE**power for power in range(_NEARER)]
+        if self.special.kind is Kind.BRANCH_POINT:
+            # close to it no orbit can be corrected; beyond the ends other changes would be included
+            reaches.insert(1, self._reach((branch.points[0], branch.points[-1])))
+        first = seen = self._look(reaches[0])
+        for reach in reaches[1:]:
+            if not seen.faults:
+                return seen
+            seen = self._look(reach)
+        return first if seen.faults else seen
+
+    def _reach(self, points: Sequence[BranchPoint]) -> float:
+        """Return the arclength at which the point is examined: closer to it than its neighbours are."""
+        special = self.special
+        reach = _WIDE if special.kind is Kind.BRANCH_POINT else _REACH
+        others = _neighbours(special, self.track.branch, points)
+        distances = [length_of(each.x - special.point.x) for each in others if len(each.x) == len(special.point.x)]
+        return min([reach, *(_SHARE * distance for distance in distances)])
+
+    def _look(self, reach: float) -> Sides:
+        """Examine the point at one distance on both sides."""
+        special = self.special
+        try:
+            a, b = self.second.at(special.point, -reach), self.second.at(special.point, reach)
+        except NumericalError as error:
+            return Sides((str(error),), None, held=False)
+        faults = [
+            f"{point.instability.total} unstable multipliers {side} it, where {stored.total} are stored"
+            for side, point, stored in (("before", a, special.before), ("after", b, special.after))
+            if not is_on_border(point.orbit.multipliers) and point.instability.total != stored.total
+        ]
+        if special.kind is Kind.GRAZING:
+            return self._graze(a, b, reach, faults)
+        if special.kind.at(a) * special.kind.at(b) > 0.0:
+            return Sides((*faults, f"the test function of a {special.kind.value} does not change its sign"), None)
+        on_branch = special.kind is not Kind.BRANCH_POINT
+        value = self._zero(reach, special.kind.at) if on_branch else self._crossing(reach)
+        return Sides(tuple(faults), value, a, b)
+
+    def _graze(self, a: BranchPoint, b: BranchPoint, reach: float, faults: list[str]) -> Sides:
+        """Examine a grazing point: the contact pattern must change there, and the depth of an extremum be zero."""
+        orbit, contact = self.special.orbit, self.special.contact
+        names = [describe_switch(orbit, switch) for switch in range(len(orbit.closings))]
+        if contact not in names:
+            return Sides((*faults, f"there is no contact {contact!r}"), None)
+        switch = names.index(contact)
+        if a.orbit.closings[switch] == b.orbit.closings[switch]:
+            return Sides((*faults, f"{contact} closes equally often on both sides"), None)
+        turns = orbit.turning_depths[switch]
+        theta = turns.thetas[int(np.argmin(np.abs(turns.values)))]
+        return Sides(tuple(faults), self._zero(reach, lambda point: depth_near(point.orbit, switch, theta)))
+
+    def _zero(self, reach: float, function: Callable[[BranchPoint], float]) -> float | None:
+        """Return the parameter where a function of the point is zero, by a secant from the special point."""
+        point = self.special.point
+        try:
+            here, beside = self.second.at(point), self.second.at(point, min(reach, _SECANT))
+        except NumericalError:
+            return None
+        first, last = function(here), function(beside)
+        if first == last:
+            return None
+        return here.value - (beside.value - here.value) * first / (last - first)
+
+    def _crossing(self, reach: float) -> float | None:
+        """Return the parameter where the branch crosses another, with the other discretisation.
+
+        A contact may graze just beyond the reach, so that polynomials through points up to there would be less
+        accurate. Therefore points up to a share of it are used first.
+        """
+        for share in (_SHARE, 1.0):
+            with suppress(NumericalError):
+                return self.second.crossing(self.special.point, share * reach)
+        return None
+
+    def criticality(self, before: BranchPoint, after: BranchPoint) -> str:
+        """Determine the criticality again from motions on both sides; empty if none is stated, or it is unknown."""
+        kind = self.special.kind
+        with suppress(NumericalError):
+            if self.special.nature and kind is Kind.FOLD:
+                return self._fold(before, after)
+            if self.special.nature and kind is Kind.FLIP and self.special.orbit.is_exact:
+                return self._flip(before, after)
         return ""
-    return "lower" if sides[0] < 0.0 else "higher"
+
+    def _fold(self, before: BranchPoint, after: BranchPoint) -> str:
+        """Return the side to which a fold opens; empty if rounding hides it."""
+        special, here = self.special, self.second.at(self.special.point).value
+        sides = [each.value - here for each in (before, after)]
+        scaled = float(special.point.x[-1])
+        width = abs(special.value) + (abs(special.value / scaled) if scaled else 1.0)
+        if min(map(abs, sides)) < _CLEAR * _NOISE * width or sides[0] * sides[1] < 0.0:
+            return ""
+        return "lower" if sides[0] < 0.0 else "higher"
+
+    def _flip(self, before: BranchPoint, after: BranchPoint) -> str:
+        """Return the criticality of a flip: supercritical if the doubled branch is where the motion is unstable."""
+        critical = [min(each.orbit.multipliers.tolist(), key=lambda mu: abs(mu + 1.0)) for each in (before, after)]
+        outside = [abs(each) > 1.0 for each in critical]
+        if outside[0] == outside[1]:
+            return ""
+        unstable = (before if outside[0] else after).value - self.special.value
+        leaves = self._doubled_side()
+        if not leaves or not unstable:
+            return ""
+        return "supercritical" if leaves * unstable > 0.0 else "subcritical"
+
+    def _doubled_side(self) -> float:
+        """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
+        special, track = self.special, self.track
+        segments = track.segments + 1
+        orbit, size = replace(special.orbit, period=2 * special.orbit.period), 2 * special.orbit.system.size
+        equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
+        known = track.corrector(len(special.point.x)).scales
+        scales = np.append(np.tile(known[:size], segments), known[-1])
+        start = np.append(equation.unknowns(orbit), special.value) / scales
+        evaluation = equation.evaluate(start[:-1] * scales[:-1], special.value)
+        across = np.append(np.linalg.svd(evaluation.by_unknowns * scales[:-1])[2][-1], 0.0)
+        corrector = Corrector(equation, scales)
+        error = _CLEAR * (special.uncertainty / abs(known[-1]) + _NOISE * (1.0 + abs(start[-1])))
+        closings = tuple(2 * count for count in special.orbit.closings)
+        sides: list[float] = []
+        for amplitude in _AMPLITUDES:
+            correction = corrector.correct(start + amplitude * across, across)
+            if correction is None:
+                continue
+            shift = float(correction.x[-1] - start[-1])
+            if abs(shift) > error + _CLEAR * _ROUNDING / amplitude:
+                if corrector.point(correction, across, amplitude).orbit.closings != closings:
+                    break  # a contact grazes at a smaller amplitude than can be distinguished from the flip
+                sides.append(float(np.sign(shift)))
+            if len(sides) == _AGREEING:
+                break
+        return sides[0] if len(sides) == _AGREEING and len(set(sides)) == 1 else 0.0
 
 
-def _flip(track: Track, special: SpecialPoint, before: BranchPoint, after: BranchPoint) -> str:
-    outside = [abs(_critical(point)) > 1.0 for point in (before, after)]
-    if outside[0] == outside[1]:
-        return ""
-    unstable = (before if outside[0] else after).value - special.value
-    leaves = _leaves(track, special)
-    if not leaves or not unstable:
-        return ""
-    return "supercritical" if leaves * unstable > 0.0 else "subcritical"
+def _neighbours(special: SpecialPoint, branch: Branch, points: Sequence[BranchPoint]) -> list[BranchPoint]:
+    """Return the neighbours of a special point: points, or other special points that are not at the same place.
+
+    In a symmetric motion both sides of a gap graze at once; there is nothing between the two.
+    """
+
+    def is_one_place(other: SpecialPoint) -> bool:
+        both_graze = other.kind is special.kind is Kind.GRAZING and other.contact != special.contact
+        return both_graze and abs(other.point.arclength - special.point.arclength) < _ONE_PLACE
+
+    others = (each for each in branch.special_points if each is not special and not is_one_place(each))
+    knots = [*points, *(each.point for each in others)]
+    here = special.point.arclength
+    before = max((knot for knot in knots if knot.arclength <= here), key=lambda knot: knot.arclength, default=None)
+    after = min((knot for knot in knots if knot.arclength > here), key=lambda knot: knot.arclength, default=None)
+    return [each for each in (before, after) if each is not None]
 
 
-def _critical(point: BranchPoint) -> complex:
-    """Return the multiplier nearest to -1."""
-    values = point.orbit.multipliers
-    return complex(values[np.argmin(np.abs(values + 1.0))])
-
-
-def _leaves(track: Track, special: SpecialPoint) -> float:
-    """Return the side, as a sign, on which the doubled branch leaves a flip; 0 if it cannot be determined."""
-    segments = track.segments + 1
-    orbit, size = replace(special.orbit, period=2 * special.orbit.period), 2 * special.orbit.system.size
-    equation = ShootingEquation(orbit.system, track.branch.parameter, orbit.period, Shooting(segments))
-    known = track.corrector(len(special.point.x)).scales
-    scales = np.append(np.tile(known[:size], segments), known[-1])
-    start = np.append(equation.unknowns(orbit), special.value) / scales
-    evaluation = equation.evaluate(start[:-1] * scales[:-1], special.value)
-    across = np.append(np.linalg.svd(evaluation.by_unknowns * scales[:-1])[2][-1], 0.0)
-    corrector = Corrector(equation, scales)
-    error = _CLEAR * (special.uncertainty / abs(known[-1]) + _NOISE * (1.0 + abs(start[-1])))
-    closings = tuple(2 * count for count in special.orbit.closings)
-    sides: list[float] = []
-    for amplitude in _AMPLITUDES:
-        correction = corrector.correct(start + amplitude * across, across)
-        if correction is None:
-            continue
-        shift = float(correction.x[-1] - start[-1])
-        if abs(shift) > error + _CLEAR * _ROUNDING / amplitude:
-            if corrector.point(correction, across, amplitude).orbit.closings != closings:
-                break  # a contact grazes at a smaller amplitude than can be distinguished from the flip
-            sides.append(float(np.sign(shift)))
-        if len(sides) == _AGREEING:
-            break
-    return sides[0] if len(sides) == _AGREEING and len(set(sides)) == 1 else 0.0
+def _enter_location(ledger: Ledger, spot: Spot, special: SpecialPoint, found: float) -> None:
+    """Enter the distance of a special point from its second location, in units of its stated error."""
+    off = abs(found - special.value)
+    width = abs(special.value / special.point.x[-1]) if special.point.x[-1] else 1.0
+    stated = special.uncertainty
+    error = stated + width * (_INTERPOLATED if special.kind is Kind.BRANCH_POINT else _EXACT)
+    detail = f"found again at {found:.12g}, {off:.2g} away; its stated error is {stated:.2g}"
+    least, most = _LEAST * max(abs(special.value), width), max(_MANY * off, _MOST * (abs(special.value) + width))
+    if not least <= stated <= most:
+        detail = f"{detail}, which is {'less than rounding' if stated < least else 'implausibly large'}"
+        error = 0.0
+    ledger.enter(Check.LOCATION, spot, off / error if error > 0.0 else math.inf, detail)

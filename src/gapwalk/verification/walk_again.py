@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import cache
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Equation, OrbitEquation
+from gapwalk.orbit.orbit_equation import OrbitEquation
+from gapwalk.verification.verification import Spot
 
 CROSSING = 1e-6
 """Regularity of a point below which branches cross there; near a fold it is 1e-4 or more."""
@@ -26,18 +27,25 @@ _TOLD_APART = 2.0  # frequency by which the scales of velocities differ from tho
 _WAYS, _SEED = 3, 1995  # number of random directions of such a step, and their seed
 
 
+def special_spot(name: str, number: int, special: SpecialPoint) -> Spot:
+    """Return the place of a special point of a branch."""
+    return Spot(name, f"special point {number} ({special.kind.value})", special.value)
+
+
 class Track:
     """Correctors for a branch, one for each resolution of its points.
 
     Parameters
     ----------
+    name
+        Name of the branch.
     branch
         The branch.
     """
 
-    def __init__(self, branch: Branch) -> None:
-        self.branch = branch
-        self.knots: Sequence[BranchPoint] = [*branch.points, *(special.point for special in branch.special_points)]
+    def __init__(self, name: str, branch: Branch) -> None:
+        self.name, self.branch = name, branch
+        self._knots = [*branch.points, *(special.point for special in branch.special_points)]
         self.is_exact = branch.points[0].orbit.is_exact
         self.corrector = cache(self._corrector)
 
@@ -45,6 +53,13 @@ class Track:
     def segments(self) -> int:
         """Number of segments with which it was shot, if it was."""
         return max(1, (len(self.branch.points[0].x) - 1) // (2 * self.branch.system.size))
+
+    def spots(self) -> Iterator[tuple[Spot, BranchPoint, Kind | None]]:
+        """Yield all points and special points with their places, and the kinds of the latter."""
+        for number, point in enumerate(self.branch.points):
+            yield Spot(self.name, f"point {number}", point.value), point, None
+        for number, special in enumerate(self.branch.special_points):
+            yield special_spot(self.name, number, special), special.point, special.kind
 
     def corrector_at(self, point: BranchPoint) -> Corrector:
         """Return the corrector with the unknowns of a point."""
@@ -72,7 +87,7 @@ class Track:
         """
         corrector = self.corrector_at(point)
         orbit, scales = point.orbit, corrector.scales
-        known = self._told(corrector.equation, orbit)
+        known = self._determined(self.equation_at(point), orbit)
         x = point.x[: len(known)] * scales[: len(known)]
         apart = float(np.abs(x - known).max()) / max(float(np.abs(known).max()), np.finfo(float).tiny)
         value = orbit.system[self.branch.parameter]
@@ -99,17 +114,17 @@ class Track:
         scales = self.corrector_at(point).scales[:-1]
         return residual / (_LOOSE * TRUST * max(size, min(1.0, float(scales.max()))))
 
-    def _told(self, equation: Equation, orbit: Orbit) -> NDArray[np.float64]:
+    def _determined(self, equation: OrbitEquation, orbit: Orbit) -> NDArray[np.float64]:
         """Return the first unknowns of an orbit: all, or if it is exact its state, from which the others follow."""
         return orbit.state if self.is_exact else equation.unknowns(orbit)
 
     def _corrector(self, count: int) -> Corrector:
         """Return the corrector for points with a number of scaled variables."""
         branch = self.branch
-        fellows = [point for point in self.knots if len(point.x) == count]
+        fellows = [point for point in self._knots if len(point.x) == count]
         orbit = fellows[0].orbit
         equation = orbit.posed_in(count - 1).pose(branch.system, branch.parameter, branch.period)
-        known = np.array([self._told(equation, point.orbit) for point in fellows])
+        known = np.array([self._determined(equation, point.orbit) for point in fellows])
         x = np.array([point.x[: known.shape[1]] for point in fellows])
         units, scale = equation.scales(1.0, _TOLD_APART), np.empty(count - 1)
         for unit in np.unique(units):  # lengths have one scale, velocities another

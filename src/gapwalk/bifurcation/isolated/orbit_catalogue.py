@@ -27,7 +27,7 @@ from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.orbit import Orbit, phases, true_period
-from gapwalk.orbit.orbit_equation import Equation, Evaluation, Newton, is_solved
+from gapwalk.orbit.orbit_equation import Evaluation, Newton, OrbitEquation, is_solved
 
 _SAME = 1e-6
 """Distance of two states, in half-widths of the box, within which they count as equal."""
@@ -138,7 +138,7 @@ def exact_orbit(system: System, period: int, state: NDArray[np.float64]) -> Orbi
 
 
 def newton_aside(
-    equation: Equation,
+    equation: OrbitEquation,
     start: NDArray[np.float64],
     scales: NDArray[np.float64],
     known: NDArray[np.float64] | None = None,
@@ -184,7 +184,7 @@ def newton_aside(
     return x
 
 
-def _evaluate(equation: Equation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:
+def _evaluate(equation: OrbitEquation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:
     """Evaluate the equation at a point; None outside the bounds, where hard impacts make integration extremely slow."""
     if not np.abs(x / scales).max() <= options.farthest:
         return None

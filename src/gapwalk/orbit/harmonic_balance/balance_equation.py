@@ -1,6 +1,6 @@
 """Harmonic balance: a periodic orbit as the Fourier lines of its contact deflections.
 
-The equation is built from parts of the system (`Parts`), some of which stay the same along a parameter.
+The linear part and the contact laws of the system are computed once where no parameter changes them.
 
 Method: docs/numerics/harmonic-balance.md
 """
@@ -26,7 +26,6 @@ from gapwalk.orbit.harmonic_balance.compliance import (
     Lines,
     PoleCompliance,
     Poles,
-    pole_compliance,
     poles_of,
 )
 from gapwalk.orbit.harmonic_balance.contact_forces import Forces, Laws, contact_forces_of, laws_of
@@ -35,7 +34,7 @@ from gapwalk.orbit.harmonic_balance.linear_part import Linear, linear_of
 from gapwalk.orbit.harmonic_balance.monodromy import Linearised, modal_monodromy, monodromy, projected_monodromy
 from gapwalk.orbit.harmonic_balance.series import Series
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation, check_period
+from gapwalk.orbit.orbit_equation import Evaluation, OrbitEquation
 
 _LOOSE = 1e10  # condition number of the stiffness beyond which only contacts restrain the system
 _SHARE = 0.5  # share of each contact's stiffness that then belongs to the linear system
@@ -45,7 +44,7 @@ _FASTEST = 2.0  # largest eigenvalue used for stability, in multiples of the hig
 
 
 @dataclass(frozen=True)
-class BalanceEquation:
+class BalanceEquation(OrbitEquation):
     """``x - x_free + G F(x) = 0`` in each harmonic: x the contact deflections, F their forces, G their flexibility.
 
     The unknowns are the real forms of the deflections, one contact after the other: 2K + 1 numbers each, with
@@ -53,49 +52,28 @@ class BalanceEquation:
 
     Parameters
     ----------
-    system
-        The system.
-    parameter
-        The named parameter to follow, or None.
-    period
-        m, forcing periods.
-    options
-        Options of harmonic balance.
+    system, parameter, period, options
+        See `OrbitEquation`.
     harmonics
         H, the highest harmonic of the forcing frequency.
     others
         Names of other parameters that may vary; see `evaluate_at`.
     """
 
-    system: System
-    parameter: str | None = None
-    period: int = 1
     options: Balance = Balance()
     harmonics: int = 10
     others: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_period(self.period)
-        if self.parameter is not None:
-            self.system.structure.place(self.parameter)
+        super().__post_init__()
         if not self.system.structure.contacts:
             raise ModelError("the system has no contact; harmonic balance solves for the deflections of contacts")
-        highest = max(self._parts.layout.orders, default=1)
+        highest = max(self._layout.orders, default=1)
         if self.harmonics < highest:
             raise ModelError(
                 f"harmonics is {self.harmonics}, but the excitation has order {highest}; write harmonics = {highest} "
                 "or more"
             )
-
-    @property
-    def by_touches(self) -> None:
-        """None, because no instant of a contact is among its unknowns."""
-        return None
-
-    @property
-    def tolerance(self) -> float:
-        """Largest residual of an orbit, relative to the size of its lines."""
-        return self.options.tolerance
 
     @property
     def count(self) -> int:
@@ -110,7 +88,7 @@ class BalanceEquation:
         NumericalError
             If the linear part is singular at one of the lines.
         """
-        return self.evaluate_at(unknowns, *self._parts.coefficients(value))
+        return self.evaluate_at(unknowns, *self.coefficients(value))
 
     def evaluate_at(
         self, unknowns: NDArray[np.float64], coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
@@ -122,36 +100,33 @@ class BalanceEquation:
         NumericalError
             As `evaluate`.
         """
-        lines = from_real_form(unknowns.reshape(len(self._parts.layout.contacts), -1))
-        compliance = self._parts.compliance(coefficients, slope)
-        laws = self._parts.laws(coefficients, slope)
+        lines = from_real_form(unknowns.reshape(len(self._layout.contacts), -1))
+        compliance = self._compliance(coefficients, slope)
+        laws = laws_of(self._layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
         forces = contact_forces_of(lines, laws)
         residual, jacobian, total, change = balance(
             lines,
             forces.parts,
             forces.slopes,
-            self._parts.shift,
+            self._shift,
             *compliance.lines[:2],
             compliance.free,
             compliance.flexibility,
         )
-        by_parameter = None
-        if slope is not None:
-            by_parameter = -compliance.slope(total, change)
+        by_parameter = None if slope is None else -compliance.slope(total, change)
         evidence = Evidence(coefficients, lines, total, compliance, laws, forces)
         return Evaluation(residual, jacobian, by_parameter, evidence)
 
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> BalancedOrbit:
         """Return the orbit of a solution."""
-        system = self.system if self.parameter is None else self._parts.line.system_at(value)
-        return self.orbit_at(system, unknowns, evaluation)
+        return self.orbit_at(self.system_at(value), unknowns, evaluation)
 
     def orbit_at(self, system: System, unknowns: NDArray[np.float64], evaluation: Evaluation) -> BalancedOrbit:
         """Return the orbit of a solution, which is a motion of `system`."""
         evidence: Evidence = evaluation.evidence
         # the unknowns may be one Newton step past the evaluation
         lines = from_real_form(unknowns.reshape(len(evidence.lines), -1))
-        compliance, shift = evidence.compliance, self._parts.shift
+        compliance, shift = evidence.compliance, self._shift
         moved = changed(lines - evidence.lines, evidence.forces.parts, shift, compliance.lines.frequencies)
         series = Series(compliance.motion(evidence.total + moved).T.copy(), self.period, system.frequency)
         return BalancedOrbit(
@@ -182,11 +157,11 @@ class BalanceEquation:
         """Return the unknowns of a motion sampled evenly over its period, both ends included, shape (samples, n)."""
         lines = 2.0 * np.fft.rfft(q[:-1], axis=0).T[:, : self.count + 1] / (len(q) - 1)
         lines[:, 0] *= 0.5
-        return real_form(linear_of(self._parts.layout, coefficients_of(self.system)).deflections @ lines).ravel()
+        return real_form(linear_of(self._layout, coefficients_of(self.system)).deflections @ lines).ravel()
 
     def scales(self, length: float, frequency: float | None = None) -> NDArray[np.float64]:
         """Return the amount of each unknown that counts as one length."""
-        contacts = len(self._parts.layout.contacts)
+        contacts = len(self._layout.contacts)
         return np.full(contacts * (2 * self.count + 1), length * np.sqrt(contacts))
 
     def inaccuracy(self, orbit: Orbit) -> str:
@@ -206,10 +181,8 @@ class BalanceEquation:
 
     def finer(self) -> BalanceEquation | None:
         """Return the equation with 50 % more harmonics, if the options leave their number open."""
-        more = self.harmonics + max(2, self.harmonics // 2)
-        if self.options.harmonics is not None or more > _MOST:
-            return None
-        return replace(self, harmonics=more)
+        finer = self.otherwise()
+        return finer if self.options.harmonics is None and finer.harmonics <= _MOST else None
 
     def otherwise(self) -> BalanceEquation:
         """Return the equation with 50 % more harmonics: the difference of solutions shows the truncation error."""
@@ -217,7 +190,7 @@ class BalanceEquation:
 
     def embed(self, direction: NDArray[np.float64], other: OrbitEquation) -> NDArray[np.float64]:
         """Return the unknowns with the same lines, and zeros beyond."""
-        contacts = len(self._parts.layout.contacts)
+        contacts = len(self._layout.contacts)
         known = from_real_form(direction.reshape(contacts, -1))
         lines = np.zeros((contacts, (len(other.scales(1.0)) // contacts + 1) // 2), dtype=complex)
         lines[:, : known.shape[1]] = known
@@ -226,13 +199,15 @@ class BalanceEquation:
     def start(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the lines of the motion from a state over the orbit's period; zeros for the state zero."""
         if not state.any():  # a system of a thousand degrees of freedom has no flow
-            return np.zeros(len(self._parts.layout.contacts) * (2 * self.count + 1))
+            return np.zeros(len(self._layout.contacts) * (2 * self.count + 1))
         samples = 1 << (16 * self.harmonics - 1).bit_length()
         return self._from_positions(integrate(self.system, state, self.period, samples).q)
 
     def linearised(self, evidence: Evidence) -> Linearised:
         """Return the linearised equations for the coefficients and the laws of an evaluation."""
-        return self._parts.linearised(evidence.coefficients, evidence.laws)
+        if self._fixed_linearised is not None:
+            return self._fixed_linearised
+        return Linearised(self._fixed or linear_of(self._layout, evidence.coefficients), evidence.laws)
 
     def monodromy(self, evidence: Evidence, linearised: Linearised | None = None) -> NDArray[np.float64]:
         """Compute the monodromy matrix, in the unknowns of the method that `options.stability` names.
@@ -241,20 +216,20 @@ class BalanceEquation:
         """
         length = 2.0 * np.pi * self.period * float(evidence.coefficients[0])
         forces, breaks = evidence.forces, evidence.forces.crossings[0]
-        poles, shift = self._parts.poles, self._parts.shift
+        poles, shift = self._poles, self._shift
         if poles is not None and self.system.size >= _MANY and self.options.stability == "variational":
             # eigenvectors that are much faster than every line respond statically
             slow = poles.below(_FASTEST * self.count * 2.0 * np.pi / length)
             return modal_monodromy(slow, shift, evidence.laws, evidence.lines, breaks, length)
         linearised = linearised or self.linearised(evidence)
         if self.options.stability == "hill":
-            tangents = forces.tangents.reshape(-1, 2 * self.count + 1)
-            return projected_monodromy(linearised, tangents, length)
+            tangents = forces.parts[:, 1::2].transpose(1, 0, 2)  # of the springs, then of the dampers
+            return projected_monodromy(linearised, tangents.reshape(-1, 2 * self.count + 1), length)
         return monodromy(linearised, evidence.lines, breaks, length)
 
     def _truncation(self, evidence: Evidence) -> float:
         """Return the amplitudes in the lines from K + 1 to 2K, relative to those up to K."""
-        frequencies = self._parts.orders[self.count + 1 :] / evidence.coefficients[0]
+        frequencies = self._orders[self.count + 1 :] / evidence.coefficients[0]
         neglected = evidence.compliance.answer(frequencies, beyond(evidence.forces.parts, frequencies))
         return share(neglected, evidence.lines)
 
@@ -266,136 +241,78 @@ class BalanceEquation:
             for phi, slope, closes, switch in evidence.forces.crossings.T.tolist()
         )
 
-    @cached_property
-    def _parts(self) -> Parts:
-        return Parts(self.system, self.parameter, self.period, self.count, self.others)
-
-
-@dataclass(frozen=True)
-class Parts:
-    """The linear part and the contact laws of a system along a parameter, for motions of K lines.
-
-    Parameters
-    ----------
-    system, parameter, period
-        As of the equation.
-    count
-        K.
-    others
-        Names of other parameters that may vary.
-    """
-
-    system: System
-    parameter: str | None
-    period: int
-    count: int
-    others: tuple[str, ...] = ()
-
-    @cached_property
-    def layout(self) -> CoefficientLayout:
-        """Positions of the coefficients in their array."""
-        return layout_of(self.system.structure)
-
-    @cached_property
-    def line(self) -> ParameterLine:
-        """The systems along the parameter."""
-        return ParameterLine(self.system, self.parameter or self._pace)
-
     def coefficients(self, value: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
         """Return the coefficients at a value of the parameter, and their derivatives."""
-        if self.parameter is None:
-            return coefficients_of(self.system), None
-        if self._only_period:  # only the first coefficient changes, and only it is used
-            first, slope = period_of(self.system, value)
-            return np.array([first]), np.array([slope])
-        return self.line.coefficients(value)
+        if self.parameter is None or self.parameter in self._varying:
+            return super().coefficients(value)
+        first, slope = period_of(self.system, value)  # the parameter changes only 1/W, and no other one is used
+        return np.array([first]), np.array([slope])
 
-    def compliance(
+    def _compliance(
         self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None
     ) -> PoleCompliance | DirectCompliance:
         """Return the linear part on the lines of the motion."""
-        frequencies = self.orders[: self.count + 1] / coefficients[0]
+        frequencies = self._orders[: self.count + 1] / coefficients[0]
         slopes = frequencies * (0.0 if slope is None else -slope[0] / coefficients[0])
-        lines = Lines(frequencies, slopes, self._load_lines)
-        if self.poles is not None:
-            return pole_compliance(self.poles, lines)
+        lines = Lines(frequencies, slopes, np.array([0, *self._layout.orders], dtype=np.intp) * self.period)
+        if self._poles is not None:
+            return PoleCompliance.on(lines, self._poles)
         if self._fixed is not None:
-            return DirectCompliance(self._fixed, None, lines, self.shift)
-        change = None if slope is None else linear_of(self.layout, slope)
-        return DirectCompliance(linear_of(self.layout, coefficients), change, lines, self.shift)
-
-    def laws(self, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None) -> Laws:
-        """Return the contact laws and their derivatives."""
-        return laws_of(self.layout, coefficients, slope) if self._fixed_laws is None else self._fixed_laws
-
-    def linearised(self, coefficients: NDArray[np.float64], laws: Laws) -> Linearised:
-        """Return the linearised equations."""
-        if self._fixed_linearised is not None:
-            return self._fixed_linearised
-        return Linearised(self._fixed or linear_of(self.layout, coefficients), laws)
+            return DirectCompliance(self._fixed, None, lines, self._shift)
+        change = None if slope is None else linear_of(self._layout, slope)
+        return DirectCompliance(linear_of(self._layout, coefficients), change, lines, self._shift)
 
     @cached_property
-    def poles(self) -> Poles | None:
-        """The eigenvalues of a constant linear part; None if it varies, or has too few eigenvectors."""
-        return None if self._fixed is None else poles_of(self._fixed, self.shift)
+    def _layout(self) -> CoefficientLayout:
+        return layout_of(self.system.structure)
 
     @cached_property
-    def shift(self) -> NDArray[np.float64]:
+    def _orders(self) -> NDArray[np.float64]:
+        """Lines from 0 to 2K in multiples of the forcing frequency: those beyond K measure the truncation."""
+        return np.arange(2 * self.count + 1) / self.period
+
+    @cached_property
+    def _shift(self) -> NDArray[np.float64]:
         """Stiffness of each contact that belongs to the linear system; zero if that is restrained without contacts."""
-        coefficients = coefficients_of(self.system)
-        if np.linalg.cond(linear_of(self.layout, coefficients).stiffness, 1) < _LOOSE:
-            return np.zeros(len(self.layout.contacts))
-        laws = laws_of(self.layout, coefficients)
-        springs, count = laws.stiffness, len(self.layout.contacts)
+        coefficients, count = coefficients_of(self.system), len(self._layout.contacts)
+        if np.linalg.cond(linear_of(self._layout, coefficients).stiffness, 1) < _LOOSE:
+            return np.zeros(count)
+        laws = laws_of(self._layout, coefficients)
+        springs = laws.stiffness
         total, number = np.bincount(laws.contact, springs, count), np.bincount(laws.contact, springs > 0.0, count)
         return _SHARE * total / np.maximum(number, 1.0)
 
-    @property
-    def _pace(self) -> str:
-        return self.system.structure.pace
+    @cached_property
+    def _varying(self) -> tuple[str, ...]:
+        """The parameters that may change more than 1/W: the matrices or the laws."""
+        only_period = () if self._layout.frequency_in_loads else (self.system.structure.pace,)
+        return tuple(name for name in (self.parameter, *self.others) if name not in (None, *only_period))
 
     @cached_property
     def _fixed(self) -> Linear | None:
         """The linear part, if no parameter changes it."""
         for name in self._varying:
             slope = ParameterLine(self.system, name).coefficients(self.system[name])[1]
-            if not linear_of(self.layout, slope).is_zero:
+            if not linear_of(self._layout, slope).is_zero:
                 return None
-        return linear_of(self.layout, coefficients_of(self.system))
+        return linear_of(self._layout, coefficients_of(self.system))
+
+    @cached_property
+    def _poles(self) -> Poles | None:
+        """The eigenvalues of a constant linear part; None if it varies, or has too few eigenvectors."""
+        return None if self._fixed is None else poles_of(self._fixed, self._shift)
 
     @cached_property
     def _fixed_laws(self) -> Laws | None:
         """The laws, if no parameter changes them."""
-        return None if self._varying else laws_of(self.layout, coefficients_of(self.system))
-
-    @property
-    def _varying(self) -> tuple[str, ...]:
-        """The parameters that may change the matrices or the laws."""
-        return tuple(name for name in (self.parameter, *self.others) if name is not None and self._varies(name))
-
-    @cached_property
-    def _only_period(self) -> bool:
-        """True if the parameter changes 1/W alone."""
-        return self.parameter is not None and not self._varies(self.parameter)
-
-    def _varies(self, name: str) -> bool:
-        """Return whether a parameter may change more than 1/W."""
-        return name != self._pace or self.layout.frequency_in_loads
+        return None if self._varying else laws_of(self._layout, coefficients_of(self.system))
 
     @cached_property
     def _fixed_linearised(self) -> Linearised | None:
+        """The linearised equations, if no parameter changes them."""
         if self._fixed is None or self._fixed_laws is None:
             return None
         return Linearised(self._fixed, self._fixed_laws)
-
-    @cached_property
-    def orders(self) -> NDArray[np.float64]:
-        """Lines from 0 to 2K in multiples of the forcing frequency: those beyond K measure the truncation."""
-        return np.arange(2 * self.count + 1) / self.period
-
-    @cached_property
-    def _load_lines(self) -> NDArray[np.intp]:
-        return np.array([0, *self.layout.orders], dtype=np.intp) * self.period
 
 
 class Evidence(NamedTuple):

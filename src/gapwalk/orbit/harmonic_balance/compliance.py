@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,34 +28,8 @@ from gapwalk.orbit.harmonic_balance.linear_part import Linear
 _DEFECTIVE = 1e7  # condition of the eigenvectors beyond which the sum over eigenvalues loses digits
 _PROPORTIONAL = 1e-10  # relative size of the couplings below which the damping does not couple the modes
 _DOUBLE = 1e-6  # relative distance of a mode's two eigenvalues below which they count as one
-Eigen = tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]
+Eigen = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
 """Eigenvalues, how forces act on the eigenvectors, and the positions of these."""
-
-
-class Compliance(Protocol):
-    """The linear part on some lines."""
-
-    @property
-    def flexibility(self) -> NDArray[np.complex128]:
-        """Deflections under a unit force of each contact (opposing it), shape (lines, contacts, contacts)."""
-        ...
-
-    @property
-    def free(self) -> NDArray[np.complex128]:
-        """Deflections under the loads alone, shape (lines, contacts)."""
-        ...
-
-    def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the lines of all coordinates, shape (lines, n), under loads and contact forces (lines, contacts)."""
-        ...
-
-    def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return deflections on other lines under contact forces alone (opposing them), shapes (lines, contacts)."""
-        ...
-
-    def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return the derivatives of the deflections by the parameter, in real forms, from the forces and their own."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,25 +128,25 @@ class DirectCompliance:
 
     @cached_property
     def flexibility(self) -> NDArray[np.complex128]:
-        """See `Compliance.flexibility`."""
+        """Deflections under a unit force of each contact (opposing it), shape (lines, contacts, contacts)."""
         return self.linear.deflections @ self._solved[:, :, :-1]
 
     @cached_property
     def free(self) -> NDArray[np.complex128]:
-        """See `Compliance.free`."""
+        """Deflections under the loads alone, shape (lines, contacts)."""
         return self._solved[:, :, -1] @ self.linear.deflections.T
 
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """See `Compliance.motion`."""
+        """Return the lines of all coordinates, shape (lines, n), under loads and contact forces (lines, contacts)."""
         return self._solved[:, :, -1] - (self._solved[:, :, :-1] @ forces[:, :, None])[:, :, 0]
 
     def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """See `Compliance.answer`."""
+        """Return deflections on other lines under contact forces alone (opposing them), shapes (lines, contacts)."""
         others = replace(self, lines=Lines(frequencies, np.zeros_like(frequencies), self.lines.loads[:0]))
         return others._solve((forces @ self.linear.contacts.T)[:, :, None])[:, :, 0] @ self.linear.deflections.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """See `Compliance.slope`."""
+        """Return the derivatives of the deflections by the parameter, in real forms, from the forces and their own."""
         linear, change = self.linear, self.change
         motion = self.motion(forces)
         w, rate = self.lines.frequencies[:, None], self.lines.slopes[:, None]
@@ -214,7 +188,7 @@ class PoleCompliance(NamedTuple):
     gains : shape (lines, poles)
         Amplitude of each eigenvector under a unit load.
     free, flexibility
-        See `Compliance`.
+        See `DirectCompliance`.
     """
 
     poles: Poles
@@ -223,20 +197,26 @@ class PoleCompliance(NamedTuple):
     free: NDArray[np.complex128]
     flexibility: NDArray[np.complex128]
 
+    @classmethod
+    def on(cls, lines: Lines, poles: Poles) -> PoleCompliance:
+        """Return the linear part on some lines."""
+        applied = poles.loads, lines.loads, poles.deflections, poles.residues
+        return cls(poles, lines, *gains_of(lines.frequencies, poles.values, *applied))
+
     def motion(self, forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """See `Compliance.motion`."""
+        """See `DirectCompliance.motion`."""
         poles = self.poles
         amplitudes = amplitudes_of(self.gains, poles.loads, self.lines.loads, poles.inputs, forces)
         return amplitudes @ poles.outputs.T
 
     def slope(self, forces: NDArray[np.complex128], force_slopes: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """See `Compliance.slope`."""
+        """See `DirectCompliance.slope`."""
         poles, lines = self.poles, self.lines
         applied = poles.loads, lines.loads, poles.inputs, forces
         return slopes_of(self.gains, *applied, lines.slopes, poles.deflections, force_slopes)
 
     def answer(self, frequencies: NDArray[np.float64], forces: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """See `Compliance.answer`."""
+        """See `DirectCompliance.answer`."""
         return answers_of(frequencies, self.poles.values, self.poles.inputs, self.poles.deflections, forces)
 
 
@@ -246,9 +226,8 @@ def poles_of(linear: Linear, shift: NDArray[np.float64]) -> Poles | None:
     found = _of_modes(stiffness, linear.damping) or _of_state(stiffness, linear.damping)
     if found is None:
         return None
-    values, left, outputs = found
-    inputs: NDArray[np.complex128] = np.asarray(left @ linear.contacts, dtype=np.complex128)
-    deflections: NDArray[np.complex128] = np.asarray(linear.deflections @ outputs, dtype=np.complex128)
+    values, left, outputs = (np.asarray(each, dtype=np.complex128) for each in found)
+    inputs, deflections = left @ linear.contacts, linear.deflections @ outputs
     contacts = len(deflections)
     return Poles(values, inputs, left @ linear.loads, outputs, deflections, np.zeros((contacts, contacts)))
 
@@ -272,8 +251,7 @@ def _of_modes(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
         return None
     values = np.concatenate((-0.5 * rates + root, -0.5 * rates - root))
     half = vectors / (2.0 * root)
-    left = np.concatenate((left, left)).astype(np.complex128)
-    return values.astype(np.complex128), left, np.asarray(np.concatenate((half, -half), axis=1), dtype=np.complex128)
+    return values, np.concatenate((left, left)), np.concatenate((half, -half), axis=1)
 
 
 def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> Eigen | None:
@@ -283,15 +261,7 @@ def _of_state(stiffness: NDArray[np.float64], damping: NDArray[np.float64]) -> E
     values, vectors = np.linalg.eig(generator)
     if not np.linalg.cond(vectors, 1) < _DEFECTIVE:
         return None
-    vectors = vectors.astype(np.complex128)
-    left = np.asarray(np.linalg.inv(vectors)[:, n:], dtype=np.complex128)
-    return values.astype(np.complex128), left, vectors[:n]
-
-
-def pole_compliance(poles: Poles, lines: Lines) -> PoleCompliance:
-    """Return the linear part on some lines, from its eigenvalues."""
-    applied = poles.loads, lines.loads, poles.deflections, poles.residues
-    return PoleCompliance(poles, lines, *gains_of(lines.frequencies, poles.values, *applied))
+    return values, np.linalg.inv(vectors.astype(np.complex128))[:, n:], vectors[:n]
 
 
 @kernel(

@@ -61,22 +61,20 @@ class Laws:
         return np.abs(self.polynomials[:, 0, 1])
 
     @cached_property
+    def rates(self) -> NDArray[np.float64]:
+        """Coefficients of each switch's part of g' and P', derivatives by x; shape (switches, 2, degree + 1)."""
+        return self.sign[:, None, None] * self._by_depth
+
+    @cached_property
     def table(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g, g', P and P', derivatives by x; shape (switches, 4, degree + 1)."""
-        table = np.empty((len(self.sign), 4, self.polynomials.shape[2]))
-        table[:, 0::2] = self.polynomials
-        table[:, 1::2] = self.sign[:, None, None] * self._by_depth
-        return table
+        """Coefficients of each switch's part of g, g', P and P', shape (switches, 4, degree + 1)."""
+        switches, _, powers = self.polynomials.shape
+        return np.stack((self.polynomials, self.rates), axis=2).reshape(switches, 4, powers)
 
     @cached_property
     def switches(self) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
         """Contact, sign and clearance of each switch."""
         return self.contact, self.sign, self.clearance
-
-    @cached_property
-    def rates(self) -> NDArray[np.float64]:
-        """Coefficients of each switch's part of g' and P', shape (switches, 2, degree + 1)."""
-        return np.ascontiguousarray(self.table[:, 1::2])
 
     @cached_property
     def slope_table(self) -> NDArray[np.float64]:
@@ -90,19 +88,18 @@ class Laws:
         found[..., :-1] = self.polynomials[..., 1:] * np.arange(1.0, self.polynomials.shape[2])
         return found
 
-    @cached_property
-    def _select(self) -> NDArray[np.float64]:
-        """Sign of each switch in the column of its contact, shape (switches, contacts)."""
-        return (self.contact[:, None] == np.arange(self.contact.max(initial=-1) + 1)) * self.sign[:, None]
-
     def tangents(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return ``g'(x)`` and ``P'(x)`` at deflections of shape (..., contacts), of the same shape."""
+        # sign of each switch in the column of its contact
+        select = (self.contact[:, None] == np.arange(self.contact.max(initial=-1) + 1)) * self.sign[:, None]
         depth = np.maximum(self.sign * x[..., self.contact] - self.clearance, 0.0)
-        inside = depth > 0.0
-        spring, damper = (
-            (_horner(rates, depth) * inside) @ self._select for rates in (self._by_depth[:, 0], self._by_depth[:, 1])
-        )
-        return spring, damper
+        found = []
+        for rates in (self._by_depth[:, 0], self._by_depth[:, 1]):
+            value = rates[:, -1]
+            for power in range(rates.shape[1] - 2, -1, -1):
+                value = value * depth + rates[:, power]
+            found.append((value * (depth > 0.0)) @ select)
+        return found[0], found[1]
 
 
 class Forces(NamedTuple):
@@ -123,21 +120,6 @@ class Forces(NamedTuple):
     slopes: NDArray[np.complex128]
     crossings: NDArray[np.float64]
 
-    @property
-    def spring(self) -> NDArray[np.complex128]:
-        """Lines of g, shape (contacts, 2K + 1)."""
-        return self.parts[:, 0]
-
-    @property
-    def damper(self) -> NDArray[np.complex128]:
-        """Lines of P, shape (contacts, 2K + 1)."""
-        return self.parts[:, 2]
-
-    @property
-    def tangents(self) -> NDArray[np.complex128]:
-        """Spectra of ``g'(x)`` and ``P'(x)``, shape (2, contacts, 2K + 1)."""
-        return self.parts[:, 1::2].transpose(1, 0, 2)
-
 
 def laws_of(
     layout: CoefficientLayout, coefficients: NDArray[np.float64], slope: NDArray[np.float64] | None = None
@@ -157,8 +139,8 @@ def laws_of(
     contacts, signs = plan.contacts, plan.signs
     if slope is None:
         return Laws(contacts, signs, clearance, table.copy(), np.zeros(clearance.shape), np.zeros(table.shape))
-    values, slopes = ([part(each) for each in (clearance, table)] for part in (np.real, np.imag))
-    return Laws(contacts, signs, *(each.copy() for each in values), *(each / _STEP for each in slopes))
+    slopes = np.imag(clearance) / _STEP, np.imag(table) / _STEP
+    return Laws(contacts, signs, np.real(clearance).copy(), np.real(table).copy(), *slopes)
 
 
 @lru_cache(maxsize=256)
@@ -183,11 +165,3 @@ def _plan_of(layout: CoefficientLayout) -> ForcePolynomials:
 def contact_forces_of(lines: NDArray[np.complex128], laws: Laws) -> Forces:
     """Compute the forces along deflections with lines of shape (contacts, K + 1)."""
     return Forces(*contact_forces(lines, *laws.switches, laws.table, laws.slope_table, *grid(lines.shape[1] - 1)))
-
-
-def _horner(polynomials: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Evaluate one polynomial for each last index of x."""
-    value = polynomials[:, -1]
-    for power in range(polynomials.shape[1] - 2, -1, -1):
-        value = value * x + polynomials[:, power]
-    return value

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -30,7 +29,7 @@ from gapwalk.orbit.harmonic_balance.compliance import Poles
 from gapwalk.orbit.harmonic_balance.contact_forces import Laws
 from gapwalk.orbit.harmonic_balance.kernels import kernel, part
 from gapwalk.orbit.harmonic_balance.linear_part import Linear
-from gapwalk.orbit.harmonic_balance.series import two_sided, waves
+from gapwalk.orbit.harmonic_balance.series import waves
 
 _MODAL_REACH = 0.4  # largest angle by which the fastest eigenvector, or a closed contact, turns in one step
 _MODAL_FINE = 4  # smallest number of steps per shortest wave of the motion
@@ -81,15 +80,11 @@ class Linearised:
     def rate(self) -> float:
         """Estimate of the highest frequency while every contact is closed."""
         linear = self.linear
-        contacts = np.abs(linear.contacts) @ (self._slopes[:, None] * np.abs(linear.deflections))
+        # slopes of each contact's stages on one side, at small penetration
+        slopes = 0.5 * np.bincount(self.laws.contact, self.laws.stiffness, linear.contacts.shape[1]).astype(float)
+        contacts = np.abs(linear.contacts) @ (slopes[:, None] * np.abs(linear.deflections))
         stiffness, damping = np.abs(linear.stiffness) + contacts, np.abs(linear.damping)
         return float(np.sqrt(stiffness.sum(axis=1).max()) + damping.sum(axis=1).max())
-
-    @property
-    def _slopes(self) -> NDArray[np.float64]:
-        """Sum of the slopes of each contact's stages on one side, at small penetration."""
-        slopes = np.bincount(self.laws.contact, self.laws.stiffness, self.linear.contacts.shape[1])
-        return 0.5 * slopes.astype(float)
 
 
 def projected_monodromy(linearised: Linearised, tangents: NDArray[np.complex128], length: float) -> NDArray[np.float64]:
@@ -113,7 +108,8 @@ def projected_monodromy(linearised: Linearised, tangents: NDArray[np.complex128]
     """
     steady, parts = linearised.steady, linearised.parts
     size, count = len(steady), (tangents.shape[1] - 1) // 2
-    harmonics = np.tensordot(two_sided(tangents).T, parts, axes=1)
+    spectra = np.concatenate((tangents[:, :0:-1].conj(), tangents), axis=1)  # k = -2K ... 2K
+    harmonics = np.tensordot(spectra.T, parts, axes=1)
     harmonics[2 * count] += steady
     k = np.arange(2 * count + 1)
     blocks = harmonics[2 * count + k[None, :] - k[:, None]]
@@ -339,25 +335,25 @@ def modal_monodromy(
 
     Of a pair of conjugate eigenvalues one is used, with real and imaginary part of its amplitude.
     """
-    steps = _steps(poles, shift, laws, lines, breaks, length)
+    times, spring, damper = _steps(poles, shift, laws, lines, breaks, length)
     half = poles.values.imag >= 0.0
     values, inputs = poles.values[half], poles.inputs[half]
     paired = values.imag > 0.0
     deflections = poles.deflections[:, half] * (1.0 + paired)
-    ends = np.exp(steps.times[:, None] * values)
-    outer = _weights(values, steps.times, 1.0)
-    solution = np.linalg.inv(_coupling(poles.residual, values, inputs, deflections, steps))
+    ends = np.exp(times[:, None] * values)
+    outer = _weights(values, times, 1.0)
+    solution = np.linalg.inv(_coupling(poles.residual, values, inputs, deflections, times, spring, damper))
     identity = np.eye(len(values), dtype=np.complex128)
     matrix = np.concatenate((identity, 1j * identity[:, paired]), axis=1)
-    touched = (steps.spring != 0.0).any(axis=1) | (steps.damper != 0.0).any(axis=1)
+    touched = (spring != 0.0).any(axis=1) | (damper != 0.0).any(axis=1)
     for p, active in enumerate(touched):
         if not active.any():
             matrix *= ends[p][:, None]
             continue
         both = np.concatenate((active, active))
-        rows = np.concatenate([deflections[active] * np.exp(steps.times[p] * node * values) for node in _MODAL_NODES])
+        rows = np.concatenate([deflections[active] * np.exp(times[p] * node * values) for node in _MODAL_NODES])
         at_nodes = solution[p][both][:, both] @ (rows @ matrix).real
-        tangents = steps.spring[p][:, active, None] + steps.damper[p][:, active, None] * values
+        tangents = spring[p][:, active, None] + damper[p][:, active, None] * values
         pushes = (tangents * inputs[:, active].T * outer[p][:, None]).reshape(-1, len(values)).T
         matrix *= ends[p][:, None]
         matrix.real -= pushes.real @ at_nodes
@@ -365,15 +361,11 @@ def modal_monodromy(
     return np.vstack((matrix.real, matrix.imag[paired]))
 
 
-def _steps(
-    poles: Poles,
-    shift: NDArray[np.float64],
-    laws: Laws,
-    lines: NDArray[np.complex128],
-    breaks: NDArray[np.float64],
-    length: float,
-) -> _Steps:
-    """Return the steps; one for each interval in which no contact is closed and no share is moved."""
+def _steps(poles: Poles, shift, laws: Laws, lines, breaks, length: float):
+    """Return the steps' lengths in time, and the tangents of the contacts' springs and dampers at their nodes.
+
+    There is one step for each interval in which no contact is closed and no share is moved.
+    """
     slopes = np.bincount(laws.contact, laws.stiffness, len(lines))
     contact = np.sqrt(np.abs(np.diagonal((poles.deflections * poles.values) @ poles.inputs)) * slopes).max(initial=0.0)
     fastest = max(float(np.abs(poles.values).max()), float(contact))
@@ -389,15 +381,7 @@ def _steps(
     # consecutive steps without contact forces are joined into one
     first = np.flatnonzero(~(free & np.append(False, free[:-1])))
     times = np.add.reduceat(widths, first) * (length / (2.0 * np.pi))
-    return _Steps(times, spring[first], damper[first])
-
-
-class _Steps(NamedTuple):
-    """Steps of a period: their lengths in time, and the tangents of the contacts at their nodes."""
-
-    times: NDArray[np.float64]
-    spring: NDArray[np.float64]
-    damper: NDArray[np.float64]
+    return times, spring[first], damper[first]
 
 
 def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: float) -> NDArray[np.complex128]:
@@ -413,23 +397,17 @@ def _weights(values: NDArray[np.complex128], times: NDArray[np.float64], end: fl
     return np.asarray(weights, dtype=np.complex128)
 
 
-def _coupling(
-    residual: NDArray[np.float64],
-    values: NDArray[np.complex128],
-    inputs: NDArray[np.complex128],
-    deflections: NDArray[np.complex128],
-    steps: _Steps,
-) -> NDArray[np.float64]:
+def _coupling(residual, values, inputs, deflections, times, spring, damper) -> NDArray[np.float64]:
     """Compute how deflections at the nodes of a step affect each other, shape (steps, 2 contacts, 2 contacts)."""
-    contacts, count = len(deflections), len(steps.times)
+    contacts = len(deflections)
     residues = (deflections.T[:, :, None] * inputs[:, None, :]).reshape(len(values), -1)
-    coupling = np.tile(np.eye(2 * contacts), (count, 1, 1))
+    coupling = np.tile(np.eye(2 * contacts), (len(times), 1, 1))
     for i, node in enumerate(_MODAL_NODES):
-        inner = _weights(values, steps.times, node)
+        inner = _weights(values, times, node)
         for j in range(2):
             flexible = (inner[:, j] @ residues).real.reshape(-1, contacts, contacts)
             moving = ((inner[:, j] * values) @ residues).real.reshape(-1, contacts, contacts)
             part = coupling[:, i * contacts : (i + 1) * contacts, j * contacts : (j + 1) * contacts]
-            part += (flexible + (i == j) * residual) * steps.spring[:, None, j]
-            part += moving * steps.damper[:, None, j]
+            part += (flexible + (i == j) * residual) * spring[:, None, j]
+            part += moving * damper[:, None, j]
     return coupling

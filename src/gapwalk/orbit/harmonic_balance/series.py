@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +39,14 @@ class Series:
     def states(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return positions and velocities (over time) at angles of the excitation, shape (samples, 2n)."""
         wave = waves(np.asarray(theta) / self.period, self.lines.shape[1] - 1)
-        rates = (self.frequency / self.period) * differentiated(self.lines)
+        rates = (self.frequency / self.period) * (_exponents(self.lines.shape[1] - 1) * self.lines)
         return np.hstack(((wave @ self.lines.T).real, (wave @ rates.T).real))
 
     def start(self) -> NDArray[np.float64]:
         """Return the state at theta = 0, shape (2n,)."""
-        state = (self.lines @ _first_values(self.lines.shape[1])).real.T.ravel()
+        # all waves are 1 there, so this is the sum of the lines, and of those of the derivative by phi
+        exponents = _exponents(self.lines.shape[1] - 1)
+        state = (self.lines @ np.column_stack((np.ones_like(exponents), exponents))).real.T.ravel()
         state[len(self.lines) :] *= self.frequency / self.period
         return state
 
@@ -70,27 +71,6 @@ class Series:
         return np.column_stack((largest, smallest, mean, np.sqrt(square)))
 
 
-class Grid(NamedTuple):
-    """A grid that resolves K lines.
-
-    Attributes
-    ----------
-    phi : shape (samples + 1,)
-        Angles, evenly from 0 to 2 pi, both included.
-    values, slopes : shape (2K + 1, samples + 1)
-        Matrices from a real form to the values and to the derivatives by phi on the grid.
-    """
-
-    phi: NDArray[np.float64]
-    values: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-
-
-def two_sided(half: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the two-sided spectrum, given its half k = 0 ... K."""
-    return np.concatenate((half[..., :0:-1].conj(), half), axis=-1)
-
-
 def waves(phi: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
     """Return ``exp(i k phi)`` for k = 0 ... count, shape (..., count + 1)."""
     if phi.size < _MANY:
@@ -106,26 +86,21 @@ def _exponents(count: int) -> NDArray[np.complex128]:
     return 1j * np.arange(count + 1, dtype=np.complex128)
 
 
-def differentiated(lines: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the lines of the derivative by phi."""
-    return _exponents(lines.shape[-1] - 1) * lines
-
-
 @lru_cache(maxsize=32)
-def _first_values(count: int) -> NDArray[np.complex128]:
-    """Return the matrix from lines to the value and the derivative by phi at 0, shape (count, 2)."""
-    values = np.ones((count, 2), dtype=np.complex128)
-    values[:, 1] = 1j * np.arange(count)
-    return values
+def grid(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return a grid that resolves K lines, with eight cells per shortest wave.
 
-
-@lru_cache(maxsize=32)
-def grid(count: int) -> Grid:
-    """Return the grid for K lines: eight cells per shortest wave."""
+    Returns
+    -------
+    phi : shape (samples + 1,)
+        Angles, evenly from 0 to 2 pi, both included.
+    values, slopes : shape (2K + 1, samples + 1)
+        Matrices from a real form to the values and to the derivatives by phi on the grid.
+    """
     samples = 8 * max(8, count)
     phi = 2.0 * np.pi * np.arange(samples + 1) / samples
     phi[-1] = 2.0 * np.pi
     wave, k = waves(phi % (2.0 * np.pi), count), np.arange(count + 1)
     values = np.hstack((wave.real, wave.imag[:, 1:]))
     slopes = np.hstack((-k * wave.imag, k[1:] * wave.real[:, 1:]))
-    return Grid(phi, np.ascontiguousarray(values.T), np.ascontiguousarray(slopes.T))
+    return phi, np.ascontiguousarray(values.T), np.ascontiguousarray(slopes.T)

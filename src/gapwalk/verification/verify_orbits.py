@@ -1,0 +1,174 @@
+"""Verification of exact orbits, of branches and loci: integrated by another method, and shot again in more segments.
+
+All orbits of some branches are integrated together. Of a locus a sample of the points is verified.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.loci import Locus
+from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.errors import NumericalError
+from gapwalk.orbit.floquet import is_on_border, multipliers
+from gapwalk.orbit.orbit import Orbit
+from gapwalk.orbit.shooting import Shooting, ShootingEquation
+from gapwalk.verification.balanced import imbalance
+from gapwalk.verification.dop853 import Round, carry
+from gapwalk.verification.verification import Advance, Check, Ledger, Spot
+from gapwalk.verification.walk_again import Track
+
+_CONTRACTION = 6.0  # logarithm of the change of volume in one segment, beyond which digits are lost
+_MOST = 24  # largest number of segments
+_POWERS = 6
+_VARIED = 3.0  # allowed difference of multipliers, as a multiple of their variation near the point
+_SAMPLED = 40  # number of points of a locus that are verified
+
+
+class Reshot(NamedTuple):
+    """Result of shooting an orbit again, with more segments.
+
+    Attributes
+    ----------
+    multipliers : shape (2n,)
+        Largest modulus first.
+    contraction
+        Logarithm of the factor by which volumes of the state space change, from the determinants of the segments.
+    growth
+        Largest factor by which a small change of the state grows over the period; at least 1.
+    """
+
+    multipliers: NDArray[np.complex128]
+    contraction: float
+    growth: float
+
+
+def verify_orbits(ledger: Ledger, tracks: Sequence[Track], advance: Advance | None) -> None:
+    """Check the orbits of some branches."""
+    every = [(track, *place) for track in tracks for place in track.spots()]
+
+    def report(done: int) -> None:
+        if advance is not None:
+            advance("orbits", done, len(every))
+
+    report(0)
+    rounds = carry([point.orbit for _, _, point, _ in every], report)
+    for (track, spot, point, kind), around in zip(every, rounds, strict=True):
+        ledger.enter(Check.RECORD, spot, track.mismatch(point))
+        detail = f"its residual is stored as {point.orbit.residual:.3g}, larger than a walk accepts"
+        ledger.enter(Check.RESIDUAL, spot, track.doubtful_residual(point), detail)
+        try:
+            reshot = _reshoot(point.orbit, track.segments, around.contraction)
+        except NumericalError as error:
+            ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
+        else:
+            _verify_orbit(ledger, spot, track, point, kind, around, reshot)
+
+
+def _verify_orbit(
+    ledger: Ledger, spot: Spot, track: Track, point: BranchPoint, kind: Kind | None, around: Round, reshot: Reshot
+) -> None:
+    """Compare one orbit with its integration over one period, and with the result of shooting it again."""
+    orbit = point.orbit
+    rough = max(1.0, around.error / Check.CLOSURE.bound)
+    if rough > 1.0:
+        ledger.note(f"{spot}: the error of the other integrator is {around.error:.1g} of the motion")
+    ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth / rough)
+    size = max(float(np.abs(around.extremes).max()), np.finfo(float).tiny)
+    # its stages change at a point one Newton step away, which matters more if a motion is small for its branch
+    slack = max(rough, track.aside(point) / size / Check.STAGES.bound)
+    ledger.enter(Check.STAGES, spot, around.astray / reshot.growth / slack)
+    extremes = float(np.abs(around.extremes - orbit.extremes[:, :2]).max())
+    ledger.enter(Check.EXTREMES, spot, extremes / size / reshot.growth / rough)
+    ledger.enter(Check.VOLUME, spot, abs(reshot.contraction - around.contraction) / max(1.0, abs(around.contraction)))
+    off = _distance(reshot.multipliers, orbit.multipliers)
+    if off > Check.MULTIPLIERS.bound:
+        # multipliers belong to a state one Newton step away: the difference may be their variation over such a step
+        beside = [replace(orbit, state=orbit.state + aside) for aside in track.asides(point)]
+        others = [_reshoot(each, track.segments, around.contraction).multipliers for each in beside]
+        varied = max(_distance(reshot.multipliers, other) for other in others)
+        off /= max(1.0, _VARIED * varied / Check.MULTIPLIERS.bound)
+    ledger.enter(Check.MULTIPLIERS, spot, off)
+    # the number of unstable multipliers is known unless one is on the unit circle
+    found, stored = (_not_critical(each, kind) for each in (reshot.multipliers, orbit.multipliers))
+    if not (is_on_border(found) or is_on_border(stored)):
+        counts = [int((np.abs(each) > 1.0).sum()) for each in (found, stored)]
+        detail = f"{counts[0]} unstable multipliers, where {counts[1]} are stored"
+        ledger.enter(Check.STABILITY, spot, float(abs(counts[0] - counts[1])), detail)
+
+
+def _not_critical(multipliers: NDArray[np.complex128], kind: Kind | None) -> NDArray[np.complex128]:
+    """Return the multipliers of a point except those that are critical at a special point of a kind.
+
+    The critical ones are on the unit circle, up to the error with which they are known.
+    """
+    if kind is None or not len(places := kind.critical(multipliers)):
+        return multipliers
+    off = np.abs((multipliers if kind.target is not None else np.abs(multipliers)) - (kind.target or 1.0))
+    # known are the coefficients of a polynomial: other roots near a root make it less certain
+    known = float(off[places].min() * np.prod(np.minimum(np.delete(off, places), 1.0)))
+    return np.delete(multipliers, places) if known < Check.MULTIPLIERS.bound else multipliers
+
+
+def _reshoot(orbit: Orbit, segments: int, contraction: float) -> Reshot:
+    """Shoot an orbit again with more than `segments`; `contraction` is the logarithm of its change of volume."""
+    count = min(_MOST, max(segments + 1, math.ceil(abs(contraction) / _CONTRACTION)))
+    equation = ShootingEquation(orbit.system, None, orbit.period, Shooting(count))
+    arcs = equation.evaluate(equation.unknowns(orbit), 0.0).evidence
+    logarithms = [np.linalg.slogdet(arc.transition) for arc in arcs]
+    total = sum(float(size) if sign > 0.0 else math.nan for sign, size in logarithms)
+    units = np.repeat([1.0, orbit.system.frequency], orbit.system.size)
+    around = np.eye(len(units))
+    for arc in arcs:
+        around = arc.transition @ around
+    growth = float(np.linalg.norm(around * units / units[:, None], 2))
+    return Reshot(multipliers([arc.transition for arc in arcs]), total, max(1.0, growth))
+
+
+def _distance(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> float:
+    """Return the distance of two sets of multipliers: the largest relative difference of their power sums.
+
+    Multipliers that are about to collide are as sensitive as square roots. Their power sums, the traces of the powers
+    of the monodromy matrix, are not.
+    """
+    size = max(1.0, float(np.abs(a).max()), float(np.abs(b).max()))
+    powers = range(1, min(len(a), _POWERS) + 1)
+    return max(abs(complex(np.sum((a / size) ** k) - np.sum((b / size) ** k))) for k in powers)
+
+
+def verify_loci(ledger: Ledger, loci: Sequence[tuple[str, Locus]], advance: Advance | None = None) -> None:
+    """Enter the checks of some loci, by their names."""
+    for done, (name, locus) in enumerate(loci):
+        if advance is not None:
+            advance("loci", done, len(loci))
+        numbers = sorted({round(place) for place in np.linspace(0, len(locus.points) - 1, _SAMPLED)})
+        points = [
+            (Spot(name, f"point {number}", locus.points[number].values[0]), locus.points[number].orbit)
+            for number in numbers
+        ]
+        ledger.points += len(points)
+        if not locus.points[0].orbit.is_exact:
+            for spot, orbit in points:
+                if (off := imbalance(orbit)) is not None:
+                    ledger.enter(Check.LINES, spot, off.lines)
+            ledger.note(
+                "for balanced loci the lines are verified, but not the locus condition, which holds up to truncation"
+            )
+            continue
+        for (spot, orbit), around in zip(points, carry([orbit for _, orbit in points]), strict=True):
+            try:
+                reshot = _reshoot(orbit, 1, around.contraction)
+            except NumericalError as error:
+                ledger.enter(Check.MULTIPLIERS, spot, math.inf, str(error))
+                continue
+            ledger.enter(Check.CLOSURE, spot, around.closure / reshot.growth)
+            ledger.enter(Check.STAGES, spot, around.astray / reshot.growth)
+            ledger.enter(Check.MULTIPLIERS, spot, _distance(reshot.multipliers, orbit.multipliers))
+            ledger.enter(Check.CONDITION, spot, locus.kind.residual(orbit, reshot.multipliers))
