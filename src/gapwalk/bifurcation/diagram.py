@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.bifurcation.isolated.search_result import SearchResult
+from gapwalk.bifurcation.isolated import SearchResult
 from gapwalk.bifurcation.membership import meets, parent_flip
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.words import parameter_symbol

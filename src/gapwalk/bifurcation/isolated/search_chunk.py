@@ -1,15 +1,12 @@
 """Chunk of a search: a block of starts at one value of the parameter, processed by a pure function.
 
-From each start a transient is followed until it repeats, instead of for a fixed number of forcing periods. Chunks run
-in this process, or wherever an executor that the caller provides runs them.
+From each start a transient is followed until it repeats, instead of for a fixed number of forcing periods.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,23 +36,6 @@ _FEW = 0.25  # largest share of unsettled starts for which the patience is exten
 _PATIENCE = 5  # factor by which it is extended
 _MOST = 40  # largest number of new orbits whose neighbourhood is searched: without damping there are families of them
 _KICK = 0.1  # distance from a known orbit at which the search for its neighbours begins, in half-widths of the box
-
-
-class PieceRunner(Protocol):
-    """Executor of independent pieces of work in any processes; see `gapwalk.parallel.workers` for several cores."""
-
-    def run(
-        self,
-        function: Callable[[Any], Any],
-        pieces: Sequence[Any],
-        accept: Callable[[int, Any], None],
-        is_needed: Callable[[int], bool],
-    ) -> None:
-        """Apply a function, importable by its name, to each piece that is still needed when its turn comes.
-
-        `accept` takes the number of each piece and its result, in this process.
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,19 +302,3 @@ def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Ca
         else:
             settling.entry.settled += 1
     return unsettled
-
-
-class SerialRunner:
-    """Executor that processes the pieces one after another in this process."""
-
-    def run(
-        self,
-        function: Callable[[Any], Any],
-        pieces: Sequence[Any],
-        accept: Callable[[int, Any], None],
-        is_needed: Callable[[int], bool],
-    ) -> None:
-        """See `PieceRunner.run`."""
-        for number, piece in enumerate(pieces):
-            if is_needed(number):
-                accept(number, function(piece))
