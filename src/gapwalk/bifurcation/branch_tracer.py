@@ -9,13 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart, lift, refined
+from gapwalk.bifurcation.branch_start import (
+    BranchStart,
+    has_merged,
+    is_close,
+    lift,
+    refined,
+    value_ahead,
+    value_between,
+)
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.kinds.event import Event
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.stiff_graze import pass_graze
-from gapwalk.bifurcation.switch import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.continuation.walk_options import WalkOptions
@@ -367,9 +374,11 @@ class BranchTracer(Iterator[Step]):
         """Return the step, cut off where a doubled branch passes its parent without a located branch point."""
         point, special = step
         joined = self.walk.end is not None and self.walk.end.reason is EndReason.JOINED
-        if joined or not self._is_doubled(first) or not passes_parent(first, point):
+        if joined or not self._is_doubled(first):
             return step
         value = value_between(first, point, float(self.beginning.corrector.scales[-1]))
+        if value is None:
+            return step
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, Step, resumed_tracer
 from gapwalk.bifurcation.kinds.event import Event, check_events
-from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.tracing import Tracing, TracingState
 from gapwalk.continuation.walk import End, EndReason

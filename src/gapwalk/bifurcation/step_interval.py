@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.errors import NumericalError
 
 if TYPE_CHECKING:
+    from gapwalk.bifurcation.kinds.branch_crossing import Crossing
     from gapwalk.bifurcation.special_point_kind import Kind
 
 RESOLUTION = 1e-11
@@ -173,20 +173,6 @@ class Search:
             self._rates[kind] = _rate(kind, a, b, known)
         del known[:-4]
         return self._resolved(kind, zeros)
-
-    def crossing(self, a: BranchPoint, b: BranchPoint) -> Crossing | None:
-        """Return the crossing with another branch between two points; None if the branch is not smooth enough.
-
-        Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
-        """
-        for crossing in self.interval.crossings:
-            if a.arclength < crossing.arclength < b.arclength:
-                return crossing
-        try:
-            self.interval.crossings.append(locate_crossing(self.interval, a, b))
-        except NumericalError:
-            return None
-        return self.interval.crossings[-1]
 
     def near(self, point: BranchPoint) -> BranchPoint:
         """Return a point close to another one, but not so close that their difference is only rounding."""

@@ -164,6 +164,12 @@ class Corrector:
         tangent *= np.sign(tangent @ along) or 1.0
         return Course(tangent, self._determinant(evaluation, tangent))
 
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the residual by all scaled variables at `x`, shape (N, N + 1)."""
+        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+        assert evaluation.by_parameter is not None
+        return np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self.scales
+
     def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point at `x` without correction, for places where Newton's method is ill-posed."""
         evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))

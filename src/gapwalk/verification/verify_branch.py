@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
-from gapwalk.bifurcation.branch_start import lift
+from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import steps_of, unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
-from gapwalk.bifurcation.switch import halves_apart
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
 from gapwalk.continuation.walk import End, EndReason
@@ -286,7 +285,7 @@ def _apart(a: BranchPoint, b: BranchPoint) -> float:
 def _may_join(track: Track, point: BranchPoint) -> bool:
     """Return whether a branch may join another here: its motion nearly has half its period, or branches cross."""
     try:
-        if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR:
+        if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point)).max()) < _NEAR:
             return True
         return track.regularity(point) < CROSSING
     except NumericalError:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.criticality import flip_coefficient
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
+from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.bifurcation.loci.orbit_plane import STEP, Place, Turning
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, layout_of

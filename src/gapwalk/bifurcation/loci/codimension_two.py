@@ -28,12 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.branch_start import halves_apart, is_close
 from gapwalk.bifurcation.kinds.condition import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.bifurcation.switch import halves_apart, is_close
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.flow.flow import PERIOD
@@ -253,7 +253,7 @@ def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float
     """Return the arclength ahead at which the halves of an orbit will coincide; infinite if they do not approach."""
     if before is None or point.orbit.period % 2 or not is_close(point):
         return float("inf")
-    past, now = (float(np.linalg.norm(halves_apart(each.orbit))) for each in (before, point))
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
     return (point.arclength - before.arclength) * now / (past - now) if now < past else float("inf")
 
 

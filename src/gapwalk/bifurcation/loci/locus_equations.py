@@ -154,7 +154,7 @@ class MultiplierEquation(LocusEquation):
         return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
 
     def flip_coefficient(self, unknowns: NDArray[np.float64], value: float) -> float:
-        """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.criticality.flip_coefficient`."""
+        """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.kinds.flip.flip_coefficient`."""
         place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
         return self.plane.flip_coefficient(place, self.scales)
 
@@ -216,9 +216,5 @@ def zero_along(
 
 def onto_curve(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correction | None, NDArray[np.float64]]:
     """Return the point of a curve nearest to a start in scaled variables, or None, and the tangent near there."""
-    x = start * corrector.scales
-    evaluation = corrector.equation.evaluate(x[:-1], float(x[-1]))
-    assert evaluation.by_parameter is not None
-    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
-    tangent = np.linalg.svd(jacobian)[2][-1]
+    tangent = np.linalg.svd(corrector.jacobian(start))[2][-1]
     return corrector.correct(start, tangent), tangent
