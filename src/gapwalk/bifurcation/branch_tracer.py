@@ -78,7 +78,7 @@ def _walk(beginning: BranchStart, options: WalkOptions, state: WalkState | None)
 
 
 def resumed_tracer(
-    beginning: BranchStart, walk: WalkOptions | None, state: BranchTracerState, events: Sequence[Event] = ()
+    beginning: BranchStart, walk: WalkOptions | None, state: BranchTracerState | None, events: Sequence[Event] = ()
 ) -> BranchTracer:
     """Return the tracer that continues from a state, also if its equation was refined on the way.
 
@@ -90,10 +90,12 @@ def resumed_tracer(
         Options of the walk.
     state
         `BranchTracer.state` when it was stopped. Its points are as they were yielded, so the one before the
-        last may have been computed before a refinement.
+        last may have been computed before a refinement. None to begin.
     events
         User-defined kinds of special points.
     """
+    if state is None:
+        return BranchTracer(beginning, walk, events=events)
     previous, size = state.walk.previous, len(state.walk.point.x)
     while len(beginning.first.x) < size:
         finer = refined(beginning)

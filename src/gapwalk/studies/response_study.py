@@ -176,7 +176,7 @@ class ResponseWork(Work):
         assert self._start is not None
         (direction,) = directions(asked.begin, asked.end)
         beginning = start_branch(self._start, asked.parameter, asked.end, direction, asked.method)
-        return BranchTracer(beginning, asked.walk) if state is None else resumed_tracer(beginning, asked.walk, state)
+        return resumed_tracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
         """The last point, with all since the last moment if it is time to write them."""

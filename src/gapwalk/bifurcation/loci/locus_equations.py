@@ -8,8 +8,8 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,14 @@ class LocusEquation:
     def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
         """Return the orbit of a solution."""
         return self.plane.orbit(unknowns[: -self.others], float(unknowns[-1]), value, evaluation)
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns and the first parameter of an orbit."""
+        return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
+
+    def on(self, plane: OrbitPlane, scales: NDArray[np.float64]) -> Self:
+        """Return the equation of the same locus in another plane, with the scales of its variables."""
+        return replace(self, plane=plane)
 
     @property
     def system(self):
@@ -153,9 +161,9 @@ class MultiplierEquation(LocusEquation):
         """Return the criticality of an orbit with respect to this bifurcation."""
         return self.plane.criticality(self.kind, place, self.scales)
 
-    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns and the first parameter of an orbit."""
-        return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
+    def on(self, plane: OrbitPlane, scales: NDArray[np.float64]) -> Self:
+        """Return the equation of the same locus in another plane, with the scales of its variables."""
+        return replace(self, plane=plane, scales=scales)
 
     def flip_coefficient(self, unknowns: NDArray[np.float64], value: float) -> float:
         """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.kinds.flip.flip_coefficient`."""
