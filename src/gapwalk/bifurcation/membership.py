@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
-from gapwalk.bifurcation.space import Knot, Space, StateSpace
+from gapwalk.bifurcation.space import Knot, StateSpace
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.method import Method
@@ -65,8 +64,9 @@ class Curve:
         The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
         parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
         """
-        if not self._shares_line(orbit.system):
-            return False
+        own, place = self.branch.system, self.branch.system.structure.place(self.branch.parameter)
+        if orbit.system.structure != own.structure or np.any(np.delete(orbit.system.values != own.values, place)):
+            return False  # the systems may differ in the parameter of the branch only
         value = orbit.system[self.branch.parameter] / self._scales[-1]
         near = self._bracketing(value)
         if not len(near):
@@ -86,22 +86,13 @@ class Curve:
         scaled = value / self._scales[-1]
         for segment in self._bracketing(scaled):
             for share in self._crossings(int(segment), scaled):
-                guess = self._cubic(int(segment), np.array([share]))[0][0]
-                orbit = self._space.orbit_at(guess, value)
-                if orbit is None:
-                    continue
-                if not any(_distance(orbit, other) <= SAME for other in found):
+                orbit = self._space.orbit_at(self._cubic(int(segment), np.array([share]))[0][0], value)
+                if orbit is not None and not any(
+                    np.abs(orbit.state - other.state).max() / magnitude(other.state, other.system) <= SAME
+                    for other in found
+                ):
                     found.append(orbit)
         return found
-
-    def _shares_line(self, system: System) -> bool:
-        """Return whether a system differs from that of the branch at most in the value of the branch's parameter."""
-        own = self.branch.system
-        if system.structure != own.structure:
-            return False
-        others = np.ones(len(own.values), dtype=bool)
-        others[own.structure.place(self.branch.parameter)] = False
-        return np.array_equal(system.values[others], own.values[others])
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
         """Return the segments that may pass the scaled value; each may overshoot its ends by a share of its length."""
@@ -180,7 +171,7 @@ def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
 
 
 @singledispatch
-def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
     """Return the space in which a branch of such orbits is a curve: of states, unless their class has another one.
 
     Parameters
@@ -194,7 +185,7 @@ def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Spa
 
 
 @space_of.register(BalancedOrbit)
-def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
     from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
 
     return LineSpace(branch, points)
@@ -284,7 +275,3 @@ def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
     points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
     slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
     return points, slopes
-
-
-def _distance(a: Orbit, b: Orbit) -> float:
-    return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)
