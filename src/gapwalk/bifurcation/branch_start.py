@@ -129,12 +129,13 @@ def refined(beginning: BranchStart) -> BranchStart | None:
         return None
     first = beginning.first
     corrector = Corrector(equation, scales_of(equation, first.orbit, beginning.within))
-    lifted = lift(first, corrector, equation)
+    lifted = lift(first, corrector)
     return None if lifted is None else replace(beginning, corrector=corrector, first=lifted)
 
 
-def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> BranchPoint | None:
+def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     """Return a point of a branch, posed by a finer equation of the same branch; None if Newton's method fails."""
+    equation = cast("OrbitEquation", corrector.equation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))
     along[-1] = np.sign(point.tangent[-1]) or 1.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
-from gapwalk.bifurcation.branch_tracer import BranchTracer, Step, resumed_tracer
+from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
 from gapwalk.bifurcation.kinds.event import Event, check_events
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.tracing import Tracing, TracingState, in_one_direction
@@ -202,7 +202,7 @@ def _tracing(
     resume: WalkProgress | None = None,
 ) -> BranchTracing:
     check_events(events)
-    return Tracing(beginnings, lambda beginning, state: resumed_tracer(beginning, options, state, events), resume)
+    return Tracing(beginnings, lambda beginning, state: BranchTracer(beginning, options, state, events), resume)
 
 
 def _traced(tracing: BranchTracing) -> Branch:

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
 from gapwalk.continuation.walk_options import Range, WalkOptions, next_step, shorter_step
-from gapwalk.orbit.orbit_equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated
@@ -97,8 +96,6 @@ class Walk(Iterator[BranchPoint]):
 
     Parameters
     ----------
-    equation
-        The equation whose solutions form the branch.
     first
         The first point, as from `first_point`; it is not yielded.
     within
@@ -121,7 +118,6 @@ class Walk(Iterator[BranchPoint]):
 
     def __init__(
         self,
-        equation: Equation,
         first: BranchPoint,
         within: Range,
         corrector: Corrector,
@@ -132,7 +128,7 @@ class Walk(Iterator[BranchPoint]):
         change: Callable[[BranchPoint, BranchPoint], float] = unchanged,
     ) -> None:
         self.change = change
-        self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
+        self.corrector, self.options, self.within = corrector, options, within
         self.trust, self.branched = trust, branched
         self.origin = first
         self._first_step = self._longest(first, options.first_step)

@@ -313,7 +313,7 @@ def gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
         coarse, fine = sorted((a, b), key=lambda point: len(point.x))
         corrector = track.corrector_at(fine)
-        lifted = lift(coarse, corrector, track.equation_at(fine))
+        lifted = lift(coarse, corrector)
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)

@@ -227,16 +227,8 @@ class LocusTracer(Iterator[LocusStep]):
         return True
 
     def _walk_from(self, state: WalkState | None) -> Walk:
-        beginning = self.beginning
-        return Walk(
-            beginning.equation,
-            beginning.first,
-            beginning.within[1],
-            beginning.corrector,
-            self.options,
-            state,
-            trust=0.0,
-        )
+        start = self.beginning
+        return Walk(start.first, start.within[1], start.corrector, self.options, state, trust=0.0)
 
     def _step(self, state: WalkState, point: BranchPoint) -> LocusStep | None:
         """Return the step, cut off at the limit of the first range or the end of the locus; None to step shorter."""
