@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Corrector
 from gapwalk.continuation.walk_scales import powers_of_two
 from gapwalk.orbit.orbit import Orbit
-from gapwalk.orbit.orbit_equation import Equation, OrbitEquation
+from gapwalk.orbit.orbit_equation import Equation
 
 CROSSING = 1e-6
 """Regularity of a point below which branches cross there; near a fold it is 1e-4 or more."""
@@ -49,10 +48,6 @@ class Track:
     def corrector_at(self, point: BranchPoint) -> Corrector:
         """Return the corrector with the unknowns of a point."""
         return self.corrector(len(point.x))
-
-    def equation_at(self, point: BranchPoint) -> OrbitEquation:
-        """Return the equation with the unknowns of a point."""
-        return cast("OrbitEquation", self.corrector_at(point).equation)
 
     def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
         """Return changes of a state that represent the distance to where a point's multipliers were evaluated."""
