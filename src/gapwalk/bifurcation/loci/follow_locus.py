@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.loci.codimension_two import Finding, distance_to_merging, ends_locus, find_codim2, find_merging
+from gapwalk.bifurcation.loci.codimension_two import Finding, distance_to_merging, find_codim2, find_merging
 from gapwalk.bifurcation.loci.corner import AWAY, Approach, Corner, approaches, leaps, turn_corner
 from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
@@ -39,6 +39,7 @@ _SHARE = 0.7  # share of the distance to a corner that a step may cover
 _BESIDE = 0.1 * AWAY  # distance from the path round a corner within which the start lies on it
 _EDGE = 1e-12  # distance from the limit of a range, in widths, within which the start lies on it
 _RESTART = 0.2  # first step beyond a corner, as a share of the distance already covered from the corner
+_ENDS = (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)  # points at which a Neimark-Sacker locus ends
 _REASONS = {
     EndReason.RANGE: LocusEndReason.RANGE,
     EndReason.TURNED_BACK: LocusEndReason.RANGE,
@@ -240,7 +241,7 @@ class LocusTracer(Iterator[LocusStep]):
             point, reason = edge, LocusEndReason.RANGE
         found = find_codim2(self.beginning.kind, self.beginning.corrector, state.previous, state.point, point)
         for number, finding in enumerate(found):
-            if ends_locus(self.beginning.kind, finding.kind):
+            if self.beginning.kind is Kind.NEIMARK_SACKER and finding.kind in _ENDS:  # the pair is real beyond it
                 found, point, reason = found[: number + 1], finding.point, LocusEndReason.RESONANCE
                 break
         step = LocusStep(self._point(point), [self._codim2(finding) for finding in found])
