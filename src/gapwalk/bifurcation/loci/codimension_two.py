@@ -220,20 +220,18 @@ def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInt
     return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
 
 
-def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float:
-    """Return the arclength ahead at which the halves of an orbit will coincide; infinite if they do not approach."""
-    if before is None or point.orbit.period % 2 or not is_close(point):
-        return float("inf")
-    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
-    return (point.arclength - before.arclength) * now / (past - now) if now < past else float("inf")
-
-
-def find_merging(corrector: Corrector, point: BranchPoint, distance: float) -> BranchPoint | None:
-    """Locate the end of a fold locus, where its orbits reach half their period, at about a distance ahead.
+def find_merging(corrector: Corrector, before: BranchPoint | None, point: BranchPoint) -> BranchPoint | None:
+    """Locate the end of a fold locus, where its orbits reach half their period, if it is just ahead; otherwise None.
 
     The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
-    of those flips as the zero of their cubic coefficient, by the secant method. None if it is not found.
+    of those flips as the zero of their cubic coefficient, by the secant method.
     """
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return None
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
+    if now >= past:
+        return None
+    distance = (point.arclength - before.arclength) * now / (past - now)
     equation = cast("MultiplierEquation", corrector.equation)
     shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
     plane, scales = equation.plane.halved(), corrector.scales[shared]

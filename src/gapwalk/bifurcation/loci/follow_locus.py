@@ -6,6 +6,7 @@ Method: docs/numerics/loci.md
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
-from gapwalk.bifurcation.loci.codimension_two import Finding, distance_to_merging, find_codim2, find_merging
+from gapwalk.bifurcation.loci.codimension_two import Finding, find_codim2, find_merging
 from gapwalk.bifurcation.loci.corner import AWAY, Approach, Corner, approaches, leaps, turn_corner
 from gapwalk.bifurcation.loci.locus import Codim2, Codim2Point, Locus, LocusEnd, LocusEndReason, LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation
@@ -113,8 +114,10 @@ class LocusTracer(Iterator[LocusStep]):
         self.first = self._point(beginning.first)
         self.end: LocusEnd | None = None
         while resume is not None and len(self.beginning.first.x) < len(resume.point.x):
-            if not self._refine():
+            finer = refined(self.beginning)
+            if finer is None:
                 break
+            self.beginning = finer
         self.walk = self._walk_from(resume)
 
     @property
@@ -160,18 +163,13 @@ class LocusTracer(Iterator[LocusStep]):
                 continue
             inaccuracy = self.beginning.plane.inaccuracy(point.orbit)
             if inaccuracy:
-                if self._go_on_more_finely(state):
+                if self._refine(state):
                     continue
                 self.end = LocusEnd(LocusEndReason.COARSE, self._values(state.point), inaccuracy)
                 raise StopIteration
-            step = None
-            try:
-                if self._is_smooth(state, point, is_coarse):
-                    step = self._step(state, point)
-            except NumericalError:
-                step = None
-            if step is not None:
-                return step
+            with suppress(NumericalError):
+                if self._is_smooth(state, point, is_coarse) and (step := self._step(state, point)) is not None:
+                    return step
             # no points connect the two: the step went astray, or over a corner
             self.walk.go_back(state, point)
 
@@ -186,10 +184,8 @@ class LocusTracer(Iterator[LocusStep]):
             for each in ahead
             if each.reach < AWAY or (each.turning.is_touch and abs(each.turning.depth) < shallow and each.reach < _WIDE)
         ]
-        if near:
-            step = self._around_corner(_OVER * near[-1].reach, near)
-            if step is not None:
-                return step
+        if near and (step := self._around_corner(_OVER * near[-1].reach, near)) is not None:
+            return step
         if ahead:
             self.walk.step = min(self.walk.step, _SHARE * ahead[0].reach)
         return None
@@ -205,25 +201,15 @@ class LocusTracer(Iterator[LocusStep]):
             return False
         if self.beginning.kind is Kind.GRAZING:
             return True
-        if state.point.orbit.closings != last.orbit.closings:
-            return False
-        return not leaps(state.previous, state.point, last)
+        return state.point.orbit.closings == last.orbit.closings and not leaps(state.previous, state.point, last)
 
-    def _refine(self) -> bool:
-        """Resolve the locus more finely, as if from its beginning; return whether that was possible."""
+    def _refine(self, state: WalkState) -> bool:
+        """Continue from a state with a finer resolution; return whether that was possible."""
         finer = refined(self.beginning)
-        if finer is None:
+        point = None if finer is None else lift(state.point, finer.corrector)
+        if finer is None or point is None:
             return False
         self.beginning = finer
-        return True
-
-    def _go_on_more_finely(self, state: WalkState) -> bool:
-        """Continue from a state with a finer resolution; return whether that was possible."""
-        if not self._refine():
-            return False
-        point = lift(state.point, self.beginning.corrector)
-        if point is None:
-            return False
         self.walk = self._walk_from(WalkState(None, point, state.step, state.count))
         return True
 
@@ -254,11 +240,8 @@ class LocusTracer(Iterator[LocusStep]):
         if self.beginning.kind is not Kind.FOLD:
             return None
         state = self.walk.state
-        distance = distance_to_merging(state.previous, state.point)
-        if distance == float("inf"):
-            return None
         try:
-            end = find_merging(self.beginning.corrector, state.point, distance)
+            end = find_merging(self.beginning.corrector, state.previous, state.point)
         except NumericalError:
             return None
         if end is None:
