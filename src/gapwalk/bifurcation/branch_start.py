@@ -139,8 +139,7 @@ def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))
     along[-1] = np.sign(point.tangent[-1]) or 1.0
-    evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
-    tangent = corrector.tangent(evaluation, along).tangent
+    tangent = corrector.tangent(corrector.evaluate(x), along).tangent
     correction = corrector.correct(x, tangent)
     if correction is None:  # the point is far from solving the finer equation: damped steps at a fixed parameter
         try:

@@ -213,7 +213,8 @@ def _nodes(interval: StepInterval, low: float, window: float, centre: float) -> 
     for place in np.clip(low + window * shares, *ends):  # rounding must not lead beyond the ends
         if abs(place - centre) > _NEAR * window:
             try:
-                nodes.append(interval.corrector.refined(interval.at(float(place))))
+                node = interval.at(float(place))
+                nodes.append(interval.corrector.exact_point(node.x, node.tangent, node.arclength))
             except NumericalError:  # it happens to lie on the crossing
                 continue
     if len(nodes) < _FEWEST:

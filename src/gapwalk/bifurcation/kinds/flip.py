@@ -390,8 +390,7 @@ class Doubled:
         """Scaled variables of the parent at the flip, and its tangent there, towards larger parameters."""
         parent, value = self.parent, self.special.value
         x = np.append(parent.equation.unknowns(self.special.orbit), value) / parent.scales
-        evaluation = parent.equation.evaluate(x[:-1] * parent.scales[:-1], value)
-        return x, parent.tangent(evaluation, np.append(np.zeros(len(x) - 1), 1.0)).tangent
+        return x, parent.tangent(parent.evaluate(x), np.append(np.zeros(len(x) - 1), 1.0)).tangent
 
     def _doubled(self, orbit: Orbit) -> NDArray[np.float64]:
         equation = self.corrector.equation
