@@ -242,19 +242,15 @@ def _chunks(
 ) -> Iterator[Chunk]:
     """Yield the pieces of work at one value."""
     there = system.at({parameter: value})
-    on_branches = (_exact(orbit) for curve in curves for orbit in curve.orbits_at(value))
-    known = tuple(orbit for orbit in on_branches if orbit is not None)
+    on_branches = (orbit for curve in curves for orbit in curve.orbits_at(value))
+    exact = (each if each.is_exact else exact_orbit(each.system, each.period, each.state) for each in on_branches)
+    known = tuple(orbit for orbit in exact if orbit is not None)  # none may be near an orbit that is not exact
     box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
     if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
         raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
     starts = spread_starts(box, options.starts, options.seed, value)
     for block, first in enumerate(range(0, options.starts, options.block)):
         yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
-
-
-def _exact(orbit: Orbit) -> Orbit | None:
-    """Return an orbit of a known branch as shooting finds it; None if there is none near an orbit that is not exact."""
-    return orbit if orbit.is_exact else exact_orbit(orbit.system, orbit.period, orbit.state)
 
 
 def _result(
@@ -265,36 +261,29 @@ def _result(
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):
         done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
-        if done:
-            tallies.append(_tally(value, done))
-            found += _merge(value, done, curves, numbers)
+        if not done:
+            continue
+        catalogue = Catalogue(done[0][0].box)
+        for _, catch in done:
+            for orbit, settled, newton in catch.orbits:
+                entry = catalogue.add(orbit)
+                entry.settled += settled
+                entry.newton += newton
+        for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
+            branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
+            found.append(Found(value, entry.orbit, entry.settled, entry.newton, branch))
+        tallies.append(
+            Tally(
+                value,
+                catalogue.scales,
+                sum(len(chunk.starts) for chunk, _ in done),
+                sum(settled for _, catch in done for _, settled, _ in catch.orbits),
+                sum(catch.ran_away for _, catch in done),
+                np.concatenate([catch.unsettled for _, catch in done]),
+                sum(catch.newton_starts for _, catch in done),
+            )
+        )
     return SearchResult(parameter, tuple(found), tuple(tallies), len(catches) == len(chunks))
-
-
-def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
-    """Return the counts at one value."""
-    return Tally(
-        value,
-        done[0][0].box,
-        sum(len(chunk.starts) for chunk, _ in done),
-        sum(settled for _, catch in done for _, settled, _ in catch.orbits),
-        sum(catch.ran_away for _, catch in done),
-        np.concatenate([catch.unsettled for _, catch in done]),
-        sum(catch.newton_starts for _, catch in done),
-    )
-
-
-def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]) -> Iterator[Found]:
-    """Yield the distinct orbits of all chunks at one value."""
-    catalogue = Catalogue(done[0][0].box)
-    for _, catch in done:
-        for orbit, settled, newton in catch.orbits:
-            entry = catalogue.add(orbit)
-            entry.settled += settled
-            entry.newton += newton
-    for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
-        branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
-        yield Found(value, entry.orbit, entry.settled, entry.newton, branch)
 
 
 def coverage(result: SearchResult) -> tuple[str, ...]:

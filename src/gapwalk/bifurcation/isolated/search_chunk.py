@@ -131,7 +131,12 @@ def search_chunk(chunk: Chunk) -> Catch:
         if every and number % every == 0:
             hunt.along(number // every, settling)
     if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
-        unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
+        settler = Settler(chunk.system, hunt.catalogue, options.periods, _PATIENCE * options.patience)
+        late = [settler.settle(state) for state in unsettled]
+        unsettled = [settling.path[-1] for settling in late if settling.entry is None]
+        for settling in late:
+            if settling.entry is not None:
+                settling.entry.settled += 1
     if every:
         hunt.beside()
     found = tuple((entry.orbit, entry.settled, entry.newton) for entry in hunt.catalogue.entries)
@@ -289,16 +294,3 @@ class Settler:
             return entry
         entry.newton += 1
         return None
-
-
-def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Catalogue) -> list[NDArray[np.float64]]:
-    """Follow transients with more patience and return the last states of those that have not settled even so."""
-    settler = Settler(chunk.system, catalogue, chunk.options.periods, _PATIENCE * chunk.options.patience)
-    unsettled = []
-    for state in states:
-        settling = settler.settle(state)
-        if settling.entry is None:
-            unsettled.append(settling.path[-1])
-        else:
-            settling.entry.settled += 1
-    return unsettled
