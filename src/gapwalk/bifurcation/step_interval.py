@@ -200,7 +200,10 @@ class Search:
         index
             Index of the special point among them.
         """
-        return self.interval.at(_between(marks, index, -1)), self.interval.at(_between(marks, index, 1))
+        before, here, after = marks[index - 1 : index + 2]
+        before = before if index == 1 else 0.5 * (here + before)
+        after = after if index == len(marks) - 2 else 0.5 * (here + after)
+        return self.interval.at(before), self.interval.at(after)
 
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
         """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
@@ -275,10 +278,3 @@ def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
     for zero in known:
         result /= point.arclength - zero if point.arclength != zero else 1e-300
     return result
-
-
-def _between(marks: list[float], index: int, side: int) -> float:
-    """Return an arclength between a special point and its neighbour on one side: the neighbour itself at an end."""
-    neighbour = marks[index + side]
-    is_end = index + side in (0, len(marks) - 1)
-    return neighbour if is_end else 0.5 * (marks[index] + neighbour)

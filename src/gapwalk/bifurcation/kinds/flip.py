@@ -114,13 +114,10 @@ class Cubic(NamedTuple):
         The coefficient; nan if contacts graze within every displacement that was tried.
     error
         Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
-    step
-        Displacement, in units of the unknowns, over which it was measured.
     """
 
     value: float
     error: float
-    step: float
 
 
 class _Limit(NamedTuple):
@@ -234,8 +231,8 @@ def flip_coefficient(
             value = coefficient(first, second)
             _, before, after, _ = matrices
             coarser = coefficient((after - before) / (2.0 * step), (after + before - 2.0 * here[0]) / step**2)
-            return Cubic(value, abs(coarser - value), step)
-    return Cubic(float("nan"), float("inf"), 0.0)
+            return Cubic(value, abs(coarser - value))
+    return Cubic(float("nan"), float("inf"))
 
 
 def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
