@@ -198,10 +198,14 @@ class BranchTracer(Iterator[Step]):
         if self._symmetries is None:
             if self.beginning.singular and point.arclength < _AHEAD:
                 return {}
+            within = self.beginning.within
+            place = self.first.orbit.system.structure.place(self.beginning.equation.parameter or "")
+            ends = (System.beside(self.first.orbit.system, place, value) for value in (within.low, within.high))
+            kept = set.intersection(*({*symmetries_of(system)} for system in (self.first.orbit.system, *ends)))
             self._symmetries = {
                 each: each.moves_switches(point.orbit.system)
-                for each in self._symmetries_of_all()
-                if self._defect(each, point) < _SYMMETRIC
+                for each in symmetries_of(self.first.orbit.system)
+                if each in kept and self._defect(each, point) < _SYMMETRIC
             }
         return self._symmetries
 
@@ -219,37 +223,24 @@ class BranchTracer(Iterator[Step]):
     def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
         return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.beginning.corrector.scales[0]))
 
-    def _symmetries_of_all(self) -> tuple[Symmetry, ...]:
-        """Return the symmetries that the system has at both limits of the range, and at the beginning."""
-        system, within = self.first.orbit.system, self.beginning.within
-        place = system.structure.place(self.beginning.equation.parameter or "")
-        ends = [symmetries_of(System.beside(system, place, value)) for value in (within.low, within.high)]
-        return tuple(each for each in symmetries_of(system) if all(each in end for end in ends))
-
     def _explained(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
         """Return the special points of a step; raise a NumericalError if they do not explain all changes in it.
 
         A shorter step may then show what was missed.
         """
-        special = self._inspect(first, point, before)
-        singular = first is self.first and self.beginning.singular  # all test functions vanish there
+        singular, start = first is self.first and self.beginning.singular, first
+        if singular:  # all test functions vanish there: the step is examined from just beyond
+            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
+            if beside is None:
+                return []
+            start, before = beside, None
+        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
+        found = self.detector.inspect(start, point, before)
+        special = [each.kind.judged(each, parameter, method) for each in found]
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
         return special
-
-    def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
-        """Return the special points of a step.
-
-        All test functions vanish where a branch begins at another, so its first step is examined from just beyond.
-        """
-        if first is self.first and self.beginning.singular:
-            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
-            if beside is None:
-                return []
-            first, before = beside, None
-        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
-        return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """Return a point just beyond the beginning of a branch that begins at another; None if there is none.
