@@ -9,9 +9,11 @@ from typing import Any, Generic, Protocol, TypeVar
 from gapwalk.errors import Interrupted
 
 D = TypeVar("D")
-S = TypeVar("S")
+S = TypeVar("S", bound=tuple[Any, ...])
 S_co = TypeVar("S_co", covariant=True)
-R, P, F = TypeVar("R"), TypeVar("P"), TypeVar("F")
+R = TypeVar("R")
+P = TypeVar("P")
+F = TypeVar("F")
 
 
 class Trace(Protocol[S_co]):

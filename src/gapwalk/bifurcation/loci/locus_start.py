@@ -65,9 +65,9 @@ class LocusStart:
     contact: str = ""
 
     @property
-    def equation(self) -> LocusEquation:
+    def equation(self) -> MultiplierEquation | GrazingEquation:
         """Equation whose solutions form the locus."""
-        return cast("LocusEquation", self.corrector.equation)
+        return cast("MultiplierEquation | GrazingEquation", self.corrector.equation)
 
     @property
     def plane(self) -> OrbitPlane:
