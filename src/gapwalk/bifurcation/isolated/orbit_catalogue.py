@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,7 +190,7 @@ class _Deflated(NamedTuple):
         except NumericalError:
             return None
 
-    def step(self, x: NDArray[np.float64], newton: NDArray[np.float64]) -> NDArray[np.float64]:
+    def step(self, x: NDArray[np.float64], newton: NDArray[Any]) -> NDArray[np.float64]:
         """Return the step of limited length: deflation shortens, lengthens or reverses that of Newton's method."""
         step, options, unit = newton, self.options, self.scales * self.options.reach
         if len(self.known):
