@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,7 +16,6 @@ from benchmarks.effort import Effort
 from benchmarks.row import Row, Target
 from benchmarks.stopwatch import cpu_seconds, fastest, side_by_side
 from gapwalk import Branch, DiagramOptions, Orbit, diagram, find_orbit, follow, paper
-from gapwalk.bifurcation.isolated import values_between
 from gapwalk.flow.flow import PERIOD, Flow
 from gapwalk.orbit.orbit import true_period
 
@@ -63,7 +63,7 @@ def measure_walk(start: Orbit, target: Target, effort: Effort) -> Row:
 def measure(start: Orbit, effort: Effort) -> Row:
     """Measure the whole diagram in one process, once: period 1 to 8, with the search for isolated branches."""
     low, high = effort.diagram_from, _RANGE[1]
-    values = len(values_between(low, high, _NARROWEST))
+    values = math.ceil((high - low) / _NARROWEST * (1.0 - 1e-12))
     options = DiagramOptions(workers=1, search_values=values)
     found: list[Any] = []
 

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from gapwalk.attractors.spectrum import spectrum, waterfall
     from gapwalk.bifurcation.branch import Branch, SpecialPoint
     from gapwalk.bifurcation.branch_comparison import Comparison, compare
+    from gapwalk.bifurcation.branch_start import switch
     from gapwalk.bifurcation.diagram import Cascade, Diagram, DiagramBranch
     from gapwalk.bifurcation.follow import BranchWalk, follow, walk
     from gapwalk.bifurcation.isolated import SearchOptions, SearchResult, search
     from gapwalk.bifurcation.kinds import Event, Kind
     from gapwalk.bifurcation.loci import Locus, follow_locus
-    from gapwalk.bifurcation.switch import switch
     from gapwalk.continuation.branch_point import BranchPoint
     from gapwalk.continuation.walk_options import WalkOptions
     from gapwalk.ensemble import BatchOptions, batch_flow_of

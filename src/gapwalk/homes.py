@@ -130,7 +130,7 @@ HOMES = {
     "stop": "model.contact",
     "strobe": "attractors.section",
     "sweep": "studies.sweep_study",
-    "switch": "bifurcation.switch",
+    "switch": "bifurcation.branch_start",
     "verify": "studies.verify",
     "waterfall": "attractors.spectrum",
     "workers": "parallel.workers",

@@ -10,7 +10,6 @@ from scipy.optimize import fsolve
 
 from gapwalk import backlash
 from gapwalk.bifurcation import Branch, Kind, SpecialPoint, follow, switch
-from gapwalk.bifurcation.criticality import with_nature
 from gapwalk.model import Harmonic, System
 from gapwalk.orbit import Shooting, find_orbit
 from gapwalk.paper import case
@@ -162,4 +161,4 @@ def test_the_nature_does_not_depend_on_segments():
 def test_a_point_without_a_single_critical_multiplier_is_left_without_a_nature():
     flip = flip_near(response("13"), 1.3318)
     odd = replace(flip, before=flip.after, nature="", judged=0.0)
-    assert with_nature(odd, "frequency").nature == ""
+    assert odd.kind.judged(odd, "frequency", None).nature == ""

@@ -10,11 +10,9 @@ from gapwalk.bifurcation import follow
 from gapwalk.bifurcation.isolated import (
     SearchOptions,
     coverage,
-    isolated,
     next_is_new,
     search,
     unseen_share,
-    values_between,
 )
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, Deflation, exact_orbit, newton_aside
 from gapwalk.bifurcation.isolated.search_chunk import Settler, search_chunk
@@ -34,6 +32,16 @@ from tests.systems import backlash_oscillator, clutch, linear, viscous_stop
 
 AMPLITUDE = "harmonic1.amplitude"
 QUICK = SearchOptions(starts=32, newton_starts=16, newton_periods=(1, 2, 3))
+
+
+def isolated(found, parameter, to, known=()):
+    """The branches through orbits of a search that lie on no known branch, each followed once."""
+    curves, branches = [Curve(branch) for branch in known if branch.parameter == parameter], []
+    for each in sorted(found, key=lambda f: (not f.orbit.stable, -f.hits_settled, f.orbit.period)):
+        if not any(curve.holds(each.orbit) for curve in curves):
+            branches.append(follow(each.orbit, parameter, to))
+            curves.append(Curve(branches[-1]))
+    return branches
 
 
 def span(branch) -> list[float]:
@@ -67,14 +75,12 @@ def test_both_isolated_loops_of_figure_27(figure_27):
     """And the mirror image of the smaller: a negative amplitude is a phase of 180 degrees, half a period later."""
     main, _, islands, _ = figure_27
     assert span(main) == [-1.0, 1.0]
-    assert islands.complete
-    assert islands.lost == ()
-    assert all(branch.closed for branch in islands.branches)
-    mirrored, large, small = sorted((span(branch) for branch in islands.branches), key=lambda ends: ends[0])
+    assert all(branch.closed for branch in islands)
+    mirrored, large, small = sorted((span(branch) for branch in islands), key=lambda ends: ends[0])
     assert large == pytest.approx([-0.2614, 0.2614], abs=2e-4)
     assert small == pytest.approx([0.4840, 0.6023], abs=2e-4)
     assert mirrored == pytest.approx([-0.6023, -0.4840], abs=2e-4)
-    patterns = {point.orbit.pattern for branch in islands.branches for point in branch.points}
+    patterns = {point.orbit.pattern for branch in islands for point in branch.points}
     assert "2+/2-" in patterns
 
 
@@ -86,12 +92,12 @@ def test_what_lies_on_a_known_branch_is_not_new(figure_27):
         assert found.branch in (None, 0)
     assert all(found.orbit.period == 1 for found in result.found if not found.is_new)
     # with the islands known too, nothing is new at a value between those searched
-    everything = [find_branch_along_another_parameter(), main, *islands.branches]
+    everything = [find_branch_along_another_parameter(), main, *islands]
     again = search(case("27"), AMPLITUDE, [0.1], known=everything, options=QUICK)
     assert len(again.found) >= 2
     assert again.new == ()
     assert Counter(found.branch for found in again.found)[1] == 1
-    assert isolated(again.found, AMPLITUDE, (-1.0, 1.0), known=everything).branches == ()
+    assert isolated(again.found, AMPLITUDE, (-1.0, 1.0), known=everything) == []
 
 
 def find_branch_along_another_parameter():
@@ -121,7 +127,7 @@ def test_the_islands_of_figure_28_have_grown():
     result = search(case("28"), AMPLITUDE, [0.2, 0.6], known=[main], options=replace(QUICK, starts=48, patience=100))
     new = [found for found in result.new if found.orbit.period == 1]
     islands = isolated(new, AMPLITUDE, (-1.0, 1.0), known=[main])
-    large, small = sorted((span(branch) for branch in islands.branches), key=lambda ends: ends[0])
+    large, small = sorted((span(branch) for branch in islands), key=lambda ends: ends[0])
     assert large == pytest.approx([-0.3725, 0.3725], abs=2e-4)
     assert small == pytest.approx([0.4278, 0.6201], abs=2e-4)
 
@@ -130,7 +136,7 @@ def test_the_motions_of_period_3_of_figure_15():
     result = search(case("15"), "frequency", [0.45, 0.8], options=QUICK)
     threes = [found for found in result.found if found.orbit.period == 3]
     assert {(found.value, found.orbit.stable) for found in threes} >= {(0.45, True), (0.45, False), (0.8, True)}
-    islands = isolated(threes, "frequency", (0.15, 1.9)).branches
+    islands = isolated(threes, "frequency", (0.15, 1.9))
     assert all(branch.ends[-1].reason is EndReason.CLOSED for branch in islands)
     lower = next(branch for branch in islands if span(branch)[0] < 0.45 < span(branch)[1])
     upper = next(branch for branch in islands if span(branch)[0] < 0.8 < span(branch)[1])
@@ -346,8 +352,6 @@ def test_what_was_found_before_an_interruption_is_kept():
     assert coverage(stopped) == ("The search was stopped before its first start.",)
     finished = search(linear(), "frequency", [0.5], options=options)
     assert finished.complete
-    followed = isolated(finished.found, "frequency", (0.4, 0.6), stop=lambda: True)
-    assert (followed.branches, followed.complete) == ((), False)
 
 
 def test_a_chunk_is_a_pure_function():
@@ -433,29 +437,6 @@ def test_a_bound_for_each_value_where_they_differ():
     assert "at the best value, and at the worst, 0.85, nothing can be said" in text
 
 
-@pytest.mark.parametrize(("narrowest", "count"), [(None, 300), (0.0175, 100), (0.01, 175), (0.0101, 174), (5.0, 1)])
-def test_every_island_wide_enough_holds_a_value(narrowest, count):
-    values = values_between(0.15, 1.9, narrowest)
-    assert len(values) == count
-    edges = np.concatenate(([0.15 - (values[0] - 0.15)], values, [1.9 + (1.9 - values[-1])]))
-    assert np.diff(edges).max() <= (narrowest or 1.75 / 300) * (1.0 + 1e-9)
-    assert values[0] > 0.15
-    assert values[-1] < 1.9
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((1.0, 1.0), "the range is from 1.0 to 1.0; its limits must be finite"),
-        ((0.0, float("inf")), "its limits must be finite and increasing"),
-        ((0.0, 1.0, 0.0), "narrowest is 0.0; it must be a number > 0"),
-    ],
-)
-def test_values_that_make_no_sense_are_refused(arguments, message):
-    with pytest.raises(ModelError, match=message):
-        values_between(*arguments)
-
-
 def test_good_turing_counts_motions_met_once():
     bare = search(linear(), "frequency", [0.5], options=SearchOptions(starts=1, newton_starts=0))
     assert next_is_new(bare) == 1.0
@@ -480,4 +461,4 @@ def test_the_islands_are_found_whatever_the_seed(figure, spans, seed):
     result = search(case(figure), AMPLITUDE, np.linspace(-1.0, 1.0, 11), known=[main], options=options)
     new = [found for found in result.new if found.orbit.period == 1]
     islands = isolated(new, AMPLITUDE, (-1.0, 1.0), known=[main])
-    assert sorted(span(branch) for branch in islands.branches) == [pytest.approx(ends, abs=2e-4) for ends in spans]
+    assert sorted(span(branch) for branch in islands) == [pytest.approx(ends, abs=2e-4) for ends in spans]

@@ -1,12 +1,11 @@
 """Bifurcations: detection and location of special points along a branch, branch switching, loci and diagrams."""
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
-from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, resumed_tracer
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
+from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState
 from gapwalk.bifurcation.detector import Detector
 from gapwalk.bifurcation.follow import follow, join, walk_out
 from gapwalk.bifurcation.kinds import Event, Kind
-from gapwalk.bifurcation.switch import switch
 
 __all__ = [
     "Branch",
@@ -20,7 +19,6 @@ __all__ = [
     "directions",
     "follow",
     "join",
-    "resumed_tracer",
     "start_branch",
     "switch",
     "walk_out",

@@ -164,7 +164,18 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
     inside = [point for point in first.points if low <= point.value <= high]
     values = [[point.value, *(point.measure(name) for name in names)] for point in inside]
     places = np.array(values).reshape(-1, len(ranges)) / ranges
-    matches, only_first, only_second = _match(first, second, names, ranges, (low, high))
+    ours, theirs = first.special_points, second.special_points
+    at = [
+        np.array([[s.value, *(s.orbit.measure(name) for name in names)] for s in each]).reshape(-1, len(ranges))
+        / ranges
+        for each in (ours, theirs)
+    ]
+    labels = [[(special.kind, special.contact) for special in each] for each in (ours, theirs)]
+    pairs = match_places(at[0] / ranges, labels[0], at[1] / ranges, labels[1])
+    alone = (
+        tuple(s for index, s in enumerate(each) if index not in used and low <= s.value <= high)
+        for each, used in ((ours, {i for i, _ in pairs}), (theirs, {j for _, j in pairs}))
+    )
     return Comparison(
         first.parameter,
         names,
@@ -172,9 +183,8 @@ def compare_in(first: Branch, second: Branch, names: tuple[str, ...], ranges: ND
         np.array([point.value for point in inside]),
         curve.distances(places),
         curve.resolution,
-        matches,
-        only_first,
-        only_second,
+        tuple(Match(ours[i], theirs[j]) for i, j in pairs),
+        *alone,
     )
 
 
@@ -237,26 +247,6 @@ def _knots(branch: Branch, names: tuple[str, ...]) -> NDArray[np.float64]:
     points = [*branch.points, *(special.point for special in branch.special_points)]
     points.sort(key=lambda point: point.arclength)
     return np.array([[point.value, *(point.measure(name) for name in names)] for point in points])
-
-
-def _match(
-    first: Branch, second: Branch, names: tuple[str, ...], ranges: NDArray[np.float64], within: tuple[float, float]
-) -> tuple[tuple[Match, ...], tuple[SpecialPoint, ...], tuple[SpecialPoint, ...]]:
-    """Return pairs of nearby special points of the same kind (and contact), and the unmatched ones within a range."""
-    ours, theirs = first.special_points, second.special_points
-    places = [
-        np.array([[s.value, *(s.orbit.measure(name) for name in names)] for s in points]).reshape(-1, len(ranges))
-        / ranges
-        for points in (ours, theirs)
-    ]
-    labels = [[(each.kind, each.contact) for each in points] for points in (ours, theirs)]
-    pairs = match_places(places[0], labels[0], places[1], labels[1])
-    low, high = within
-    left, right = (
-        tuple(s for index, s in enumerate(points) if index not in used and low <= s.value <= high)
-        for points, used in ((ours, {i for i, _ in pairs}), (theirs, {j for _, j in pairs}))
-    )
-    return tuple(Match(ours[i], theirs[j]) for i, j in pairs), left, right
 
 
 def match_places(

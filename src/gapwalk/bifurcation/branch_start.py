@@ -1,20 +1,33 @@
-"""Beginning of a walk: an orbit on its branch, and a direction along a parameter."""
+"""Beginnings of branches: at an orbit, or at a special point where another branch begins or crosses.
+
+A period-doubled branch begins with motions whose two halves differ, and ends where that difference vanishes.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.corrector import Corrector
+from gapwalk.continuation.corrector import Corrector, hermite
 from gapwalk.continuation.walk_options import Range, check_range
 from gapwalk.continuation.walk_scales import scales_of, with_natural_change
 from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.flow.length_unit import magnitude
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit, true_period
 from gapwalk.orbit.orbit_equation import OrbitEquation, solve
+
+if TYPE_CHECKING:
+    from gapwalk.bifurcation.branch import SpecialPoint
+
+_MERGED = 1e-7  # relative difference between the halves of an orbit below which it has half the period
+_CLOSE = 1e-2  # relative difference between the halves below which an orbit is close to one of half the period
 
 
 @dataclass(frozen=True)
@@ -42,6 +55,13 @@ class BranchStart:
     def equation(self) -> OrbitEquation:
         """Equation whose solutions form the branch."""
         return cast("OrbitEquation", self.corrector.equation)  # loci use correctors too, but begin differently
+
+    @classmethod
+    def uncorrected(
+        cls, corrector: Corrector, start: NDArray[np.float64], tangent: NDArray[np.float64], within: Range
+    ) -> BranchStart:
+        """Return the beginning of a branch at a special point: its unknowns and parameter, and the scaled tangent."""
+        return cls(corrector, corrector.uncorrected(start / corrector.scales, tangent, 0.0), within, singular=True)
 
 
 def start_branch(
@@ -109,17 +129,17 @@ def refined(beginning: BranchStart) -> BranchStart | None:
         return None
     first = beginning.first
     corrector = Corrector(equation, scales_of(equation, first.orbit, beginning.within))
-    lifted = lift(first, corrector, equation)
+    lifted = lift(first, corrector)
     return None if lifted is None else replace(beginning, corrector=corrector, first=lifted)
 
 
-def lift(point: BranchPoint, corrector: Corrector, equation: OrbitEquation) -> BranchPoint | None:
+def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     """Return a point of a branch, posed by a finer equation of the same branch; None if Newton's method fails."""
+    equation = cast("OrbitEquation", corrector.equation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     along = np.zeros(len(x))
     along[-1] = np.sign(point.tangent[-1]) or 1.0
-    evaluation = equation.evaluate(x[:-1] * corrector.scales[:-1], point.value)
-    tangent = corrector.tangent(evaluation, along).tangent
+    tangent = corrector.tangent(corrector.evaluate(x), along).tangent
     correction = corrector.correct(x, tangent)
     if correction is None:  # the point is far from solving the finer equation: damped steps at a fixed parameter
         try:
@@ -138,3 +158,90 @@ def directions(start: float, to: float | tuple[float, float]) -> tuple[int, ...]
     if isinstance(to, int | float):
         return (1,) if to > start else (-1,)
     return tuple(sign for sign, bound in ((-1, within.low), (1, within.high)) if bound != start)
+
+
+def switch(
+    special: SpecialPoint, parameter: str, to: tuple[float, float], method: Method | None = None
+) -> list[BranchStart]:
+    """Return the beginnings of the other branches at a special point.
+
+    At a flip there is one, on the branch of twice the period: the opposite direction gives the same motions, shifted by
+    one period. At a branch point there are two, in both directions of the crossing branch.
+
+    Parameters
+    ----------
+    special
+        A flip or a branch point.
+    parameter
+        Name of the parameter to follow.
+    to
+        Range of the parameter.
+    method
+        Discretisation of the orbits.
+
+    Raises
+    ------
+    ModelError
+        If no other branch begins at a special point of this kind, or the range does not contain it.
+    """
+    within = check_range(special.value, to).along(parameter, special.orbit.system)
+    within = replace(within, natural=abs(special.value) or within.width)  # slopes are infinite at a special point
+    return special.kind.beginnings(special, parameter, within, chosen(method))
+
+
+def posed_for(
+    special: SpecialPoint, parameter: str, period: int, method: Method
+) -> tuple[OrbitEquation, OrbitEquation]:
+    """Return the equation with which a special point was found, and one of the same resolution for another period."""
+    found, equation = (method.pose(special.orbit.system, parameter, m) for m in (special.orbit.period, period))
+    while len(found.scales(1.0)) < len(special.point.x) - 1:
+        finer, other = equation.finer(), found.finer()
+        if finer is None or other is None:
+            break
+        equation, found = finer, other
+    return found, equation
+
+
+def halves_apart(point: BranchPoint) -> NDArray[np.float64]:
+    """Return the state after half the period minus the initial state, shape (2n,), relative to the size of the state.
+
+    It is zero on an orbit of half the period, and changes sign through zero where a period-doubled branch passes
+    through its parent.
+    """
+    known = point.memo.get("halves apart")
+    if known is None:
+        orbit = point.orbit
+        half = orbit.strobes(orbit.period // 2 + 1)[-1]
+        known = point.memo["halves apart"] = (half - orbit.state) / magnitude(orbit.state, orbit.system)
+    return known
+
+
+def has_merged(point: BranchPoint) -> bool:
+    """Return whether the orbit of a point has half its period, so that it lies on the parent branch."""
+    return float(np.abs(halves_apart(point)).max()) < _MERGED
+
+
+def is_close(point: BranchPoint) -> bool:
+    """Return whether the orbit of a point nearly repeats after half its period."""
+    return float(np.abs(halves_apart(point)).max()) < _CLOSE
+
+
+def value_between(first: BranchPoint, last: BranchPoint, scale: float) -> float | None:
+    """Return the parameter at which the halves of the orbit exchange places between two points; None if they do not.
+
+    It follows from the cubic through the two points.
+    """
+    a, b = halves_apart(first), halves_apart(last)
+    if float(a @ b) >= 0.0 or min(float(np.abs(a).max()), float(np.abs(b).max())) >= 10 * _CLOSE:
+        return None
+    before, after = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    return float(hermite(first, last, before / (before + after))[-1]) * scale
+
+
+def value_ahead(before: BranchPoint, last: BranchPoint) -> float:
+    """Return the parameter at which the halves will coincide, just beyond two points.
+
+    The branch turns back there: the difference of the halves is linear in arclength, and the parameter quadratic in it.
+    """
+    a, b = (float(np.linalg.norm(halves_apart(point))) ** 2 for point in (before, last))
+    return last.value if a <= b else (a * last.value - b * before.value) / (a - b)

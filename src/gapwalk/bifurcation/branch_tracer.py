@@ -9,13 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart, lift, refined
+from gapwalk.bifurcation.branch_start import (
+    BranchStart,
+    has_merged,
+    is_close,
+    lift,
+    refined,
+    value_ahead,
+    value_between,
+)
 from gapwalk.bifurcation.detector import Detector, DetectorState, unexplained
 from gapwalk.bifurcation.kinds.event import Event
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
 from gapwalk.bifurcation.stiff_graze import pass_graze
-from gapwalk.bifurcation.switch import has_merged, is_close, passes_parent, value_ahead, value_between
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk import End, EndReason, Walk, WalkState
 from gapwalk.continuation.walk_options import WalkOptions
@@ -56,48 +63,6 @@ def _change(first: BranchPoint, second: BranchPoint) -> float:
     return largest_move(first.orbit.multipliers, second.orbit.multipliers) / _FAR
 
 
-def _walk(beginning: BranchStart, options: WalkOptions, state: WalkState | None) -> Walk:
-    """Return the walk from a beginning, or from a state to resume."""
-    return Walk(
-        beginning.equation,
-        beginning.first,
-        beginning.within,
-        beginning.corrector,
-        options,
-        state,
-        branched=beginning.singular,
-        change=_change,
-    )
-
-
-def resumed_tracer(
-    beginning: BranchStart, walk: WalkOptions | None, state: BranchTracerState, events: Sequence[Event] = ()
-) -> BranchTracer:
-    """Return the tracer that continues from a state, also if its equation was refined on the way.
-
-    Parameters
-    ----------
-    beginning
-        Beginning from which the tracer started.
-    walk
-        Options of the walk.
-    state
-        `BranchTracer.state` when it was stopped. Its points are as they were yielded, so the one before the
-        last may have been computed before a refinement.
-    events
-        User-defined kinds of special points.
-    """
-    previous, size = state.walk.previous, len(state.walk.point.x)
-    while len(beginning.first.x) < size:
-        finer = refined(beginning)
-        if finer is None:
-            break
-        if previous is not None and len(previous.x) < len(finer.first.x):
-            previous = lift(previous, finer.corrector, finer.equation)
-        beginning = finer
-    return BranchTracer(beginning, walk, state._replace(walk=replace(state.walk, previous=previous)), events)
-
-
 class BranchTracer(Iterator[Step]):
     """Tracer of a branch in one direction: yields each point with the special points before it.
 
@@ -108,7 +73,8 @@ class BranchTracer(Iterator[Step]):
     walk
         Options of the walk.
     resume
-        `state` of a stopped tracer with the same beginning.
+        `state` of a stopped tracer with the same beginning. Its equation is refined as it was on the way. Its points
+        are as they were yielded, so the one before the last may have been computed before a refinement.
     events
         User-defined kinds of special points.
     """
@@ -120,10 +86,17 @@ class BranchTracer(Iterator[Step]):
         resume: BranchTracerState | None = None,
         events: Sequence[Event] = (),
     ) -> None:
+        state = resume and resume.walk
+        while state is not None and len(beginning.first.x) < len(state.point.x):
+            finer = refined(beginning)
+            if finer is None:
+                break
+            if state.previous is not None and len(state.previous.x) < len(finer.first.x):
+                state = replace(state, previous=lift(state.previous, finer.corrector))
+            beginning = finer
         self.beginning, self.first = beginning, beginning.first
         self._kinds = (*Kind.known(), *events)
-        options = walk or WalkOptions()
-        self.walk = _walk(beginning, options, resume and resume.walk)
+        self.walk = self._walk_from(walk or WalkOptions(), state)
         self._symmetries: dict[Symmetry, tuple[int, ...]] | None = None
         self.detector = Detector(beginning.corrector, self._kinds)
         self._ways = unheld(self.first.orbit.system)
@@ -145,7 +118,10 @@ class BranchTracer(Iterator[Step]):
     @property
     def is_closed(self) -> bool:
         """True if the branch has closed on itself."""
-        return self.end is not None and self.end.reason is EndReason.CLOSED
+        return self._ended(EndReason.CLOSED)
+
+    def _ended(self, reason: EndReason) -> bool:
+        return self.end is not None and self.end.reason is reason
 
     def finish_with(self, end: End) -> None:
         """Set the end that the walk had reached before it was stopped."""
@@ -161,14 +137,14 @@ class BranchTracer(Iterator[Step]):
                 if self._refine(state.walk.count):
                     before, first, state = None, self.walk.point, self.state
                     continue
-                stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
+                stuck = self._ended(EndReason.STEP)
                 step = (self._pass_graze(state.walk) or self._pass_bend(state.walk)) if stuck else None
                 if step is not None:
                     return step
                 if stuck and self.walk.persist():
                     continue
-                self._end_at_parent(before, first)
-                self._explain_small_step(first)
+                if stuck:
+                    self._end_stuck(before, first)
                 raise
             if why := floats(point.orbit, self._ways):
                 self.walk.finish(first, End(EndReason.FLOATING, first.value, why))
@@ -189,8 +165,7 @@ class BranchTracer(Iterator[Step]):
                 step = self._until_vertex(point, self._explained(first, point, before))
             except NumericalError:
                 # no orbits connect the two points: the step went astray, onto another branch
-                if before is not None and self._is_doubled(first) and is_close(first):
-                    self.walk.finish(first, End(EndReason.JOINED, value_ahead(before, first)))
+                if self._ends_at_parent(before, first):
                     return first, []
                 self.detector.restore(state.detector)
                 self.walk.go_back(state.walk, point)
@@ -199,19 +174,19 @@ class BranchTracer(Iterator[Step]):
 
     def _refine(self, count: int) -> bool:
         """Continue with a finer resolution if the walk ended for lack of it; return whether that was possible."""
-        if self.walk.end is None or self.walk.end.reason is not EndReason.COARSE:
-            return False
-        finer = refined(self.beginning)
-        point = None if finer is None else lift(self.walk.point, finer.corrector, finer.equation)
+        finer = refined(self.beginning) if self._ended(EndReason.COARSE) else None
+        point = None if finer is None else lift(self.walk.point, finer.corrector)
         if finer is None or point is None:
             return False
-        state = WalkState(None, point, self.walk.step, count)
-        walk = self.walk
-        self.beginning = finer
-        self.walk = _walk(finer, walk.options, state)
+        self.beginning, walk = finer, self.walk
+        self.walk = self._walk_from(walk.options, WalkState(None, point, walk.step, count))
         self.walk.rejected = walk.rejected
         self.detector = Detector(finer.corrector, self._kinds)
         return True
+
+    def _walk_from(self, options: WalkOptions, state: WalkState | None) -> Walk:
+        start = self.beginning
+        return Walk(start.first, start.within, start.corrector, options, state, branched=start.singular, change=_change)
 
     def _kept(self, point: BranchPoint) -> dict[Symmetry, tuple[int, ...]]:
         """Return the symmetries that all orbits of the branch have, each with the breakpoints that it exchanges.
@@ -223,10 +198,14 @@ class BranchTracer(Iterator[Step]):
         if self._symmetries is None:
             if self.beginning.singular and point.arclength < _AHEAD:
                 return {}
+            within = self.beginning.within
+            place = self.first.orbit.system.structure.place(self.beginning.equation.parameter or "")
+            ends = (System.beside(self.first.orbit.system, place, value) for value in (within.low, within.high))
+            kept = set.intersection(*({*symmetries_of(system)} for system in (self.first.orbit.system, *ends)))
             self._symmetries = {
                 each: each.moves_switches(point.orbit.system)
-                for each in self._symmetries_of_all()
-                if self._defect(each, point) < _SYMMETRIC
+                for each in symmetries_of(self.first.orbit.system)
+                if each in kept and self._defect(each, point) < _SYMMETRIC
             }
         return self._symmetries
 
@@ -244,37 +223,24 @@ class BranchTracer(Iterator[Step]):
     def _defect(self, symmetry: Symmetry, point: BranchPoint) -> float:
         return symmetry.defect(point.orbit.extremes, _ROUNDING * float(self.beginning.corrector.scales[0]))
 
-    def _symmetries_of_all(self) -> tuple[Symmetry, ...]:
-        """Return the symmetries that the system has at both limits of the range, and at the beginning."""
-        system, within = self.first.orbit.system, self.beginning.within
-        place = system.structure.place(self.beginning.equation.parameter or "")
-        ends = [symmetries_of(System.beside(system, place, value)) for value in (within.low, within.high)]
-        return tuple(each for each in symmetries_of(system) if all(each in end for end in ends))
-
     def _explained(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
         """Return the special points of a step; raise a NumericalError if they do not explain all changes in it.
 
         A shorter step may then show what was missed.
         """
-        special = self._inspect(first, point, before)
-        singular = first is self.first and self.beginning.singular  # all test functions vanish there
+        singular, start = first is self.first and self.beginning.singular, first
+        if singular:  # all test functions vanish there: the step is examined from just beyond
+            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
+            if beside is None:
+                return []
+            start, before = beside, None
+        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
+        found = self.detector.inspect(start, point, before)
+        special = [each.kind.judged(each, parameter, method) for each in found]
         if point.arclength - first.arclength > _CERTAIN and not singular:
             for text in unexplained(first, point, special):
                 raise NumericalError(text)
         return special
-
-    def _inspect(self, first: BranchPoint, point: BranchPoint, before: BranchPoint | None) -> list[SpecialPoint]:
-        """Return the special points of a step.
-
-        All test functions vanish where a branch begins at another, so its first step is examined from just beyond.
-        """
-        if first is self.first and self.beginning.singular:
-            beside = self._beside_beginning(min(_AHEAD, 0.05 * point.arclength))
-            if beside is None:
-                return []
-            first, before = beside, None
-        parameter, method = self.beginning.equation.parameter or "", self.beginning.equation.options
-        return [each.kind.judged(each, parameter, method) for each in self.detector.inspect(first, point, before)]
 
     def _beside_beginning(self, ahead: float) -> BranchPoint | None:
         """Return a point just beyond the beginning of a branch that begins at another; None if there is none.
@@ -366,18 +332,26 @@ class BranchTracer(Iterator[Step]):
     def _until_parent(self, first: BranchPoint, step: Step) -> Step:
         """Return the step, cut off where a doubled branch passes its parent without a located branch point."""
         point, special = step
-        joined = self.walk.end is not None and self.walk.end.reason is EndReason.JOINED
-        if joined or not self._is_doubled(first) or not passes_parent(first, point):
+        if self._ended(EndReason.JOINED) or not self._is_doubled(first):
             return step
         value = value_between(first, point, float(self.beginning.corrector.scales[-1]))
+        if value is None:
+            return step
         self.walk.finish(first, End(EndReason.JOINED, value))
         low, high = sorted((first.value, point.value))
         return first, [each for each in special if low <= each.value <= high and not is_close(each.point)]
 
-    def _explain_small_step(self, last: BranchPoint) -> None:
-        """Add a grazing contact as the cause if a walk got stuck: a stiff one turns the branch within a step."""
+    def _ends_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> bool:
+        """End the walk if its last point is just before the parent of a doubled branch; return whether it is."""
+        if before is None or not self._is_doubled(last) or not is_close(last):
+            return False
+        self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))
+        return True
+
+    def _end_stuck(self, before: BranchPoint | None, last: BranchPoint) -> None:
+        """Give the cause of a walk that got stuck: its parent, or a contact that grazes and turns it within a step."""
         end = self.walk.end
-        if end is None or end.reason is not EndReason.STEP:
+        if self._ends_at_parent(before, last) or end is None:
             return
         size = magnitude(last.orbit.extremes[:, :2], last.orbit.system)
         depths = [min(map(abs, turns.values), default=np.inf) for turns in last.orbit.turning_depths]
@@ -385,9 +359,3 @@ class BranchTracer(Iterator[Step]):
             contact = describe_switch(last.orbit, depths.index(min(depths)))
             advice = "the branch turns there too sharply to be followed: start beyond it, or with a softer contact"
             self.walk.finish(last, End(end.reason, end.value, f"{end.detail}; {contact} grazes, and {advice}"))
-
-    def _end_at_parent(self, before: BranchPoint | None, last: BranchPoint) -> None:
-        """Set the true reason of a walk that got stuck just before its parent."""
-        stuck = self.walk.end is not None and self.walk.end.reason is EndReason.STEP
-        if stuck and before is not None and self._is_doubled(last) and is_close(last):
-            self.walk.finish(last, End(EndReason.JOINED, value_ahead(before, last)))

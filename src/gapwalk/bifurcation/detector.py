@@ -8,6 +8,7 @@ Method: docs/numerics/special-points.md
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
@@ -20,7 +21,7 @@ from gapwalk.bifurcation.branch import Branch, SpecialPoint, Unexplained
 from gapwalk.bifurcation.error_estimate import ErrorEstimator
 from gapwalk.bifurcation.kinds.grazing import describe_switch
 from gapwalk.bifurcation.special_point_kind import Kind
-from gapwalk.bifurcation.step_interval import Search, Zero
+from gapwalk.bifurcation.step_interval import Search
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import EndReason
@@ -85,17 +86,13 @@ class Detector:
             nature = zero.kind.nature(*sides)
             if nature is None:
                 continue
-            error = float(self._error(search, zero))  # a plain number, for result files
+            try:
+                error = float(zero.kind.error(search, zero, self._second))  # a plain number, for result files
+            except NumericalError:
+                error = math.inf
             counts = _instabilities(zero.kind, *sides)
             special.append(SpecialPoint(zero.kind, zero.point, *counts, error, zero.contact, nature))
         return special
-
-    def _error(self, search: Search, zero: Zero) -> float:
-        """Return the estimated error of the parameter at a special point, from its bracket and a second computation."""
-        try:
-            return zero.kind.error(search, zero, self._second)
-        except NumericalError:
-            return math.inf
 
     @cached_property
     def _second(self) -> ErrorEstimator:
@@ -134,20 +131,20 @@ def unexplained_of(branch: Branch) -> tuple[Unexplained, ...]:
 
 def steps_of(branch: Branch) -> Iterator[tuple[BranchPoint, BranchPoint, list[SpecialPoint]]]:
     """Yield pairs of neighbouring points with the special points between them; each special point occurs once."""
-    left = list(branch.special_points)
-    pairs = list(pairwise(branch.points))
-    for number, (a, b) in enumerate(pairs):
-        last = number == len(pairs) - 1
-        count = next((i for i, each in enumerate(left) if each.point.arclength > b.arclength and not last), len(left))
-        yield a, b, left[:count]
-        del left[:count]
+    left = deque(branch.special_points)
+    for a, b in pairwise(branch.points):
+        is_last = b is branch.points[-1]
+        between = []
+        while left and (is_last or left[0].point.arclength <= b.arclength):
+            between.append(left.popleft())
+        yield a, b, between
 
 
 def unexplained(a: BranchPoint, b: BranchPoint, special: Sequence[SpecialPoint]) -> Iterator[str]:
     """Yield, as sentences, the changes from one point to the next that the special points between do not explain."""
     yield from _stability(a, b, special)
     for kind in (each for each in Kind.known() if each.sign_change):
-        signs = [_sign(kind, point) for point in (a, b)]
+        signs = [0 if _is_unclear(kind, point) else math.copysign(1.0, kind.at(point)) for point in (a, b)]
         found = sum(each.kind is kind or (kind.is_turning and each.is_vertex) for each in special)
         if all(signs) and (signs[0] == signs[1]) is not (found % 2 == 0):
             yield (
@@ -177,18 +174,16 @@ def _is_undecided(point: BranchPoint) -> bool:
     return is_on_border(orbit.multipliers) or near < orbit.multiplier_error
 
 
-def _sign(kind: Kind, point: BranchPoint) -> int:
-    size = kind.at(point)
-    if abs(size) < kind.noise or (_is_singular(point) if kind.moves_through_one else _is_undecided(point)):
-        return 0
-    return 1 if size > 0.0 else -1
+def _is_unclear(kind: Kind, point: BranchPoint) -> bool:
+    """Return whether the sign of a test function says nothing at a point.
 
-
-def _is_singular(point: BranchPoint) -> bool:
-    """Return whether a point is itself a branch point, as the first point of a bifurcating branch may be.
-
-    Its tangent is then one of two null vectors and only known to a few digits.
+    The first point of a bifurcating branch may be a branch point itself. Its tangent is then one of two null vectors
+    and only known to a few digits.
     """
+    if abs(kind.at(point)) < kind.noise:
+        return True
+    if not kind.moves_through_one:
+        return _is_undecided(point)
     near = abs(point.orbit.multipliers - 1.0).min()
     return bool(near < _SINGULAR) and abs(float(point.tangent[-1])) > _SINGULAR
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gapwalk.bifurcation.branch import Branch, Kind
-from gapwalk.bifurcation.isolated.search_result import SearchResult
+from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
+from gapwalk.bifurcation.isolated import SearchResult
 from gapwalk.bifurcation.membership import meets, parent_flip
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.model.words import parameter_symbol
@@ -135,6 +135,10 @@ class Diagram(Shown):
                 return member
         raise KeyError(name)
 
+    def _special_at(self, origin: Origin) -> SpecialPoint:
+        """Return the special point at which a branch begins or ends."""
+        return self[origin.parent].branch.special_points[origin.special]
+
     def children(self, name: str) -> tuple[DiagramBranch, ...]:
         """Return the members that begin or end on the branch of one name."""
         return tuple(member for member in self.members if any(origin.parent == name for origin in member.origins))
@@ -157,7 +161,7 @@ class Diagram(Shown):
             if special.kind is Kind.FLIP
         ]
         found = [
-            Cascade(tuple(flip.parent for flip in chain), tuple(_value(self, flip) for flip in chain))
+            Cascade(tuple(flip.parent for flip in chain), tuple(self._special_at(flip).value for flip in chain))
             for chain in chains
             if len(chain) >= 3 and not any(set(chain) < set(other) for other in chains)
         ]
@@ -200,6 +204,12 @@ class Diagram(Shown):
             yield f"  {' → '.join(cascade.members)}: {values}; ratios of the steps {ratios}"
         yield from remarks(self.notes, self.failures)
 
+    @property
+    def _counts(self) -> str:
+        """Numbers of branches of each period."""
+        periods = sorted(Counter(member.period for member in self.members).items())
+        return ", ".join(f"{count} of period {period}" for period, count in periods)
+
     def _contents(self) -> str:
         """Return range and numbers of branches and points in a line."""
         low, high = self.within
@@ -207,11 +217,9 @@ class Diagram(Shown):
         over = f"{parameter_symbol(self.parameter, units)} from {low:.10g} to {high:.10g}"
         if not self.members:
             return f"{over}: no branches"
-        periods = sorted(Counter(member.period for member in self.members).items())
-        counts = ", ".join(f"{count} of period {period}" for period, count in periods)
         points = sum(len(branch.points) for branch in self.branches)
         special = sum(len(branch.special_points) for branch in self.branches)
-        return f"{over}: {len(self.members)} branches, {counts}; {points} points, {special} special points"
+        return f"{over}: {len(self.members)} branches, {self._counts}; {points} points, {special} special points"
 
     def _member_words(self, member: DiagramBranch) -> str:
         """Return range, points, and both ends of a branch, in two lines."""
@@ -228,7 +236,7 @@ class Diagram(Shown):
         return f"{member.name}  {values.min():.8g} to {values.max():.8g}; {counts}\n{begin}; ends at {end}"
 
     def _place(self, origin: Origin) -> str:
-        special = self[origin.parent].branch.special_points[origin.special]
+        special = self._special_at(origin)
         return f"{special.value:.10g}, a {special.kind.value.replace('-', ' ')} of {origin.parent}"
 
     def plot(self, measure: str = "half", **options: Any):
@@ -243,9 +251,7 @@ class Diagram(Shown):
 
     def __repr__(self) -> str:
         low, high = self.within
-        periods = sorted({member.period for member in self.members})
-        counts = ", ".join(f"{sum(member.period == m for member in self.members)} of period {m}" for m in periods)
-        return f"Diagram({self.parameter} from {low:g} to {high:g}, branches: {counts or 'none'})"
+        return f"Diagram({self.parameter} from {low:g} to {high:g}, branches: {self._counts or 'none'})"
 
 
 def is_attached(diagram: Diagram, origin: Origin, needed: int = 1) -> bool:
@@ -265,7 +271,7 @@ def _tied(diagram: Diagram, member: DiagramBranch, method: Method | None) -> Dia
         origin, value = _shared(diagram, member, flip), flip.system[branch.parameter]
     detail = branch.ends[-1].detail
     if origin is not None:
-        special = diagram[origin.parent].branch.special_points[origin.special]
+        special = diagram._special_at(origin)
         value, detail = special.value, f"{origin.parent}, at its {special.kind.value}"
     end = End(EndReason.JOINED, value, detail)
     return replace(member, branch=replace(branch, ends=(*branch.ends[:-1], end)), joins=origin)
@@ -291,8 +297,7 @@ def _chain(diagram: Diagram, flip: Origin) -> list[Origin]:
     """Return the flips of a cascade from one flip on: the next one on each child, while the direction is the same."""
     chain = [flip]
     while (following := _next_flip(diagram, chain[-1])) is not None:
-        values = [_value(diagram, origin) for origin in (*chain[-2:], following)]
-        steps = np.diff(values)
+        steps = np.diff([diagram._special_at(origin).value for origin in (*chain[-2:], following)])
         if steps[0] * steps[-1] <= 0.0:
             break
         chain.append(following)
@@ -307,8 +312,3 @@ def _next_flip(diagram: Diagram, flip: Origin) -> Origin | None:
         return None
     flips = [i for i, special in enumerate(child.branch.special_points) if special.kind is Kind.FLIP]
     return Origin(child.name, flips[0] if child.begins == flip else flips[-1]) if flips else None
-
-
-def _value(diagram: Diagram, origin: Origin) -> float:
-    """Return the parameter at a special point of a branch."""
-    return diagram[origin.parent].branch.special_points[origin.special].value

@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.errors import NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation
 
@@ -59,7 +59,6 @@ class ErrorEstimator:
         NumericalError
             If there is no such point.
         """
-        scales = self._corrector.scales
         along = self._embedded(point.tangent)
         try:
             start = self._ahead(point, shift)
@@ -69,10 +68,7 @@ class ErrorEstimator:
         if correction is None:
             raise NumericalError(f"no orbit is found at {point.value:.12g} with another discretisation")
         # evaluated exactly there: the correction may have been evaluated one Newton step away
-        x = correction.x
-        evaluation = self._other.evaluate(x[:-1] * scales[:-1], float(x[-1] * scales[-1]))
-        exact = Correction(x, evaluation, 0, 0.0, 0.0)
-        return self._corrector.point(exact, along, point.arclength + shift)
+        return self._corrector.exact_point(correction.x, along, point.arclength + shift)
 
     def _ahead(self, point: BranchPoint, shift: float) -> NDArray[np.float64]:
         """Return the scaled unknowns of the motion that lies `shift` along the tangent at a point, to first order.

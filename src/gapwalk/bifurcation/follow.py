@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch
-from gapwalk.bifurcation.branch_tracer import BranchTracer, BranchTracerState, Step, resumed_tracer
+from gapwalk.bifurcation.branch_start import BranchStart, directions, start_branch, switch
+from gapwalk.bifurcation.branch_tracer import BranchTracer, Step
 from gapwalk.bifurcation.kinds.event import Event, check_events
-from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.tracing import Tracing, TracingState
+from gapwalk.continuation.tracing import Tracing, TracingState, in_one_direction
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.continuation.walk_options import WalkOptions
-from gapwalk.errors import Interrupted, ModelError
+from gapwalk.errors import ModelError
 from gapwalk.notebook import shows_progress
 from gapwalk.orbit.method import Method, chosen
 from gapwalk.orbit.orbit import Orbit
@@ -67,8 +66,7 @@ def follow(
     Interrupted
         After Ctrl-C; its `found` is the branch as far as it was followed.
     """
-    steps = BranchWalk(_beginnings(start, parameter, to, method), walk, events)
-    branch = walked_to_end(steps, report)
+    branch = _tracing(_beginnings(start, parameter, to, method), walk, events).to_end(_traced, report)
     if verify:
         from gapwalk.verification import confirm
 
@@ -120,6 +118,8 @@ def walk(
 
 WalkProgress = TracingState[Step]
 """Progress of the walk of a branch."""
+BranchTracing = Tracing[BranchStart, BranchTracer, Step]
+"""Tracing of a branch."""
 
 
 class BranchWalk(Iterator[BranchPoint]):
@@ -144,14 +144,7 @@ class BranchWalk(Iterator[BranchPoint]):
         events: Sequence[Event] = (),
         resume: WalkProgress | None = None,
     ) -> None:
-        check_events(events)
-
-        def begin(beginning: BranchStart, state: BranchTracerState | None) -> BranchTracer:
-            if state is None:
-                return BranchTracer(beginning, options, events=events)
-            return resumed_tracer(beginning, options, state, events)
-
-        self._tracing: Tracing[BranchStart, BranchTracer, Step] = Tracing(beginnings, begin, resume)
+        self._tracing = _tracing(beginnings, options, events, resume)
 
     def __next__(self) -> BranchPoint:
         return next(self._tracing)[0]
@@ -172,7 +165,7 @@ class BranchWalk(Iterator[BranchPoint]):
         """Branch as far as it was followed; a ModelError before the first point."""
         if not self._tracing.traces:
             raise ModelError("no point was computed yet; ask for a point first: next(steps)")
-        return join(self._tracing.traces, self._tracing.steps)
+        return _traced(self._tracing)
 
 
 def _beginnings(
@@ -192,52 +185,44 @@ def _beginnings(
 
 
 def walk_out(beginnings: list[BranchStart], walk: WalkOptions | None = None, report: Report | None = None) -> Branch:
-    """Return the whole branch from one beginning, or from two at one point in opposite directions."""
-    return walked_to_end(BranchWalk(beginnings, walk), report)
-
-
-def walked_to_end(steps: BranchWalk, report: Report | None = None) -> Branch:
-    """Run a walk to its end and return its branch.
+    """Return the whole branch from one beginning, or from two at one point in opposite directions.
 
     Raises
     ------
     Interrupted
         After Ctrl-C; its `found` is the branch as far as it was followed.
     """
-    try:
-        for point in steps:
-            if report is not None:
-                report(point, list(steps.special_points))
-    except KeyboardInterrupt:
-        try:
-            found = steps.branch
-        except ModelError:  # no point was computed yet
-            raise KeyboardInterrupt from None
-        raise Interrupted(found) from None
-    return steps.branch
+    return _tracing(beginnings, walk).to_end(_traced, report)
 
 
-def join(tracers: list[BranchTracer], walked: list[list[Step]]) -> Branch:
+def _tracing(
+    beginnings: list[BranchStart],
+    options: WalkOptions | None,
+    events: Sequence[Event] = (),
+    resume: WalkProgress | None = None,
+) -> BranchTracing:
+    check_events(events)
+    return Tracing(beginnings, lambda beginning, state: BranchTracer(beginning, options, state, events), resume)
+
+
+def _traced(tracing: BranchTracing) -> Branch:
+    return join(tracing.traces, tracing.steps)
+
+
+def join(tracers: Sequence[BranchTracer], walked: Sequence[Sequence[Step]]) -> Branch:
     """Join one or two tracers and the steps that they yielded into one branch with one direction of travel."""
-    equation = tracers[0].beginning.equation
+    equation, first = tracers[0].beginning.equation, tracers[-1].first
     ends = [tracer.end or End(EndReason.STOPPED, tracer.walk.point.value) for tracer in tracers]
-    first = tracers[-1].first  # its tangent gives the direction of the branch
-    points: list[BranchPoint] = [first]
-    special: list[SpecialPoint] = []
-    if len(tracers) == 2:
-        back = [point for point, _ in walked[0]]
-        points = [_reversed(point) for point in reversed(back)] + [first]
-        special = [
-            replace(each, point=_reversed(each.point), before=each.after, after=each.before)
-            for _, found in reversed(walked[0])
-            for each in reversed(found)
-        ]
-    points += [point for point, _ in walked[-1]]
-    special += [each for _, found in walked[-1] for each in found]
     if len(tracers) == 1:
         reason = EndReason.BRANCHED if tracers[0].beginning.singular else EndReason.START
         ends = [End(reason, first.value), *ends]
-    return Branch(equation.parameter or "", equation.period, tuple(points), tuple(special), tuple(ends))
+    points, special = in_one_direction(
+        walked,
+        first,
+        _reversed,
+        lambda each: replace(each, point=_reversed(each.point), before=each.after, after=each.before),
+    )
+    return Branch(equation.parameter or "", equation.period, points, special, tuple(ends))
 
 
 def _reversed(point: BranchPoint) -> BranchPoint:

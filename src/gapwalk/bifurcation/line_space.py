@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.space import Knot, orbit_of
+from gapwalk.bifurcation.membership import Knot, StateSpace
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk_scales import powers_of_two
@@ -21,7 +21,7 @@ from gapwalk.orbit.orbit import Orbit, repeats
 _ROUGH = 2.0  # largest distance of an exact motion from its balanced one, in truncation errors
 
 
-class LineSpace:
+class LineSpace(StateSpace):
     """Space of the Fourier lines of the contact deflections, with as many lines as the finest orbit of the branch."""
 
     def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
@@ -30,12 +30,12 @@ class LineSpace:
         self._error = max(point.orbit.truncation for point in points)
         self._finest = self._equation(self._harmonics)
         self._unit, self._parameter_scale = self._units(points[0])
-        self.size = len(self._finest.scales(1.0))
-        self.scales = self._scales(self._finest)
-        self._corrector = cache(self._make_corrector)
+        self._correctors = cache(self._corrector)  # by their numbers of harmonics
+        self.corrector = self._correctors(self._harmonics)
+        self.scales, self.size = self.corrector.scales, len(self.corrector.scales) - 1
 
     def knot(self, point: BranchPoint) -> Knot:
-        """See `Space.knot`."""
+        """See `StateSpace.knot`."""
         unit, parameter_scale = self._units(point)
         unknowns, tangent = self._finest.unknowns(point.orbit), self._resized(point.tangent[:-1], self._harmonics)
         x = np.append(unknowns / self._unit, point.value / self._parameter_scale)
@@ -43,7 +43,7 @@ class LineSpace:
         return x, slope / np.linalg.norm(slope), point.arclength
 
     def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
-        """See `Space.places`."""
+        """See `StateSpace.places`."""
         if self._branch.period % orbit.period:
             return []
         lines = from_real_form(self._finest.unknowns(orbit).reshape(self._contacts, -1))
@@ -52,38 +52,30 @@ class LineSpace:
         return [real_form(lines * later**j).ravel() for j in range(orbit.period * count)]
 
     def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
-        """See `Space.goal`."""
+        """See `StateSpace.goal`."""
         return np.append(place / self._unit, value)
 
     def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
-        """See `Space.correct`."""
+        """See `StateSpace.correct`."""
         # two balanced motions are the same only if they solve one equation
         harmonics = orbit.harmonics or self._harmonics
         start, across = (np.append(self._resized(x[:-1], harmonics), x[-1]) for x in (guess, normal))
-        correction = self._corrector(harmonics).correct(start, across / np.linalg.norm(across))
+        correction = self._correctors(harmonics).correct(start, across / np.linalg.norm(across))
         if correction is None:
             return None
         return np.append(self._resized(correction.x[:-1], self._harmonics), correction.x[-1])
 
-    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
-        """See `Space.orbit_at`."""
-        corrector = self._corrector(self._harmonics)
-        return orbit_of(corrector, corrector.at_value(guess, value), value)
-
     def tolerance(self, orbit: Orbit) -> float:
-        """See `Space.tolerance`."""
+        """See `StateSpace.tolerance`."""
         return _ROUGH * self._error if orbit.is_exact else 0.0
 
     def _equation(self, harmonics: int) -> BalanceEquation:
         branch = self._branch
         return BalanceEquation(branch.system, branch.parameter, branch.period, Balance(harmonics), harmonics)
 
-    def _make_corrector(self, harmonics: int) -> Corrector:
+    def _corrector(self, harmonics: int) -> Corrector:
         equation = self._equation(harmonics)
-        return Corrector(equation, self._scales(equation))
-
-    def _scales(self, equation: BalanceEquation) -> NDArray[np.float64]:
-        return np.append(np.full(len(equation.scales(1.0)), self._unit), self._parameter_scale)
+        return Corrector(equation, np.append(np.full(len(equation.scales(1.0)), self._unit), self._parameter_scale))
 
     def _units(self, point: BranchPoint) -> tuple[float, float]:
         """Return the scales of the lines and of the parameter with which a point was followed."""

@@ -6,6 +6,7 @@ Where a branch ends on another one, `meets` and `parent_flip` find the orbit tha
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import singledispatch
 
 import numpy as np
@@ -14,13 +15,12 @@ from numpy.typing import NDArray
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.branch_start import BranchStart, start_branch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
-from gapwalk.bifurcation.space import Knot, Space, StateSpace
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk import End, EndReason
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.flow.length_unit import magnitude
-from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.harmonic_balance import BalancedOrbit
 from gapwalk.orbit.method import Method
@@ -31,6 +31,8 @@ _BESIDE = 0.1  # distance from a segment's cubic, as a share of its length, beyo
 _SHARES = np.linspace(0.0, 1.0, 33)
 _STEPS = (1e-4, 2e-5, 4e-6)  # first steps along the parent in search of a flip: a smaller one if the last went astray
 _LARGEST, _POINTS = 2e-3, 15  # the largest step and the number of points of that search
+Knot = tuple[NDArray[np.float64], NDArray[np.float64], float]
+"""Point of a curve, the unit tangent there, and its arclength."""
 
 
 class Curve:
@@ -65,8 +67,9 @@ class Curve:
         The branch is corrected onto the plane through the orbit and perpendicular to the nearby cubic, not at the
         parameter value of the orbit: that is well-posed at folds too, where two orbits of the branch are close.
         """
-        if not self._shares_line(orbit.system):
-            return False
+        own, place = self.branch.system, self.branch.system.structure.place(self.branch.parameter)
+        if orbit.system.structure != own.structure or np.any(np.delete(orbit.system.values != own.values, place)):
+            return False  # the systems may differ in the parameter of the branch only
         value = orbit.system[self.branch.parameter] / self._scales[-1]
         near = self._bracketing(value)
         if not len(near):
@@ -86,22 +89,13 @@ class Curve:
         scaled = value / self._scales[-1]
         for segment in self._bracketing(scaled):
             for share in self._crossings(int(segment), scaled):
-                guess = self._cubic(int(segment), np.array([share]))[0][0]
-                orbit = self._space.orbit_at(guess, value)
-                if orbit is None:
-                    continue
-                if not any(_distance(orbit, other) <= SAME for other in found):
+                orbit = self._space.orbit_at(self._cubic(int(segment), np.array([share]))[0][0], value)
+                if orbit is not None and not any(
+                    np.abs(orbit.state - other.state).max() / magnitude(other.state, other.system) <= SAME
+                    for other in found
+                ):
                     found.append(orbit)
         return found
-
-    def _shares_line(self, system: System) -> bool:
-        """Return whether a system differs from that of the branch at most in the value of the branch's parameter."""
-        own = self.branch.system
-        if system.structure != own.structure:
-            return False
-        others = np.ones(len(own.values), dtype=bool)
-        others[own.structure.place(self.branch.parameter)] = False
-        return np.array_equal(system.values[others], own.values[others])
 
     def _bracketing(self, value: float) -> NDArray[np.intp]:
         """Return the segments that may pass the scaled value; each may overshoot its ends by a share of its length."""
@@ -179,8 +173,71 @@ def lies_on(branch: Branch, orbit: Orbit, tolerance: float = SAME) -> bool:
     return Curve(branch).holds(orbit, tolerance)
 
 
+class StateSpace:
+    """Scaled variables in which a branch is a curve; the parameter is the last variable.
+
+    Here they are the states at some angles, by shooting the starts of the segments. A method whose unknowns are of
+    another kind derives a class, which is registered with `space_of`.
+
+    Parameters
+    ----------
+    branch, points
+        The branch, and points of it.
+
+    Attributes
+    ----------
+    size
+        Number of leading variables that determine a motion.
+    scales
+        Scales of all variables: physical = scale * scaled.
+    corrector
+        Corrector for the branch.
+    """
+
+    def __init__(self, branch: Branch, points: Sequence[BranchPoint]) -> None:
+        self.size, self._period = 2 * branch.system.size, branch.period
+        segments = (len(points[0].x) - 1) // self.size
+        physical = np.abs([np.append(point.orbit.state, point.value) for point in points]).sum(axis=0)
+        scaled = np.abs([np.append(point.x[: self.size], point.x[-1]) for point in points]).sum(axis=0)
+        scales = np.divide(physical, scaled, out=np.ones_like(physical), where=scaled > 0.0)
+        self.scales = np.append(np.tile(scales[:-1], segments), scales[-1])
+        method = points[0].orbit.posed_in(len(points[0].x) - 1)
+        self.corrector = Corrector(method.pose(branch.system, branch.parameter, branch.period), self.scales)
+
+    def knot(self, point: BranchPoint) -> Knot:
+        """Return the knot of a point of the branch."""
+        return point.x, point.tangent, point.arclength
+
+    def places(self, orbit: Orbit) -> Sequence[NDArray[np.float64]]:
+        """Return the unscaled coordinates of a motion for each phase at which it may begin; shape (size,) each."""
+        return list(phases(orbit))
+
+    def goal(self, orbit: Orbit, place: NDArray[np.float64], value: float) -> NDArray[np.float64]:
+        """Return all variables of an orbit that lies at a place."""
+        if len(self.scales) == self.size + 1:
+            return np.append(place / self.scales[:-1], value)
+        unknowns = self.corrector.equation.unknowns(replace(orbit, state=place, period=self._period))
+        return np.append(unknowns / self.scales[:-1], value)
+
+    def correct(self, orbit: Orbit, guess: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray | None:
+        """Return the point of the branch in a plane, resolved as finely as an orbit; None if none is found."""
+        correction = self.corrector.correct(guess, normal)
+        return None if correction is None else correction.x
+
+    def orbit_at(self, guess: NDArray[np.float64], value: float) -> Orbit | None:
+        """Return the orbit of the branch at one value of the parameter, from a guess; None if none is found."""
+        correction = self.corrector.at_value(guess, value)
+        if correction is None:
+            return None
+        return self.corrector.equation.orbit(correction.x[:-1] * self.scales[:-1], value, correction.evaluation)
+
+    def tolerance(self, orbit: Orbit) -> float:
+        """Return the largest distance from the branch, relative to its size, of an orbit that counts as one of it."""
+        return 0.0
+
+
 @singledispatch
-def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
     """Return the space in which a branch of such orbits is a curve: of states, unless their class has another one.
 
     Parameters
@@ -194,7 +251,7 @@ def space_of(orbit: Orbit, branch: Branch, points: Sequence[BranchPoint]) -> Spa
 
 
 @space_of.register(BalancedOrbit)
-def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> Space:
+def _of_lines(orbit: BalancedOrbit, branch: Branch, points: Sequence[BranchPoint]) -> StateSpace:
     from gapwalk.bifurcation.line_space import LineSpace  # loads numba, which takes time
 
     return LineSpace(branch, points)
@@ -284,7 +341,3 @@ def _cubic(x, tangents, length: float, shares: NDArray[np.float64]):
     points = (1 + 2 * t) * (1 - t) ** 2 * a + t * (1 - t) ** 2 * p + t * t * (3 - 2 * t) * b + t * t * (t - 1) * q
     slopes = 6 * t * (1 - t) * (b - a) + (1 - t) * (1 - 3 * t) * p + t * (3 * t - 2) * q
     return points, slopes
-
-
-def _distance(a: Orbit, b: Orbit) -> float:
-    return float(np.abs(a.state - b.state).max()) / magnitude(b.state, b.system)

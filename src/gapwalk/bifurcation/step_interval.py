@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from gapwalk.bifurcation.crossing import Crossing, locate_crossing
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, hermite, length_of
 from gapwalk.errors import NumericalError
 
 if TYPE_CHECKING:
+    from gapwalk.bifurcation.kinds.branch_crossing import Crossing
     from gapwalk.bifurcation.special_point_kind import Kind
 
 RESOLUTION = 1e-11
@@ -174,20 +174,6 @@ class Search:
         del known[:-4]
         return self._resolved(kind, zeros)
 
-    def crossing(self, a: BranchPoint, b: BranchPoint) -> Crossing | None:
-        """Return the crossing with another branch between two points; None if the branch is not smooth enough.
-
-        Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
-        """
-        for crossing in self.interval.crossings:
-            if a.arclength < crossing.arclength < b.arclength:
-                return crossing
-        try:
-            self.interval.crossings.append(locate_crossing(self.interval, a, b))
-        except NumericalError:
-            return None
-        return self.interval.crossings[-1]
-
     def near(self, point: BranchPoint) -> BranchPoint:
         """Return a point close to another one, but not so close that their difference is only rounding."""
         points = self.interval.points
@@ -214,7 +200,10 @@ class Search:
         index
             Index of the special point among them.
         """
-        return self.interval.at(_between(marks, index, -1)), self.interval.at(_between(marks, index, 1))
+        before, here, after = marks[index - 1 : index + 2]
+        before = before if index == 1 else 0.5 * (here + before)
+        after = after if index == len(marks) - 2 else 0.5 * (here + after)
+        return self.interval.at(before), self.interval.at(after)
 
     def _search(self, kind: Kind, a: BranchPoint, b: BranchPoint, rate: float | None, known: list[float]) -> list[Zero]:
         """Return all zeros between two points, given the rate of change before them (if any) and the known zeros."""
@@ -289,10 +278,3 @@ def _deflated(kind: Kind, point: BranchPoint, known: list[float]) -> float:
     for zero in known:
         result /= point.arclength - zero if point.arclength != zero else 1e-300
     return result
-
-
-def _between(marks: list[float], index: int, side: int) -> float:
-    """Return an arclength between a special point and its neighbour on one side: the neighbour itself at an end."""
-    neighbour = marks[index + side]
-    is_end = index + side in (0, len(marks) - 1)
-    return neighbour if is_end else 0.5 * (marks[index] + neighbour)

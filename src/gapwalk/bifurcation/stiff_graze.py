@@ -26,7 +26,7 @@ from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector, length_of
 from gapwalk.errors import ConvergenceError, NumericalError
 from gapwalk.orbit.orbit_equation import OrbitEquation
-from gapwalk.orbit.touch_equation import LEAD, Held, Touch, TouchEquation, touches
+from gapwalk.orbit.touch_equation import LEAD, Held, TouchEquation, touches
 
 _REACH = 1e-5  # arclength within which the graze must lie ahead
 _BEYOND = 5e-7  # arclength beyond the graze at which the walk continues
@@ -37,9 +37,8 @@ _BLUR = 1.5  # label up to which the order of events is undetermined; depths the
 _ASIDE = 1e-9  # depth, in the scale of positions, at which the depth is calibrated
 _SAME = 1e-2  # largest relative difference of the depths of simultaneous contacts in a symmetric motion
 _SAFETY = 4.0  # factor on the difference of two computations, neither of which is exact
-_CIRCLE = (
-    1e-3  # distance of a critical pair from the unit circle: next to a stiff stop, multipliers have rounding of 1e-5
-)
+# distance of a critical pair from the unit circle: next to a stiff stop, multipliers have rounding of 1e-5
+_CIRCLE = 1e-3
 _FINEST = 1e-3  # smallest distance between special points of one kind, as a share of the depth
 _SHARP = 1e-9  # accuracy of zeros, as a share of the depth
 _NEAR = 0.01  # share of the depth over which a test function is linear
@@ -89,7 +88,11 @@ class _Corner:
         first = found[0]
         self._unit = float(corrector.scales[0])
         slack = _SAME * abs(first.depth) + 1e3 * _LEAST * self._unit
-        self._simultaneous = [touch for touch in found[1:] if self._is_simultaneous(touch, first, slack)]
+        self._simultaneous = [  # contacts that begin simultaneously, in a symmetric motion
+            touch
+            for touch in found[1:]
+            if abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
+        ]
         self._touches = [first, *self._simultaneous] if at_once else [first]
         self._posed = by_touches(point.orbit, self._touches, corrector.scales)
         start = self._posed.at(point.orbit)
@@ -101,11 +104,6 @@ class _Corner:
         start = self._posed.at(point.orbit)
         self._held = {self._label(start.depth): start}
         self._points = {self._label(start.depth): point}
-
-    @staticmethod
-    def _is_simultaneous(touch: Touch, first: Touch, slack: float) -> bool:
-        """Return whether two contacts begin simultaneously, in a symmetric motion."""
-        return abs(touch.depth - first.depth) < slack and touch.acceleration * first.acceleration > 0.0
 
     def passage(self) -> Passage:
         """Compute the step over the graze."""
@@ -171,12 +169,8 @@ class _Corner:
         )
         if not found:
             return
-        marks = [begin, *(label for label, _, _ in found), end]
-        sides = [
-            self._beside(begin),
-            *(self._beside(0.5 * (a + b)) for a, b in pairwise(marks[1:-1])),
-            self._beside(end),
-        ]
+        between = [0.5 * (a + b) for a, b in pairwise(label for label, _, _ in found)]
+        sides = [self._beside(label) for label in (begin, *between, end)]
         for (label, kind, contact), before, after in zip(found, sides[:-1], sides[1:], strict=True):
             counts = (before.instability, after.instability)
             nature = kind.nature(before, after) or ""
@@ -233,10 +227,8 @@ class _Corner:
     @cached_property
     def _second(self) -> tuple[TouchEquation, Held]:
         """Same orbits with shorter segments before the contacts, for an error estimate, and one of them."""
-        outermost = max(
-            self._points, key=lambda label: label * self._way * self._posed.free
-        )  # Newton's method starts most easily there
-        orbit = self._points[outermost].orbit
+        # Newton's method starts most easily at the outermost point
+        orbit = self._points[max(self._points, key=lambda label: label * self._way * self._posed.free)].orbit
         posed = self._by_touches(self._first.orbit, self._touches, self._corrector.scales, 0.5 * LEAD)
         return posed, posed.calibrate(posed.at(orbit), _ASIDE * self._unit)
 

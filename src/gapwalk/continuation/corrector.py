@@ -147,10 +147,13 @@ class Corrector:
                 return Correction(x, evaluation, iteration + 1, length_of(x - guess), last, course)
         return None
 
-    def refined(self, point: BranchPoint) -> BranchPoint:
-        """Return the same point with multipliers and tangent evaluated exactly there, not one Newton step away."""
-        evaluation = self.equation.evaluate(point.x[:-1] * self._unknown_scales, point.value)
-        return self.point(Correction(point.x, evaluation, 0, 0.0, 0.0), point.tangent, point.arclength)
+    def exact_point(self, x: NDArray[np.float64], along: NDArray[np.float64], arclength: float) -> BranchPoint:
+        """Return the branch point at a corrected `x`, evaluated exactly there and oriented along `along`."""
+        return self.point(Correction(x, self.evaluate(x), 0, 0.0, 0.0), along, arclength)
+
+    def evaluate(self, x: NDArray[np.float64]) -> Evaluation:
+        """Evaluate the equation at scaled variables; errors as `Equation.evaluate`."""
+        return self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
 
     def tangent(self, evaluation: Evaluation, along: NDArray[np.float64]) -> Course:
         """Return the unit tangent at a point, oriented along `along`, and the determinant bordered by it."""
@@ -164,10 +167,15 @@ class Corrector:
         tangent *= np.sign(tangent @ along) or 1.0
         return Course(tangent, self._determinant(evaluation, tangent))
 
+    def jacobian(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives of the residual by all scaled variables at `x`, shape (N, N + 1)."""
+        evaluation = self.evaluate(x)
+        assert evaluation.by_parameter is not None
+        return np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * self.scales
+
     def uncorrected(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point at `x` without correction, for places where Newton's method is ill-posed."""
-        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
-        return self.evaluated(x, evaluation, tangent, arclength)
+        return self.evaluated(x, self.evaluate(x), tangent, arclength)
 
     def crossed(self, x: NDArray[np.float64], tangent: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point near `x` where another branch crosses.
@@ -175,7 +183,7 @@ class Corrector:
         The point is corrected in all directions except that of the other branch. In that direction the bordered
         Jacobian is singular, and `x` is known more accurately than Newton's method could determine it.
         """
-        evaluation = self.equation.evaluate(x[:-1] * self._unknown_scales, float(x[-1] * self.scales[-1]))
+        evaluation = self.evaluate(x)
         left, sizes, ways = np.linalg.svd(self._bordered(evaluation, tangent))
         off = left.T @ np.append(-evaluation.residual, 0.0)
         return self.uncorrected(x + ways[:-1].T @ (off[:-1] / sizes[:-1]), tangent, arclength)
@@ -184,23 +192,23 @@ class Corrector:
         self, x: NDArray[np.float64], evaluation: Evaluation, tangent: NDArray[np.float64], arclength: float
     ) -> BranchPoint:
         """Return the branch point at `x`, given its evaluation and tangent."""
+        course = Course(tangent, self._determinant(evaluation, tangent))
+        return self._placed(x, evaluation, course, arclength)
+
+    def _placed(self, x: NDArray[np.float64], evaluation: Evaluation, course: Course, arclength: float) -> BranchPoint:
         value = float(x[-1] * self.scales[-1])
-        determinant = self._determinant(evaluation, tangent)
         orbit = self.equation.orbit(x[:-1] * self._unknown_scales, value, evaluation)
-        return BranchPoint(value, orbit, x, tangent, determinant, arclength)
+        return BranchPoint(value, orbit, x, *course, arclength)
 
     def point(self, correction: Correction, along: NDArray[np.float64], arclength: float) -> BranchPoint:
         """Return the branch point of a correction."""
-        x, evaluation, course = correction.x, correction.evaluation, correction.course
+        course = correction.course
         way = 0.0 if course is None else float(course.tangent @ along)
         if course is None or abs(way) < _ACROSS:
-            course = self.tangent(evaluation, along)
+            course = self.tangent(correction.evaluation, along)
         elif way < 0.0:
             course = Course(-course.tangent, -course.determinant)
-        tangent, determinant = course
-        value = float(x[-1] * self.scales[-1])
-        orbit = self.equation.orbit(x[:-1] * self.scales[:-1], value, evaluation)
-        return BranchPoint(value, orbit, x, tangent, determinant, arclength)
+        return self._placed(correction.x, correction.evaluation, course, arclength)
 
     def at_value(self, guess: NDArray[np.float64], value: float) -> Correction | None:
         """Return the point of the branch at a given value of the parameter, from a guess."""

@@ -6,9 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
+from gapwalk.errors import Interrupted
+
 D = TypeVar("D")
-S = TypeVar("S")
+S = TypeVar("S", bound=tuple[Any, ...])
 S_co = TypeVar("S_co", covariant=True)
+R = TypeVar("R")
+P = TypeVar("P")
+F = TypeVar("F")
 
 
 class Trace(Protocol[S_co]):
@@ -79,6 +84,24 @@ class Tracing(Iterator[S], Generic[D, T, S]):
             if end is not None:
                 self.traces[-1].finish_with(end)
 
+    def to_end(self, record: Callable[[Any], R], report: Callable[..., object] | None = None) -> R:
+        """Trace to the end, call `report` with the parts of each step, and return `record` of this tracing.
+
+        Raises
+        ------
+        Interrupted
+            After Ctrl-C; its `found` is the record as far as the curve was traced.
+        """
+        try:
+            for step in self:
+                if report is not None:
+                    report(*step)
+        except KeyboardInterrupt:
+            if not self.traces:
+                raise
+            raise Interrupted(record(self)) from None
+        return record(self)
+
     @property
     def state(self) -> TracingState[S]:
         """Progress so far: a tracing made with it as `resume` continues as if it had never been stopped."""
@@ -104,3 +127,27 @@ class Tracing(Iterator[S], Generic[D, T, S]):
     def _begin_next(self, state: Any, steps: Sequence[S]) -> None:
         self.traces.append(self._begin(self._beginnings[len(self.traces)], state))
         self.steps.append(list(steps))
+
+
+def in_one_direction(
+    walked: Sequence[Sequence[tuple[P, list[F]]]], first: P, turn: Callable[[P], P], turn_found: Callable[[F], F]
+) -> tuple[tuple[P, ...], tuple[F, ...]]:
+    """Join the steps of one or two traces into the points of a curve, and what was found between them.
+
+    Parameters
+    ----------
+    walked
+        The steps of each trace: a point, and what was found before it.
+    first
+        The point at which the traces begin.
+    turn, turn_found
+        Functions that return a point, or what was found, as for travel in the direction of the second trace.
+    """
+    *back, ahead = walked
+    points, found = [first], []
+    for steps in back:
+        points = [*(turn(point) for point, _ in reversed(steps)), first]
+        found = [turn_found(each) for _, before in reversed(steps) for each in reversed(before)]
+    points += [point for point, _ in ahead]
+    found += [each for _, before in ahead for each in before]
+    return tuple(points), tuple(found)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import TRUST, Correction, Corrector, ahead, length_of
 from gapwalk.continuation.walk_options import Range, WalkOptions, next_step, shorter_step
-from gapwalk.orbit.orbit_equation import Equation
 
 _ASIDE = 0.06  # largest angle, in radians, by which a chord may lie outside the tangents at its ends
 _BENT = 1e-4  # below this step the branch may bend within a Newton step, which is then always evaluated
@@ -87,18 +86,11 @@ class WalkState:
     count: int
 
 
-def unchanged(first: BranchPoint, second: BranchPoint) -> float:
-    """Return 0: no change."""
-    return 0.0
-
-
 class Walk(Iterator[BranchPoint]):
     """Iterator over the points of one branch, from its first point on.
 
     Parameters
     ----------
-    equation
-        The equation whose solutions form the branch.
     first
         The first point, as from `first_point`; it is not yielded.
     within
@@ -116,12 +108,11 @@ class Walk(Iterator[BranchPoint]):
         axis: then it cannot turn back to the side on which it started.
     change
         Function that returns how much two neighbouring points differ in quantities other than the unknowns (such as
-        multipliers), as a share of the change allowed in a step; `unchanged` if there are none.
+        multipliers), as a share of the change allowed in a step; 0 if there are none.
     """
 
     def __init__(
         self,
-        equation: Equation,
         first: BranchPoint,
         within: Range,
         corrector: Corrector,
@@ -129,12 +120,10 @@ class Walk(Iterator[BranchPoint]):
         resume: WalkState | None = None,
         trust: float = TRUST,
         branched: bool = False,
-        change: Callable[[BranchPoint, BranchPoint], float] = unchanged,
+        change: Callable[[BranchPoint, BranchPoint], float] = lambda first, second: 0.0,
     ) -> None:
-        self.change = change
-        self.equation, self.corrector, self.options, self.within = equation, corrector, options, within
-        self.trust, self.branched = trust, branched
-        self.origin = first
+        self.origin, self.within, self.corrector, self.options = first, within, corrector, options
+        self.trust, self.branched, self.change = trust, branched, change
         self._first_step = self._longest(first, options.first_step)
         state = resume or WalkState(None, first, self._first_step, 0)
         self.previous, self.point, self.step, self.count = state.previous, state.point, state.step, state.count
@@ -173,19 +162,14 @@ class Walk(Iterator[BranchPoint]):
 
     def go_on(self, state: WalkState, point: BranchPoint, step: float) -> None:
         """Continue from a point that was reached from a state by other means, with the given next step."""
-        self.previous, self.point, self.step = (
-            state.point,
-            point,
-            min(step, self._longest(point, self.options.largest_step)),
-        )
-        self.count = state.count + 1
+        self.previous, self.point, self.count = state.point, point, state.count + 1
+        self.step = min(step, self._longest(point, self.options.largest_step))
         self.end, self._least = None, max(self.options.smallest_step, _SHORT)
 
     def go_back(self, state: WalkState, rejected: BranchPoint) -> None:
         """Return to an earlier state because a point yielded after it was wrong, and continue with shorter steps."""
-        self.previous, self.point, self.count = state.previous, state.point, state.count
+        self.previous, self.point, self.count, self.end = state.previous, state.point, state.count, None
         self.step = shorter_step(rejected.arclength - state.point.arclength)
-        self.end = None
         self.rejected += 1
 
     def _advance(self) -> BranchPoint | None:
@@ -202,7 +186,8 @@ class Walk(Iterator[BranchPoint]):
                 continue
             if self._closes(point):
                 self.end = End(EndReason.CLOSED, self.origin.value)
-                return self._closing_point()
+                gap = length_of(self.origin.x - self.point.x)
+                return replace(self.origin, arclength=self.point.arclength + gap, memo={})
             if point.value not in self.within:
                 return self._last_point(point)
             longest, change = self._longest(point, self.options.largest_step), self.change(self.point, point)
@@ -295,11 +280,6 @@ class Walk(Iterator[BranchPoint]):
         guess = self.point.x + along * chord
         found = self.corrector.correct(guess - ((guess - self.origin.x) @ flat) * flat, flat)
         return found is not None and length_of(found.x - self.origin.x) < 1e-6
-
-    def _closing_point(self) -> BranchPoint:
-        gap = length_of(self.origin.x - self.point.x)
-        o = self.origin
-        return BranchPoint(o.value, o.orbit, o.x, o.tangent, o.determinant, self.point.arclength + gap)
 
     def _last_point(self, beyond: BranchPoint) -> BranchPoint | None:
         """Return the point of the branch at the limit that the step to `beyond` has passed."""

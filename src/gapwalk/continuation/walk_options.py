@@ -142,20 +142,14 @@ def next_step(step: float, correction: Correction, turn: float, options: WalkOpt
     reach the same accuracy: ``q^(2^(k - wanted) - 1)`` times the present one. The error of the tangent predictor
     grows with the square of the step.
     """
-    return step * min(_newton_factor(correction, options.iterations), _turn_factor(turn, options.largest_turn))
-
-
-def _newton_factor(correction: Correction, wanted: int) -> float:
-    taken = correction.iterations
+    taken, wanted = correction.iterations, options.iterations
     if taken < 2 or correction.last <= 0.0 or correction.last >= correction.distance:
-        return _LONGEST if taken <= wanted else _SHORTEST
-    contraction = (correction.last / correction.distance) ** (1.0 / (2.0 ** (taken - 1) - 1.0))
-    growth = contraction ** (2.0 ** (taken - wanted) - 1.0)
-    return min(_LONGEST, max(_SHORTEST, math.sqrt(growth)))
-
-
-def _turn_factor(turn: float, largest: float) -> float:
-    return min(_LONGEST, max(_SHORTEST, _GOAL * largest / max(turn, 1e-12)))
+        by_iterations = _LONGEST if taken <= wanted else _SHORTEST
+    else:
+        contraction = (correction.last / correction.distance) ** (1.0 / (2.0 ** (taken - 1) - 1.0))
+        by_iterations = math.sqrt(contraction ** (2.0 ** (taken - wanted) - 1.0))
+    by_turn = _GOAL * options.largest_turn / max(turn, 1e-12)
+    return step * min(_LONGEST, max(_SHORTEST, min(by_iterations, by_turn)))
 
 
 def shorter_step(step: float) -> float:

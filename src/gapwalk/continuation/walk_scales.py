@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gapwalk.continuation.growth import linear_growth
 from gapwalk.continuation.walk_options import Range
 from gapwalk.model.coefficients import coefficients_of, layout_of
 from gapwalk.model.spring import springs_of
@@ -21,6 +20,10 @@ from gapwalk.orbit.orbit_equation import OrbitEquation
 _REACH = 20.0  # clearances larger than this many times the first orbit are assumed never to close
 _SLOWEST, _FASTEST = 0.25, 16.0  # limits, in natural frequencies, of the frequency by which velocities are scaled
 _CLEARANCES = 10.0  # change of an orbit, in clearances, that weighs as much as the natural change of the parameter
+_EVEN, _BY_RATIO = 33, 65  # values at which the response is computed: evenly spaced, and with equal ratios
+_LOWEST = 1e-9  # share of the highest value at which the equal ratios begin in a range that begins at zero
+_PEAKS = 3  # number of peaks that are refined
+_SHARP = 1e-3  # accuracy of a peak, as a share of the interval between two values
 
 
 def scales_of(equation: OrbitEquation, orbit: Orbit, within: Range) -> NDArray[np.float64]:
@@ -107,3 +110,66 @@ def _typical_frequency(system: System) -> float:
             natural = math.sqrt(square)
             return min(max(system.frequency, _SLOWEST * natural), _FASTEST * natural)
     return system.frequency
+
+
+def linear_growth(system: System, parameter: str, within: Range) -> float:
+    """Return the largest amplitude that any coordinate reaches along a parameter while all gaps stay open.
+
+    Peaks are located by Brent's method between the neighbouring values, so that none is missed at light damping. The
+    result is 0 where linear theory does not apply, because a stage without clearance is not a linear spring.
+    """
+    if not _is_linear_inside_its_gaps(system):
+        return 0.0
+    from scipy.optimize import minimize_scalar  # imported late: slow to import, and rarely needed
+
+    place, low, high = system.structure.place(parameter), within.low, within.high
+    values = np.linspace(low, high, _EVEN)
+    if within.is_relative or low >= 0.0:  # at some values the motion is then a good part of its largest
+        low = max(low, _LOWEST * high)
+        values = np.unique(np.append(np.linspace(low, high, _EVEN), np.geomspace(low, high, _BY_RATIO)[1:-1]))
+
+    def size(value: float) -> float:
+        return _amplitude(System.beside(system, place, value))
+
+    sizes = [size(value) for value in values.tolist()]
+    padded = [-math.inf, *sizes, -math.inf]
+    peaks = [k for k in range(len(sizes)) if padded[k] <= padded[k + 1] >= padded[k + 2]]
+    largest = 0.0
+    for peak in sorted(peaks, key=lambda k: sizes[k])[-_PEAKS:]:
+        around = values[max(peak - 1, 0)], values[min(peak + 1, len(values) - 1)]
+        accuracy = {"xatol": _SHARP * (around[1] - around[0])}
+        found = minimize_scalar(lambda value: -size(float(value)), bounds=around, method="bounded", options=accuracy)
+        largest = max(largest, sizes[peak], -float(found.fun))
+    return largest
+
+
+def _is_linear_inside_its_gaps(system: System) -> bool:
+    """Return whether all stages without a clearance, if there are any, are linear springs."""
+    for spring in springs_of(system):
+        tight = [slope for slope in spring.slopes if slope.clearance == 0.0]
+        if any(slope.bends or slope.pull[0] for slope in tight) or sum(slope.sign for slope in tight) != 0:
+            return False
+        if tight and spring.form.law.is_damped:
+            return False
+    return True
+
+
+def _amplitude(system: System) -> float:
+    """Return the largest amplitude of a coordinate, summed over all harmonics, while all gaps are open.
+
+    Stages that have no clearance belong to the stiffness.
+    """
+    layout = layout_of(system.structure)
+    linear = linear_of(layout, coefficients_of(system))
+    tight = [[each for each in spring.slopes if each.clearance == 0.0 < each.sign] for spring in springs_of(system)]
+    stiffness = linear.shifted(np.array([sum(each.stiffness for each in stages) for stages in tight]))
+    n = system.size
+    total = np.zeros(n)
+    for order, load in zip(layout.orders, linear.loads.T[1:], strict=True):
+        frequency = order * system.frequency
+        matrix = stiffness - frequency**2 * np.eye(n) + 1j * frequency * linear.damping
+        try:
+            total += np.abs(np.linalg.solve(matrix, load))
+        except np.linalg.LinAlgError:  # no damping, at resonance
+            return math.inf
+    return float(total.max())

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, resumed_tracer, start_branch
+from gapwalk.bifurcation import BranchTracer, BranchTracerState, directions, start_branch
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
 from gapwalk.bifurcation.detector import DetectorState
 from gapwalk.continuation.branch_point import BranchPoint
@@ -176,7 +176,7 @@ class ResponseWork(Work):
         assert self._start is not None
         (direction,) = directions(asked.begin, asked.end)
         beginning = start_branch(self._start, asked.parameter, asked.end, direction, asked.method)
-        return BranchTracer(beginning, asked.walk) if state is None else resumed_tracer(beginning, asked.walk, state)
+        return BranchTracer(beginning, asked.walk, state)
 
     def _found(self, progress: Progress, ends: tuple[End, ...] | None) -> Found:
         """The last point, with all since the last moment if it is time to write them."""

@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
-from gapwalk.bifurcation.branch_start import directions, start_branch
+from gapwalk.bifurcation.branch_start import directions, start_branch, switch
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin, is_attached
 from gapwalk.bifurcation.follow import walk_out
 from gapwalk.bifurcation.isolated import Progress, SearchOptions, coverage, search
 from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.bifurcation.switch import switch
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import Interrupted, ModelError, NumericalError
 from gapwalk.model.system import System

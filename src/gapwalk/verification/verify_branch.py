@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.branch_start import lift
+from gapwalk.bifurcation.branch_start import halves_apart, lift
 from gapwalk.bifurcation.detector import steps_of, unexplained
-from gapwalk.bifurcation.switch import halves_apart
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import hermite, length_of
 from gapwalk.continuation.walk import End, EndReason
@@ -160,7 +159,7 @@ def _end_faults(track: Track, place: int, end: End, within: tuple[float, float] 
 def _may_join(track: Track, point: BranchPoint) -> bool:
     """Return whether a branch may join another here: its motion nearly has half its period, or branches cross."""
     with suppress(NumericalError):
-        if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point.orbit)).max()) < _NEAR:
+        if point.orbit.period % 2 == 0 and float(np.abs(halves_apart(point)).max()) < _NEAR:
             return True
         return track.regularity(point) < CROSSING
     return False
@@ -185,7 +184,7 @@ def _gap(track: Track, a: BranchPoint, b: BranchPoint) -> float:
     ahead = b.arclength - a.arclength
     if len(a.x) != len(b.x):  # harmonics may grow along a branch
         coarse, fine = sorted((a, b), key=lambda point: len(point.x))
-        lifted = lift(coarse, track.corrector_at(fine), track.equation_at(fine))
+        lifted = lift(coarse, track.corrector_at(fine))
         if lifted is None:
             return math.inf
         a, b = (lifted, b) if coarse is a else (a, lifted)

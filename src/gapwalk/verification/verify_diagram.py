@@ -14,10 +14,10 @@ from itertools import combinations
 import numpy as np
 
 from gapwalk.bifurcation.branch import Branch, SpecialPoint
+from gapwalk.bifurcation.branch_start import halves_apart, switch
 from gapwalk.bifurcation.branch_tracer import BranchTracer
 from gapwalk.bifurcation.diagram import Diagram, DiagramBranch, Origin
 from gapwalk.bifurcation.membership import Curve, lies_on
-from gapwalk.bifurcation.switch import halves_apart, switch
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
@@ -107,7 +107,7 @@ def _verify_end(
     slack = 0.0
     # it may end just before its parent, whose orbit is the mean of its halves
     if special.kind.times == 2 and origin == member.joins:
-        halves = float(np.abs(halves_apart(end.orbit)).max())
+        halves = float(np.abs(halves_apart(end)).max())
         slack = halves if halves < _CLOSE else 0.0
     neglected = _TRUNCATED * max(special.orbit.truncation, end.orbit.truncation)
     ledger.enter(Check.TREE, spot, max(0.0, apart - slack - neglected), detail)

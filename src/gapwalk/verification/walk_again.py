@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,10 +63,6 @@ class Track:
     def corrector_at(self, point: BranchPoint) -> Corrector:
         """Return the corrector with the unknowns of a point."""
         return self.corrector(len(point.x))
-
-    def equation_at(self, point: BranchPoint) -> OrbitEquation:
-        """Return the equation with the unknowns of a point."""
-        return cast("OrbitEquation", self.corrector_at(point).equation)
 
     def asides(self, point: BranchPoint) -> list[NDArray[np.float64]]:
         """Return changes of a state that represent the distance to where a point's multipliers were evaluated."""

@@ -1,21 +1,25 @@
 """Search for isolated branches and other attractors, with many starts, settled transients, and Newton's method."""
 
-from gapwalk.bifurcation.isolated.search import Isolated, Progress, isolated, search
-from gapwalk.bifurcation.isolated.search_options import VALUES, SearchOptions, values_between
-from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally, coverage, next_is_new, unseen_share
+from gapwalk.bifurcation.isolated.search import (
+    Found,
+    Progress,
+    SearchResult,
+    Tally,
+    coverage,
+    next_is_new,
+    search,
+    unseen_share,
+)
+from gapwalk.bifurcation.isolated.search_options import SearchOptions
 
 __all__ = [
-    "VALUES",
     "Found",
-    "Isolated",
     "Progress",
     "SearchOptions",
     "SearchResult",
     "Tally",
     "coverage",
-    "isolated",
     "next_is_new",
     "search",
     "unseen_share",
-    "values_between",
 ]

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +54,8 @@ class Catalogue:
 
     def add(self, orbit: Orbit) -> Entry:
         """Add an orbit and return its entry, which may exist already."""
-        known = self.at(orbit.state, orbit.period)
-        if known is None:
+        known, distance = self.nearest(orbit.state, orbit.period)
+        if known is None or not distance <= _SAME:
             known = Entry(orbit, phases(orbit))
             self.entries.append(known)
             self._states = np.concatenate((self._states, known.states))
@@ -62,11 +63,6 @@ class Catalogue:
             self._periods = np.append(self._periods, [orbit.period] * len(known.states))
             self._stable = np.append(self._stable, [orbit.stable] * len(known.states))
         return known
-
-    def at(self, state: NDArray[np.float64], period: int) -> Entry | None:
-        """Return the entry that passes through a state and repeats after `period` forcing periods."""
-        entry, distance = self.nearest(state, period)
-        return entry if distance <= _SAME else None
 
     def nearest(self, state: NDArray[np.float64], period: int) -> tuple[Entry | None, float]:
         """Return the nearest entry to a state of those that repeat after `period` forcing periods, and its distance."""
@@ -162,63 +158,67 @@ def newton_aside(
     is_enough
         Called after each step; if it returns True, the search is given up, for instance near a known solution.
     """
-    known = np.zeros((0, len(start))) if known is None else known
-    x, evaluation = start, _evaluate(equation, start, scales, options)
+    problem = _Deflated(equation, scales, np.zeros((0, len(start))) if known is None else known, options)
+    x, evaluation = start, problem.evaluate(start)
     for _ in range(options.iterations):
         if evaluation is None or is_solved(equation, x, evaluation):
             break
         try:
-            newton = np.linalg.solve(evaluation.by_unknowns, -evaluation.residual)
+            step = problem.step(x, np.linalg.solve(evaluation.by_unknowns, -evaluation.residual))
         except np.linalg.LinAlgError:
             return None
-        step = newton
-        if len(known):
-            away = (x - known) / (scales * options.reach)
-            step = newton * _step_factor(away, newton / (scales * options.reach), options)
-        step *= min(1.0, options.longest / float(np.linalg.norm(step / scales)))
-        x, evaluation = _line_search(equation, x, evaluation, step, scales, known, options)
+        x, evaluation = problem.shortened(x, evaluation, step)
         if evaluation is not None and is_enough(x):
             return None
-    if evaluation is None or not is_solved(equation, x, evaluation):
-        return None
-    return x
+    return None if evaluation is None or not is_solved(equation, x, evaluation) else x
 
 
-def _evaluate(equation: OrbitEquation, x: NDArray[np.float64], scales, options: Deflation) -> Evaluation | None:
-    """Evaluate the equation at a point; None outside the bounds, where hard impacts make integration extremely slow."""
-    if not np.abs(x / scales).max() <= options.farthest:
-        return None
-    try:
-        return equation.evaluate(x, 0.0)
-    except NumericalError:
-        return None
+class _Deflated(NamedTuple):
+    """Equation with its known solutions divided out."""
 
+    equation: OrbitEquation
+    scales: NDArray[np.float64]
+    known: NDArray[np.float64]
+    options: Deflation
 
-def _step_factor(away: NDArray[np.float64], step: NDArray[np.float64], options: Deflation) -> float:
-    """Return the factor by which deflation intervals (or reverses) the Newton step."""
-    p, distance2 = options.power, np.maximum((away * away).sum(axis=1), 1e-300)
-    slopes = -p / (distance2 * (1.0 + options.shift * distance2 ** (p / 2.0)))
-    rest = 1.0 - float(slopes @ (away @ step))
-    return 1.0 / (rest if abs(rest) > 1e-9 else 1e-9)
+    def evaluate(self, x: NDArray[np.float64]) -> Evaluation | None:
+        """Evaluate the equation; None outside the bounds, where hard impacts make integration extremely slow."""
+        if not np.abs(x / self.scales).max() <= self.options.farthest:
+            return None
+        try:
+            return self.equation.evaluate(x, 0.0)
+        except NumericalError:
+            return None
 
+    def step(self, x: NDArray[np.float64], newton: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the step of limited length: deflation shortens, lengthens or reverses that of Newton's method."""
+        step, options, unit = newton, self.options, self.scales * self.options.reach
+        if len(self.known):
+            away = (x - self.known) / unit
+            distance2 = np.maximum((away * away).sum(axis=1), 1e-300)
+            slopes = -options.power / (distance2 * (1.0 + options.shift * distance2 ** (options.power / 2.0)))
+            rest = 1.0 - float(slopes @ (away @ (newton / unit)))
+            step = newton * (1.0 / (rest if abs(rest) > 1e-9 else 1e-9))
+        return step * min(1.0, options.longest / float(np.linalg.norm(step / self.scales)))
 
-def _line_search(equation, x, evaluation, step, scales, known, options: Deflation):
-    """Return the first of the halved steps that reduces the deflated residual; None as evaluation if none does."""
-    before, factor = _merit(x, evaluation, scales, known, options), 1.0
-    for _ in range(options.halvings + 1):
-        there = x + factor * step
-        trial = _evaluate(equation, there, scales, options)
-        if trial is not None and _merit(there, trial, scales, known, options) < before:
-            return there, trial
-        factor /= 2.0
-    return x, None
+    def shortened(
+        self, x: NDArray[np.float64], evaluation: Evaluation, step: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], Evaluation | None]:
+        """Return the end of the first of the halved steps that reduces the deflated residual; None if none does."""
+        before, factor = self.merit(x, evaluation), 1.0
+        for _ in range(self.options.halvings + 1):
+            there = x + factor * step
+            trial = self.evaluate(there)
+            if trial is not None and self.merit(there, trial) < before:
+                return there, trial
+            factor /= 2.0
+        return x, None
 
-
-def _merit(x, evaluation: Evaluation, scales, known, options: Deflation) -> float:
-    """Return the logarithm of the size of the deflated residual."""
-    size = math.log(max(math.hypot(*(evaluation.residual / scales).tolist()), 1e-300))
-    if not len(known):
-        return size
-    away = (x - known) / (scales * options.reach)
-    distance2 = np.maximum((away * away).sum(axis=1), 1e-300)
-    return size + float(np.log(distance2 ** (-options.power / 2.0) + options.shift).sum())
+    def merit(self, x: NDArray[np.float64], evaluation: Evaluation) -> float:
+        """Return the logarithm of the size of the deflated residual."""
+        size = math.log(max(math.hypot(*(evaluation.residual / self.scales).tolist()), 1e-300))
+        if not len(self.known):
+            return size
+        away = (x - self.known) / (self.scales * self.options.reach)
+        distance2 = np.maximum((away * away).sum(axis=1), 1e-300)
+        return size + float(np.log(distance2 ** (-self.options.power / 2.0) + self.options.shift).sum())

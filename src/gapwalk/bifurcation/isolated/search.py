@@ -1,30 +1,29 @@
 """Search for isolated branches and other attractors: orbits at several values of a parameter, from many starts.
 
-Each branch through an orbit found by a search is then followed once.
+Its result states what the search may have missed. N random starts all miss an attractor of basin share p with
+probability ``(1 - p)^N``. The probability that the next start reaches a new attractor is about the share of starts that
+reached an attractor that no other start reached (Good 1953, Biometrika 40, 237-264). Evenly spread starts, as those of
+a search, cover the box better.
 
 Method: docs/numerics/isolated-branches.md
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Branch
-from gapwalk.bifurcation.follow import follow
 from gapwalk.bifurcation.isolated.orbit_catalogue import Catalogue, exact_orbit
-from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, PieceRunner, SerialRunner, search_chunk
+from gapwalk.bifurcation.isolated.search_chunk import Catch, Chunk, search_chunk
 from gapwalk.bifurcation.isolated.search_options import SearchOptions, spread_starts, state_box
-from gapwalk.bifurcation.isolated.search_result import Found, SearchResult, Tally
 from gapwalk.bifurcation.membership import Curve
-from gapwalk.continuation.walk_options import WalkOptions
-from gapwalk.errors import Interrupted, ModelError, NumericalError
+from gapwalk.errors import Interrupted, ModelError
 from gapwalk.model.system import System
-from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 
 
@@ -37,23 +36,131 @@ class Progress(NamedTuple):
     catch: Catch
 
 
+class PieceRunner(Protocol):
+    """Executor of independent pieces of work in any processes; see `gapwalk.parallel.workers` for several cores."""
+
+    def run(
+        self,
+        function: Callable[[Any], Any],
+        pieces: Sequence[Any],
+        accept: Callable[[int, Any], None],
+        is_needed: Callable[[int], bool],
+    ) -> None:
+        """Apply a function, importable by its name, to each piece that is still needed when its turn comes.
+
+        `accept` takes the number of each piece and its result, in this process.
+        """
+        ...
+
+
+CONFIDENCE = 0.95
+"""Probability with which an attractor of more than the given share would have been found."""
+
+
 @dataclass(frozen=True)
-class Isolated:
-    """Result of following the orbits of a search.
+class SearchResult:
+    """Result of a search.
 
     Attributes
     ----------
-    branches
-        The new branches, in the order in which they were followed.
-    lost
-        Orbits from which no branch could be followed, each with the reason.
+    parameter
+        Name of the parameter.
+    found
+        The distinct orbits in the order of the values; at each value in the order of their periods, then of their
+        hits.
+    tallies
+        Counts at each value.
     complete
-        False if the work was stopped before its end.
+        False if the search was stopped before its end.
     """
 
-    branches: tuple[Branch, ...]
-    lost: tuple[tuple[Found, str], ...]
+    parameter: str
+    found: tuple[Found, ...]
+    tallies: tuple[Tally, ...]
     complete: bool
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Values of the parameter at which the search was made."""
+        return tuple(tally.value for tally in self.tallies)
+
+    @property
+    def new(self) -> tuple[Found, ...]:
+        """Orbits that lie on none of the known branches."""
+        return tuple(each for each in self.found if each.is_new)
+
+    def at(self, value: float) -> tuple[Found, ...]:
+        """Return the orbits found at one value."""
+        return tuple(each for each in self.found if each.value == value)
+
+    def __repr__(self) -> str:
+        stopped = "" if self.complete else ", stopped before its end"
+        return (
+            f"SearchResult({self.parameter} at {len(self.tallies)} values, {len(self.found)} orbits, "
+            f"{len(self.new)} of them new{stopped})"
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """One orbit that the search has found.
+
+    Attributes
+    ----------
+    value
+        Value of the parameter.
+    orbit
+        The orbit, with its true period.
+    hits_settled
+        Number of transients that settled on it.
+    hits_newton
+        Number of Newton iterations that ended on it.
+    branch
+        Index of the known branch on which it lies; None if it is new.
+    """
+
+    value: float
+    orbit: Orbit
+    hits_settled: int
+    hits_newton: int
+    branch: int | None = None
+
+    @property
+    def is_new(self) -> bool:
+        """True if it lies on none of the known branches."""
+        return self.branch is None
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """Counts of the search at one value of the parameter.
+
+    Attributes
+    ----------
+    value
+        Value of the parameter.
+    box : shape (2n,)
+        Half-widths of the box of starts.
+    starts, settled, ran_away
+        Transients followed; those that settled on a periodic orbit; those that could not be followed.
+    unsettled : shape (count, 2n)
+        Last states of the transients that did not become periodic: tori, chaos, or slow decay.
+    newton_starts
+        Number of starts of Newton's method.
+    """
+
+    value: float
+    box: NDArray[np.float64]
+    starts: int
+    settled: int
+    ran_away: int
+    unsettled: NDArray[np.float64]
+    newton_starts: int
+
+    def _check_read(self) -> None:
+        """Raise a ValueError if its parts do not fit together."""
+        if self.box.ndim != 1 or self.unsettled.ndim != 2 or self.unsettled.shape[1] != len(self.box):
+            raise ValueError("the box of a search has another size than its states")
 
 
 def search(
@@ -112,10 +219,22 @@ def search(
             report(Progress(len(catches), len(chunks), chunks[number].value, catch))
 
     try:
-        (hands or SerialRunner()).run(search_chunk, chunks, keep, lambda _: stop is None or not stop())
+        (hands.run if hands else _run_here)(search_chunk, chunks, keep, lambda _: stop is None or not stop())
     except KeyboardInterrupt:
         raise Interrupted(_result(parameter, chunks, catches, curves, numbers)) from None
     return _result(parameter, chunks, catches, curves, numbers)
+
+
+def _run_here(
+    function: Callable[[Any], Any],
+    pieces: Sequence[Any],
+    accept: Callable[[int, Any], None],
+    is_needed: Callable[[int], bool],
+) -> None:
+    """Process the pieces one after another in this process."""
+    for number, piece in enumerate(pieces):
+        if is_needed(number):
+            accept(number, function(piece))
 
 
 def _chunks(
@@ -123,19 +242,15 @@ def _chunks(
 ) -> Iterator[Chunk]:
     """Yield the pieces of work at one value."""
     there = system.at({parameter: value})
-    on_branches = (_exact(orbit) for curve in curves for orbit in curve.orbits_at(value))
-    known = tuple(orbit for orbit in on_branches if orbit is not None)
+    on_branches = (orbit for curve in curves for orbit in curve.orbits_at(value))
+    exact = (each if each.is_exact else exact_orbit(each.system, each.period, each.state) for each in on_branches)
+    known = tuple(orbit for orbit in exact if orbit is not None)  # none may be near an orbit that is not exact
     box = state_box(there, known, options.spread) if options.box is None else np.array(options.box, dtype=float)
     if box.shape != (2 * system.size,) or not np.all((box > 0.0) & (box < np.inf)):
         raise ModelError(f"box is {options.box!r}; it must be {2 * system.size} numbers > 0: half-widths of the box")
     starts = spread_starts(box, options.starts, options.seed, value)
     for block, first in enumerate(range(0, options.starts, options.block)):
         yield Chunk(value, block, there, box, starts[first : first + options.block], known, options)
-
-
-def _exact(orbit: Orbit) -> Orbit | None:
-    """Return an orbit of a known branch as shooting finds it; None if there is none near an orbit that is not exact."""
-    return orbit if orbit.is_exact else exact_orbit(orbit.system, orbit.period, orbit.state)
 
 
 def _result(
@@ -146,93 +261,106 @@ def _result(
     tallies: list[Tally] = []
     for value in dict.fromkeys(chunk.value for chunk in chunks):
         done = [(chunk, catches[i]) for i, chunk in enumerate(chunks) if chunk.value == value and i in catches]
-        if done:
-            tallies.append(_tally(value, done))
-            found += _merge(value, done, curves, numbers)
+        if not done:
+            continue
+        catalogue = Catalogue(done[0][0].box)
+        for _, catch in done:
+            for orbit, settled, newton in catch.orbits:
+                entry = catalogue.add(orbit)
+                entry.settled += settled
+                entry.newton += newton
+        for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
+            branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
+            found.append(Found(value, entry.orbit, entry.settled, entry.newton, branch))
+        tallies.append(
+            Tally(
+                value,
+                catalogue.scales,
+                sum(len(chunk.starts) for chunk, _ in done),
+                sum(settled for _, catch in done for _, settled, _ in catch.orbits),
+                sum(catch.ran_away for _, catch in done),
+                np.concatenate([catch.unsettled for _, catch in done]),
+                sum(catch.newton_starts for _, catch in done),
+            )
+        )
     return SearchResult(parameter, tuple(found), tuple(tallies), len(catches) == len(chunks))
 
 
-def _tally(value: float, done: list[tuple[Chunk, Catch]]) -> Tally:
-    """Return the counts at one value."""
-    return Tally(
-        value,
-        done[0][0].box,
-        sum(len(chunk.starts) for chunk, _ in done),
-        sum(settled for _, catch in done for _, settled, _ in catch.orbits),
-        sum(catch.ran_away for _, catch in done),
-        np.concatenate([catch.unsettled for _, catch in done]),
-        sum(catch.newton_starts for _, catch in done),
+def coverage(result: SearchResult) -> tuple[str, ...]:
+    """Return sentences on what a search has covered, and what it may have missed."""
+    return tuple(_sentences(result)) if result.tallies else ("The search was stopped before its first start.",)
+
+
+def _sentences(result: SearchResult) -> Iterator[str]:
+    tallies, low, high = result.tallies, min(result.values), max(result.values)
+    if not result.complete:
+        yield "The search was stopped before its end."
+    where = f"at {len(tallies)} values of {result.parameter}, {low:.6g} to {high:.6g}"
+    if len(tallies) == 1:
+        where = f"at {result.parameter} = {low:.6g}"
+    starts, settled = sum(tally.starts for tally in tallies), sum(tally.settled for tally in tallies)
+    hits = sorted(each.hits_settled for each in result.found if each.hits_settled)
+    yield f"{starts} starts {where}: {settled} settled on {_count(len(hits), 'periodic motion')}."
+    if len(tallies) > 1:
+        width = float(np.diff(np.sort(result.values)).max())
+        yield f"An isolated branch narrower than {width:.2g} in {result.parameter} may lie between two values."
+    if len(hits) == 1:
+        yield f"All {hits[0]} settled on the same motion."
+    elif hits:
+        yield f"The starts per motion number {hits[0]} to {hits[-1]}, with a median of {hits[(len(hits) - 1) // 2]}."
+    unsettled = [tally for tally in tallies if len(tally.unsettled)]
+    if unsettled:
+        count, places = sum(len(tally.unsettled) for tally in unsettled), [f"{tally.value:.6g}" for tally in unsettled]
+        yield f"{count} did not become periodic (quasi-periodic, chaotic, or very slow), at {', '.join(places)}."
+    if ran_away := sum(tally.ran_away for tally in tallies):
+        yield f"{ran_away} could not be followed: they diverged, or their contacts chattered."
+    yield _unseen(tallies)
+    if settled:
+        yield (
+            f"{_count(hits.count(1), 'motion')} had one start only: one more start would settle on a new motion with a "
+            f"probability of about {100 * next_is_new(result):.2g} %."
+        )
+    yield (
+        f"Newton's method, from {sum(tally.newton_starts for tally in tallies)} states, found "
+        f"{_count(len(result.found) - len(hits), 'orbit')} more on which no start settled; for unstable orbits no "
+        "bound can be given."
     )
 
 
-def _merge(value: float, done: list[tuple[Chunk, Catch]], curves: list[Curve], numbers: list[int]) -> Iterator[Found]:
-    """Yield the distinct orbits of all chunks at one value."""
-    catalogue = Catalogue(done[0][0].box)
-    for _, catch in done:
-        for orbit, settled, newton in catch.orbits:
-            entry = catalogue.add(orbit)
-            entry.settled += settled
-            entry.newton += newton
-    for entry in sorted(catalogue.entries, key=lambda each: (each.orbit.period, -each.settled, -each.newton)):
-        branch = next((n for n, curve in zip(numbers, curves, strict=True) if curve.holds(entry.orbit)), None)
-        yield Found(value, entry.orbit, entry.settled, entry.newton, branch)
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def isolated(
-    found: Iterable[Found],
-    parameter: str,
-    to: tuple[float, float],
-    *,
-    known: Sequence[Branch] = (),
-    walk: WalkOptions | None = None,
-    method: Method | None = None,
-    report: Callable[[Branch], None] | None = None,
-    stop: Callable[[], bool] | None = None,
-) -> Isolated:
-    """Follow each orbit of a search that lies on no known branch and on no branch followed before it.
+def _unseen(tallies: tuple[Tally, ...]) -> str:
+    """Return the bound on the basin of an unseen attractor."""
+    shares = np.array([unseen_share(tally.settled) for tally in tallies])
+    if not np.any(shares < 1.0):
+        return "As no start settled, nothing can be said about unseen attractors."
+    text = (
+        f"An unseen periodic attractor fills, with {100 * CONFIDENCE:.0f} % confidence, less than "
+        f"{100 * shares.min():.2g} % of the box of starts"
+    )
+    if shares.max() > 1.01 * shares.min():
+        bound = f"less than {100 * shares.max():.2g} %" if shares.max() < 1.0 else "nothing can be said"
+        return f"{text} at the best value, and at the worst, {tallies[int(np.argmax(shares))].value:.6g}, {bound}."
+    return f"{text}." if len(tallies) == 1 else f"{text} at any of these values."
 
-    Orbits on which most transients have settled come first.
+
+def unseen_share(settled: int, confidence: float = CONFIDENCE) -> float:
+    """Return the largest share of the box of starts that the basin of an unseen attractor may fill.
 
     Parameters
     ----------
-    found
-        The orbits, as from `SearchResult.new`.
-    parameter
-        Name of the parameter.
-    to
-        The values between which the branches are followed, in both directions.
-    known
-        Branches along this parameter that have been followed already.
-    walk, method
-        Options of the walk and of the method.
-    report
-        Called with each new branch.
-    stop
-        Called before each new branch; True stops the work.
-
-    Raises
-    ------
-    ModelError
-        For an unknown parameter, or a range that does not contain an orbit.
+    settled
+        Number N of starts that settled.
+    confidence
+        Probability with which an attractor of a larger share would have been found.
     """
-    curves = [Curve(branch) for branch in known if branch.parameter == parameter]
-    branches: list[Branch] = []
-    lost: list[tuple[Found, str]] = []
-    try:
-        for each in sorted(found, key=lambda f: (not f.orbit.stable, -f.hits_settled, f.orbit.period)):
-            if stop is not None and stop():
-                return Isolated(tuple(branches), tuple(lost), False)
-            if any(curve.holds(each.orbit) for curve in curves):
-                continue
-            try:
-                branch = follow(each.orbit, parameter, to, walk=walk, method=method)
-            except NumericalError as error:
-                lost.append((each, str(error)))
-                continue
-            curves.append(Curve(branch))
-            branches.append(branch)
-            if report is not None:
-                report(branch)
-    except KeyboardInterrupt:
-        raise Interrupted(Isolated(tuple(branches), tuple(lost), False)) from None
-    return Isolated(tuple(branches), tuple(lost), True)
+    return 1.0 if settled == 0 else 1.0 - (1.0 - confidence) ** (1.0 / settled)
+
+
+def next_is_new(result: SearchResult) -> float:
+    """Return the Good-Turing estimate of the probability that one more start settles on a new orbit."""
+    settled = sum(tally.settled for tally in result.tallies)
+    singletons = sum(each.hits_settled == 1 for each in result.found)
+    return 1.0 if settled == 0 else singletons / settled

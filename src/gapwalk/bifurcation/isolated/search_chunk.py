@@ -1,15 +1,12 @@
 """Chunk of a search: a block of starts at one value of the parameter, processed by a pure function.
 
-From each start a transient is followed until it repeats, instead of for a fixed number of forcing periods. Chunks run
-in this process, or wherever an executor that the caller provides runs them.
+From each start a transient is followed until it repeats, instead of for a fixed number of forcing periods.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,23 +36,6 @@ _FEW = 0.25  # largest share of unsettled starts for which the patience is exten
 _PATIENCE = 5  # factor by which it is extended
 _MOST = 40  # largest number of new orbits whose neighbourhood is searched: without damping there are families of them
 _KICK = 0.1  # distance from a known orbit at which the search for its neighbours begins, in half-widths of the box
-
-
-class PieceRunner(Protocol):
-    """Executor of independent pieces of work in any processes; see `gapwalk.parallel.workers` for several cores."""
-
-    def run(
-        self,
-        function: Callable[[Any], Any],
-        pieces: Sequence[Any],
-        accept: Callable[[int, Any], None],
-        is_needed: Callable[[int], bool],
-    ) -> None:
-        """Apply a function, importable by its name, to each piece that is still needed when its turn comes.
-
-        `accept` takes the number of each piece and its result, in this process.
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +131,12 @@ def search_chunk(chunk: Chunk) -> Catch:
         if every and number % every == 0:
             hunt.along(number // every, settling)
     if len(unsettled) <= _FEW * len(chunk.starts):  # if most have settled, a few may still linger near a chaotic saddle
-        unsettled = _settled_late(unsettled, chunk, hunt.catalogue)
+        settler = Settler(chunk.system, hunt.catalogue, options.periods, _PATIENCE * options.patience)
+        late = [settler.settle(state) for state in unsettled]
+        unsettled = [settling.path[-1] for settling in late if settling.entry is None]
+        for settling in late:
+            if settling.entry is not None:
+                settling.entry.settled += 1
     if every:
         hunt.beside()
     found = tuple((entry.orbit, entry.settled, entry.newton) for entry in hunt.catalogue.entries)
@@ -309,32 +294,3 @@ class Settler:
             return entry
         entry.newton += 1
         return None
-
-
-def _settled_late(states: list[NDArray[np.float64]], chunk: Chunk, catalogue: Catalogue) -> list[NDArray[np.float64]]:
-    """Follow transients with more patience and return the last states of those that have not settled even so."""
-    settler = Settler(chunk.system, catalogue, chunk.options.periods, _PATIENCE * chunk.options.patience)
-    unsettled = []
-    for state in states:
-        settling = settler.settle(state)
-        if settling.entry is None:
-            unsettled.append(settling.path[-1])
-        else:
-            settling.entry.settled += 1
-    return unsettled
-
-
-class SerialRunner:
-    """Executor that processes the pieces one after another in this process."""
-
-    def run(
-        self,
-        function: Callable[[Any], Any],
-        pieces: Sequence[Any],
-        accept: Callable[[int, Any], None],
-        is_needed: Callable[[int], bool],
-    ) -> None:
-        """See `PieceRunner.run`."""
-        for number, piece in enumerate(pieces):
-            if is_needed(number):
-                accept(number, function(piece))

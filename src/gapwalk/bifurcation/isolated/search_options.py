@@ -1,4 +1,4 @@
-"""Options of a search, and what follows from them: values of the parameter, and starts for each.
+"""Options of a search, and the starts that follow from them at each value of the parameter.
 
 Starts are spread evenly over the box of states that a system may visit.
 """
@@ -18,10 +18,7 @@ from gapwalk.model.spring import Spring, springs_of
 from gapwalk.model.system import System
 from gapwalk.orbit.orbit import Orbit
 
-VALUES = 300
-"""Number of values in a range for a thorough search: it misses no isolated branch wider than a 300th of the range."""
-
-_MOST = 100_000  # largest number of starts, or of values
+_MOST = 100_000  # largest number of starts
 _REACH = 20.0  # a gap this many times wider than the motion without it is assumed never to close
 _SAMPLES = 64  # samples per forcing period of the velocities of a known orbit
 _RESONANCE = 5.0  # upper bound of the amplitude of a linear resonance, in static deflections
@@ -81,40 +78,6 @@ class SearchOptions:
             raise ModelError("newton_periods is empty; name at least one period, or write newton_starts = 0")
         if not 0.0 < self.spread < math.inf:
             raise ModelError(f"spread is {self.spread!r}; it must be a number > 0")
-
-
-def values_between(low: float, high: float, narrowest: float | None = None) -> NDArray[np.float64]:
-    """Return evenly spaced values of a parameter, so dense that each isolated branch of some width contains one.
-
-    An isolated branch (isola) is connected to no other, and exists only over a part of the range.
-
-    Parameters
-    ----------
-    low, high
-        The range of the parameter.
-    narrowest
-        Width of the narrowest isolated branch that must not lie between two of the values, in units of the parameter;
-        by default a 300th of the range.
-
-    Returns
-    -------
-    ndarray of shape (count,)
-        The middles of `count` equal parts of the range, none of them wider than `narrowest`.
-
-    Raises
-    ------
-    ModelError
-        For an empty range, or a width that is not positive.
-    """
-    if not low < high < math.inf or low == -math.inf:
-        raise ModelError(f"the range is from {low!r} to {high!r}; its limits must be finite and increasing")
-    if narrowest is not None and not 0.0 < narrowest < math.inf:
-        raise ModelError(f"narrowest is {narrowest!r}; it must be a number > 0, in units of the parameter")
-    ratio = VALUES if narrowest is None else (high - low) / narrowest * (1.0 - 1e-12)
-    if ratio > _MOST:
-        raise ModelError(f"narrowest is {narrowest!r}, which takes {ratio:.3g} values; at most {_MOST:,} are allowed")
-    count = math.ceil(ratio)
-    return low + (high - low) * (np.arange(count) + 0.5) / count
 
 
 def state_box(system: System, known: Iterable[Orbit] = (), spread: float = 1.5) -> NDArray[np.float64]:

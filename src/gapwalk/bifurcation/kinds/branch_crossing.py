@@ -1,23 +1,42 @@
-"""Branch points: two branches cross, because one of them breaks a symmetry."""
+"""Branch points: two branches cross, because one of them breaks a symmetry.
+
+They are located by interpolation, since Newton's method is ill-conditioned where branches cross.
+"""
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart
+from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.error_estimate import ROUNDING, SAFETY, ErrorEstimator
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.step_interval import Search, Zero
-from gapwalk.bifurcation.switch import from_crossing
+from gapwalk.bifurcation.step_interval import Search, StepInterval, Zero
 from gapwalk.continuation.branch_point import BranchPoint
+from gapwalk.continuation.corrector import Corrector
 from gapwalk.continuation.walk_options import Range
-from gapwalk.errors import NumericalError
+from gapwalk.continuation.walk_scales import scales_of
+from gapwalk.errors import ModelError, NumericalError
 from gapwalk.orbit.method import Method
 
 _AROUND = 5e-3  # arclength within which a second computation searches for the branch point
-_WINDOWS = (1.0, 0.2, 0.04, 0.01)  # shares of it: if a contact grazes nearby, the branch is smooth only in small ones
+_REACHES = (1.0, 0.2, 0.04, 0.01)  # shares of it: if a contact grazes nearby, the branch is smooth only in small ones
 _SHARP = 1e-10  # error, in scales of the parameter, below which no smaller window is tried
+_NODES = 7
+_FEWEST = 5
+_NEAR = 0.08  # share of the window around the crossing from which no node is taken
+_NARROW = 0.2  # length of each window, relative to the one before; the first is the whole step
+_WINDOWS = 3  # largest number of windows after the first
+_ROUGH = 0.1  # spread of the zero, in windows, below which one window determines the centre of the next
+_SURE = 1e-6  # spread of the zero, in windows, above which the neighbourhood is not smooth enough
+_ROUGH_BRANCH = "the branch is not smooth where it seems to cross another"
 
 
 class BranchPointKind(Kind):
@@ -37,22 +56,21 @@ class BranchPointKind(Kind):
     def prepare(self, search: Search) -> None:
         """Locate the crossing first, so that the search for other kinds steps over it."""
         if search.first.determinant * search.last.determinant < 0.0:
-            search.crossing(search.first, search.last)
+            _crossing(search, search.first, search.last)
 
     def locate(self, search: Search, a: BranchPoint, b: BranchPoint) -> Zero | None:
         """Locate the crossing by interpolation: Newton's method is ill-conditioned where branches cross."""
-        crossing = search.crossing(a, b)
-        if crossing is None:
-            return None
-        return Zero(self, search.interval.at(crossing.arclength), crossing.spread, self.at)
+        crossing = _crossing(search, a, b)
+        return crossing and Zero(self, search.interval.at(crossing.arclength), crossing.spread, self.at)
 
     def error(self, search: Search, zero: Zero, second: ErrorEstimator) -> float:
         """Estimate the error from the bracket, and from the shift of the crossing in a second computation."""
         point, scale = zero.point, float(search.corrector.scales[-1])
         ends = [abs(each.arclength - point.arclength) for each in (search.first, search.last)]
         off = math.inf
-        for share in _WINDOWS:
-            off = min(off, abs(_crossed(second, point, share * min(_AROUND, *ends)) - point.value))
+        for share in _REACHES:
+            with suppress(NumericalError):  # the branch is not smooth within that reach
+                off = min(off, abs(second.crossing(point, share * min(_AROUND, *ends)) - point.value))
             if off < _SHARP * scale:
                 break
         if off == math.inf:
@@ -62,7 +80,16 @@ class BranchPointKind(Kind):
 
     def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return two beginnings, in both directions of the crossing branch."""
-        return from_crossing(special, parameter, within, method)
+        _, equation = posed_for(special, parameter, special.orbit.period, method)
+        corrector = Corrector(equation, scales_of(equation, special.orbit, within))
+        start = np.append(equation.unknowns(special.orbit), special.value)
+        # both branches lie in the plane of the two smallest singular vectors, and the other is normal to this one
+        plane = np.linalg.svd(corrector.jacobian(start / corrector.scales))[2][-2:]
+        known = plane @ _rescaled(special.point, start, corrector)
+        across = np.array([-known[1], known[0]]) @ plane
+        across /= np.linalg.norm(across)
+        across *= np.sign(across[np.argmax(np.abs(across))])
+        return [BranchStart.uncorrected(corrector, start, way * across, within) for way in (1.0, -1.0)]
 
     @property
     def no_locus(self) -> str:
@@ -73,9 +100,140 @@ class BranchPointKind(Kind):
         )
 
 
-def _crossed(second: ErrorEstimator, point: BranchPoint, reach: float) -> float:
-    """Return the crossing by a second computation; infinite if the branch is not smooth within that reach."""
+def _crossing(search: Search, a: BranchPoint, b: BranchPoint) -> Crossing | None:
+    """Return the crossing with another branch between two points; None if the branch is not smooth enough.
+
+    Once a crossing is found, points near it are interpolated, because no orbit can be corrected there.
+    """
+    crossings = search.interval.crossings
+    for crossing in crossings:
+        if a.arclength < crossing.arclength < b.arclength:
+            return crossing
     try:
-        return second.crossing(point, reach)
+        crossings.append(locate_crossing(search.interval, a, b))
     except NumericalError:
-        return math.inf
+        return None
+    return crossings[-1]
+
+
+def _rescaled(point: BranchPoint, start: NDArray[np.float64], corrector: Corrector) -> NDArray[np.float64]:
+    """Return the tangent of a point found with other scales, in the scales of the corrector."""
+    if len(point.x) != len(start):
+        raise ModelError(
+            "switch with the method, and the number of segments or harmonics, with which the branch point was found"
+        )
+    scales = np.divide(start, point.x, out=corrector.scales.copy(), where=point.x != 0.0)
+    rescaled = point.tangent * scales / corrector.scales
+    return rescaled / np.linalg.norm(rescaled)
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Branch near a point where it crosses another, as polynomials in the arclength from that point.
+
+    Attributes
+    ----------
+    arclength
+        Arclength of the crossing.
+    radius
+        Distance from the crossing within which the polynomials represent the branch.
+    spread
+        Uncertainty of the arclength.
+    curve
+        One polynomial for each scaled variable.
+    """
+
+    arclength: float
+    radius: float
+    spread: float
+    curve: tuple[Polynomial, ...]
+
+    def __contains__(self, arclength: object) -> bool:
+        return isinstance(arclength, float) and abs(arclength - self.arclength) <= self.radius
+
+    def x(self, arclength: float) -> NDArray[np.float64]:
+        """Return the scaled unknowns and parameter at an arclength."""
+        return np.array([component(arclength - self.arclength) for component in self.curve])
+
+    def tangent(self, arclength: float) -> NDArray[np.float64]:
+        """Return the unit tangent at an arclength."""
+        slope = np.array([component(arclength - self.arclength) for component in self._slopes])
+        return slope / np.linalg.norm(slope)
+
+    @cached_property
+    def _slopes(self) -> tuple[Polynomial, ...]:
+        return tuple(component.deriv() for component in self.curve)
+
+
+def locate_crossing(interval: StepInterval, a: BranchPoint, b: BranchPoint) -> Crossing:
+    """Locate the zero of the determinant of the bordered Jacobian between `a` and `b`.
+
+    Near a crossing the Jacobian is singular along the other branch: a residual of 1e-10 leaves an error of its
+    square root or worse. The branch itself is smooth. Newton's method is accurate at points some distance away on both
+    sides, and interpolation between them gives the zero of the determinant and the orbits near it.
+
+    Raises
+    ------
+    NumericalError
+        If the branch is not smooth there (a contact grazes nearby), or too few points can be found.
+    """
+    window = b.arclength - a.arclength
+    guess = a.arclength + window * abs(a.determinant) / (abs(a.determinant) + abs(b.determinant))
+    crossing = _fit_window(interval, a, b, guess, window)
+    for _ in range(_WINDOWS):
+        window *= _NARROW
+        crossing = _fit_window(interval, a, b, crossing.arclength, window)
+        if crossing.spread < _SURE * window:
+            return crossing
+    raise NumericalError(_ROUGH_BRANCH)
+
+
+def _fit_window(interval: StepInterval, a: BranchPoint, b: BranchPoint, middle: float, window: float) -> Crossing:
+    low = min(max(a.arclength, middle - 0.5 * window), b.arclength - window)
+    nodes = _nodes(interval, low, window, middle)
+    # abscissa of the points along the chord: the branch is smooth in it, but not in the arclength labels
+    chord = (b.x - a.x) / (b.arclength - a.arclength)
+    along = np.array([float((node.x - a.x) @ chord) for node in nodes]) / float(chord @ chord)
+    places = (a.arclength + along - middle) / window
+    determinants = [node.determinant for node in nodes]
+    zero = _zero(places, determinants)
+    spread = abs(_zero(places[1:-1], determinants[1:-1]) - zero)
+    if not spread < _ROUGH:
+        raise NumericalError(_ROUGH_BRANCH)
+    away = (places - zero) * window
+    curve = tuple(_polynomial(away, [node.x[i] for node in nodes]) for i in range(len(a.x)))
+    return Crossing(middle + zero * window, 0.3 * window, spread * window, curve)
+
+
+def _nodes(interval: StepInterval, low: float, window: float, centre: float) -> list[BranchPoint]:
+    """Return exact points of a window, denser towards its ends, none too near to the expected crossing."""
+    nodes = []
+    shares = 0.5 * (1.0 - np.cos(np.pi * np.arange(_NODES) / (_NODES - 1)))
+    ends = (interval.points[0].arclength, interval.points[-1].arclength)
+    for place in np.clip(low + window * shares, *ends):  # rounding must not lead beyond the ends
+        if abs(place - centre) > _NEAR * window:
+            try:
+                node = interval.at(float(place))
+                nodes.append(interval.corrector.exact_point(node.x, node.tangent, node.arclength))
+            except NumericalError:  # it happens to lie on the crossing
+                continue
+    if len(nodes) < _FEWEST:
+        raise NumericalError("too few orbits can be found where the branch seems to cross another")
+    return nodes
+
+
+def _zero(places: NDArray[np.float64], values: list[float]) -> float:
+    """Return the zero of the interpolating polynomial that is nearest to the middle of the sign change.
+
+    If all places lie on one side of the zero, return the one nearest to 0, where the zero is expected.
+    """
+    change = next((i for i in range(len(values) - 1) if values[i] * values[i + 1] <= 0.0), None)
+    middle = 0.0 if change is None else 0.5 * (places[change] + places[change + 1])
+    roots: NDArray[np.complex128] = np.array(_polynomial(places, values).roots(), dtype=np.complex128)
+    real = roots[np.abs(roots.imag) < 1e-6].real
+    return float(real[np.argmin(np.abs(real - middle))]) if len(real) else float("nan")
+
+
+def _polynomial(places: NDArray[np.float64], values: list[float]) -> Polynomial:
+    low, high = float(places.min()), float(places.max())
+    return Polynomial.fit(places, values, len(places) - 1, domain=[low, high])

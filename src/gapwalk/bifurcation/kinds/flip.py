@@ -1,19 +1,61 @@
-"""Flips: a multiplier passes -1, and a branch of twice the period begins."""
+"""Flips: a multiplier passes -1, and a branch of twice the period begins.
+
+A flip is supercritical if the doubled motions lie on the side where the parent has lost stability. That is determined
+in the limit towards the flip, from the cubic coefficient of its normal form, because the doubled branch may soon turn
+back if a contact grazes close to the flip. The doubled branch itself then shows up to which amplitude it continues in
+its initial direction.
+
+Method: docs/numerics/switching.md
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
-from gapwalk.bifurcation.branch import SpecialPoint
-from gapwalk.bifurcation.branch_start import BranchStart
-from gapwalk.bifurcation.criticality import with_nature
+from gapwalk.bifurcation.branch import REACH, SpecialPoint
+from gapwalk.bifurcation.branch_start import BranchStart, posed_for
 from gapwalk.bifurcation.kinds.condition import Criticality, bounded_product, nearest, smallest_singular_value
 from gapwalk.bifurcation.special_point_kind import Kind, Symbol
-from gapwalk.bifurcation.switch import from_flip
 from gapwalk.continuation.branch_point import BranchPoint
-from gapwalk.continuation.walk_options import Range
-from gapwalk.orbit.method import Method
+from gapwalk.continuation.corrector import TRUST, Corrector
+from gapwalk.continuation.walk_options import Range, check_range
+from gapwalk.continuation.walk_scales import scales_of
+from gapwalk.errors import ConvergenceError, NumericalError
+from gapwalk.flow.length_unit import magnitude
+from gapwalk.flow.switching import ContactEvent
+from gapwalk.orbit.method import Method, chosen
+from gapwalk.orbit.orbit import Orbit
+
+_DISPLACEMENTS = (6e-5, 6e-6)  # in units of the unknowns: longer ones show curvature, shorter ones rounding
+_ALIKE = 0.05  # relative change of an impact velocity within which displaced orbits make the same contact
+_PLACES = (-2.0, -1.0, 1.0, 2.0)
+_FIRST = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0  # fourth-order differences at those places
+_SECOND = np.array([-1.0, 16.0, 16.0, -1.0]) / 12.0
+_SECOND_HERE = -30.0 / 12.0
+
+_STEPS = (6e-5, 6e-6, 6e-7, 6e-8, 6e-9, 6e-10)
+"""Displacements, in units of the unknowns, for the cubic coefficient: the longest without a graze is used.
+
+Near the flips of the paper's figure 15, contacts graze at amplitudes from 1e-3 down to 1e-8.
+"""
+_SINGULAR = 1e-8  # singular value that is zero up to rounding
+_BESIDE = 1e-5  # scaled distance along the parent of the first step of the secant method
+_SECANTS = 6  # largest number of steps of the secant method
+_FAR = 0.05  # scaled distance beyond which a branch point does not belong to the flip
+_ITERATIONS, _SETTLED = 12, 1e-13  # of inverse iteration, and the change of a unit vector at which it ends
+_SURE = 0.05  # relative error of the cubic coefficient up to which its sign counts
+_STEPS_ALONG = 12  # largest number of steps along the doubled branch
+_LONGER, _SHORTER = 4.0, 0.3  # ratio of the next step to the present one after success and after failure
+_ASIDE = 0.5  # distance from a guess, in steps, beyond which a motion may lie on another branch
+Matrix = tuple[NDArray[np.float64], Sequence[ContactEvent]]
+"""Derivative of a map or of an equation at a point, in units of its unknowns, and the contacts of the motion there."""
 
 
 class Flip(Kind):
@@ -29,13 +71,348 @@ class Flip(Kind):
         return bounded_product(nearest(point.orbit.multipliers + 1.0))
 
     def judged(self, special: SpecialPoint, parameter: str, method: Method | None) -> SpecialPoint:
-        """Return the flip with its criticality; see `gapwalk.bifurcation.criticality.with_nature`."""
-        return with_nature(special, parameter, method)
+        """Return the flip with `nature` and `judged`; unchanged if the criticality cannot be determined."""
+        gained = special.after.total - special.before.total
+        if abs(gained) != 1:
+            return special
+        width = abs(special.value) + 1.0
+        within = check_range(special.value, (special.value - width, special.value + width))
+        within = within.along(parameter, special.orbit.system)
+        try:
+            doubled = Doubled(special, parameter, within, chosen(method))
+            start = doubled.start()
+            limit = _limit(doubled, start)
+        except (NumericalError, np.linalg.LinAlgError):
+            return special
+        if limit is None:
+            return special
+        # two multipliers that meet in the same step do not matter: only one at -1 changes the number of unstable ones
+        unstable = gained * np.sign(special.point.tangent[-1])
+        return replace(
+            special,
+            nature="supercritical" if limit.way == unstable else "subcritical",
+            judged=_amplitude(doubled, start, limit),
+        )
 
     def beginnings(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> list[BranchStart]:
         """Return one beginning, on the branch of twice the period: the other direction gives the same motions."""
-        return [from_flip(special, parameter, within, method)]
+        doubled = Doubled(special, parameter, within, method)
+        start, across, _ = doubled.start()
+        return [BranchStart.uncorrected(doubled.corrector, start, np.append(across, 0.0), within)]
 
     def condition(self, monodromy: NDArray[np.float64]) -> Criticality:
         """Evaluate the distance of a multiplier from -1."""
         return smallest_singular_value(monodromy + np.eye(len(monodromy)))
+
+
+class Cubic(NamedTuple):
+    """Cubic coefficient of a flip.
+
+    Attributes
+    ----------
+    value
+        The coefficient; nan if contacts graze within every displacement that was tried.
+    error
+        Difference from the coefficient by second-order differences: the effect of curvature or of rounding.
+    """
+
+    value: float
+    error: float
+
+
+class _Limit(NamedTuple):
+    """Doubled motions of vanishing amplitude.
+
+    Attributes
+    ----------
+    way
+        +1 if they lie at larger values of the parameter than the flip, -1 if at smaller ones.
+    size, amplitude
+        Displacement over which that was measured: scaled, and in units of the state.
+    """
+
+    way: int
+    size: float
+    amplitude: float
+
+
+def _limit(doubled: Doubled, start: DoubledStart) -> _Limit | None:
+    """Return the side on which doubled motions of vanishing amplitude lie; None if it cannot be determined.
+
+    With s the amplitude along the critical vector v, and p the distance along the parent, the doubled equation is
+
+        s (alpha p + c s^2 + ...) = 0,    alpha = w^T (dF'/dp) v
+
+    (the reduction of Lyapunov and Schmidt), so that the doubled motions have p = -c / alpha s^2. At such amplitudes
+    the doubled motions themselves cannot be distinguished from the parent: rounding gives their parameter an error of
+    about 1e-15 / s.
+    """
+    equation, scales = doubled.corrector.equation, doubled.corrector.scales
+    unknowns, value = start.unknowns[:-1], float(start.unknowns[-1])
+
+    def motion_at(unknowns: NDArray[np.float64], value: float = value) -> tuple[NDArray[np.float64], Orbit]:
+        evaluation = equation.evaluate(unknowns, value)
+        return evaluation.by_unknowns * scales[:-1], equation.orbit(unknowns, value, evaluation)
+
+    orbits: list[Orbit] = []
+
+    def matrix_at(unknowns: NDArray[np.float64]) -> Matrix:
+        matrix, orbit = motion_at(unknowns)
+        orbits.append(orbit)
+        return matrix, orbit.events
+
+    here = matrix_at(unknowns)
+    left, _, right = least_singular(here[0])
+    response = -(here[0] + np.outer(left, right))  # regular, and equal to -F' for motions of half the period
+    for step in _STEPS:
+        cubic = flip_coefficient(matrix_at, here, unknowns, scales[:-1], (right, left), response, (step,))
+        if not cubic.error <= _SURE * abs(cubic.value):
+            continue
+        beside = doubled.along(start.place + step)
+        alpha = left @ (motion_at(beside[:-1], float(beside[-1]))[0] - here[0]) @ right
+        amplitude = float(np.abs(orbits[-1].state - orbits[0].state).max())
+        return _Limit(-int(np.sign(cubic.value * alpha)), 2.0 * step, amplitude)  # the last orbit was two steps away
+    return None
+
+
+def flip_coefficient(
+    matrix_at: Callable[[NDArray[np.float64]], Matrix],
+    here: Matrix,
+    unknowns: NDArray[np.float64],
+    units: NDArray[np.float64],
+    critical: tuple[NDArray[np.float64], NDArray[np.float64]],
+    response: NDArray[np.float64],
+    steps: Sequence[float] = _DISPLACEMENTS,
+) -> Cubic:
+    """Compute the cubic coefficient at a flip, times ``w^T v``, which makes it smooth along the flip locus.
+
+    With the map over m periods P, its critical vectors ``B v = -v`` and ``w^T B = -w^T`` (Kuznetsov, Elements of
+    Applied Bifurcation Theory, section 5.4):
+
+        w^T [ P'''(v, v, v) / 6 + P''(v, R^-1 P''(v, v)) / 2 ],    R = 1 - B
+
+    An equation ``F = 0`` of the doubled motions, with ``F' v = 0`` and ``w^T F' = 0``, has the same coefficient with F
+    in place of P, and ``R = -F'`` on the motions of half the period (the reduction of Lyapunov and Schmidt).
+
+    The derivatives along v are differences of exact matrices P' or F', over the longest of the steps within which no
+    contact grazes: beyond a grazing point the map, and hence its derivatives, are different ones.
+
+    Parameters
+    ----------
+    matrix_at
+        Function that returns the matrix P' or F' and the contacts for given unknowns.
+    here
+        Its value at the flip.
+    unknowns, units : shape (N,)
+        Unknowns at the flip, and their units.
+    critical
+        v and w.
+    response : shape (N, N)
+        R.
+    steps
+        Displacements to try, in units of the unknowns.
+    """
+    v, w = critical
+    for step in steps:
+        matrices = []
+        for place in _PLACES:
+            matrix, contacts = matrix_at(unknowns + place * step * units * v)
+            if not _alike(contacts, here[1]):
+                break
+            matrices.append(matrix)
+        else:
+
+            def coefficient(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+                bent = np.linalg.solve(response, first @ v)
+                return float(w @ (second @ v / 6.0 + first @ bent / 2.0))
+
+            first = np.tensordot(_FIRST, matrices, 1) / step
+            second = (np.tensordot(_SECOND, matrices, 1) + _SECOND_HERE * here[0]) / step**2
+            value = coefficient(first, second)
+            _, before, after, _ = matrices
+            coarser = coefficient((after - before) / (2.0 * step), (after + before - 2.0 * here[0]) / step**2)
+            return Cubic(value, abs(coarser - value))
+    return Cubic(float("nan"), float("inf"))
+
+
+def _alike(some: Sequence[ContactEvent], others: Sequence[ContactEvent]) -> bool:
+    """Return whether two motions make the same contacts, at nearly the same velocities."""
+    return len(some) == len(others) and all(
+        a.switch == b.switch and a.enters is b.enters and abs(a.velocity - b.velocity) < _ALIKE * abs(b.velocity)
+        for a, b in zip(some, others, strict=True)
+    )
+
+
+def _amplitude(doubled: Doubled, start: DoubledStart, limit: _Limit) -> float:
+    """Return the amplitude, in units of the state, up to which the doubled branch keeps its initial direction."""
+    corrector, flip = doubled.corrector, doubled.special.orbit
+    x, tangent = start.unknowns / corrector.scales, np.append(start.across, 0.0)
+    amplitude, enough = limit.amplitude, REACH * magnitude(flip.state, flip.system)
+    step, reach = _LONGER * limit.size, enough * limit.size / limit.amplitude
+    for _ in range(_STEPS_ALONG):
+        correction = corrector.correct(x + step * tangent, tangent, TRUST)
+        point = None
+        if correction is not None and correction.distance <= _ASIDE * step:
+            point = corrector.point(correction, tangent, 0.0)
+        if point is None or np.sign(point.tangent[-1]) != limit.way:
+            step *= _SHORTER
+            continue
+        x, tangent = point.x, point.tangent
+        amplitude = float(np.abs(point.orbit.state - flip.state).max())
+        if amplitude >= enough:
+            break
+        step = min(_LONGER * step, reach)
+    return amplitude
+
+
+class DoubledStart(NamedTuple):
+    """Branch point of the equation of twice the period near a flip.
+
+    Attributes
+    ----------
+    unknowns : shape (N + 1,)
+        Its unknowns and the parameter, not scaled.
+    across : shape (N,)
+        Scaled null vector at a fixed parameter.
+    place
+        Scaled distance from the flip along the parent, as in `Doubled.along`.
+    """
+
+    unknowns: NDArray[np.float64]
+    across: NDArray[np.float64]
+    place: float
+
+
+class Doubled:
+    """Equation of twice the period near a flip; the motions of the parent solve it too.
+
+    Parameters
+    ----------
+    special
+        The flip.
+    parameter
+        Name of the parameter to follow.
+    within
+        Range of the parameter.
+    method
+        Discretisation of the orbits.
+
+    Attributes
+    ----------
+    corrector, parent
+        Correctors for the doubled equation and for the parent.
+    special
+        The flip.
+    """
+
+    def __init__(self, special: SpecialPoint, parameter: str, within: Range, method: Method) -> None:
+        found, equation = posed_for(special, parameter, 2 * special.orbit.period, method)
+        self.special = special
+        self.corrector = Corrector(equation, scales_of(equation, special.orbit, within))
+        self.parent = Corrector(found, scales_of(found, special.orbit, within))
+
+    def start(self) -> DoubledStart:
+        """Locate the branch point of the doubled equation.
+
+        In shooting this is the flip. In harmonic balance the multipliers of a motion are more accurate than its
+        truncated equation, which has its own flip nearby: the secant method along the parent locates it.
+        """
+        start = self._doubled(self.special.orbit)
+        left, least, right = least_singular(self._jacobian(start))
+        way = np.sign(right[np.argmax(np.abs(right))])
+        across = right * way
+        if least < _SINGULAR:
+            return DoubledStart(start, across, 0.0)
+        borders = left * way, across
+        places, sizes, best = [0.0, _BESIDE], [least], 0.0
+        try:
+            for _ in range(_SECANTS):
+                beside = self.along(places[-1])
+                size, vector = self._singular(beside, *borders)
+                sizes.append(size)
+                if abs(size) < least:
+                    least, start, across, best = abs(size), beside, vector, places[-1]
+                rise = sizes[-1] - sizes[-2]
+                if least < _SINGULAR or rise == 0.0:
+                    break
+                places.append(places[-1] - size * (places[-1] - places[-2]) / rise)
+                if abs(places[-1]) > _FAR:
+                    break
+        except (NumericalError, np.linalg.LinAlgError):
+            pass  # use the nearest place so far
+        return DoubledStart(start, across, best)
+
+    def _singular(
+        self, start: NDArray[np.float64], left: NDArray[np.float64], right: NDArray[np.float64]
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Return the signed distance of the Jacobian from singularity, and its null vector there.
+
+        Bordered by the null vectors of a place nearby, it stays regular (Govaerts 2000, section 3.2):
+
+            [ J        left ] [ v  ]     [ 0 ]
+            [ right^T       ] [ -s ]  =  [ 1 ]
+
+        Where J is singular, s changes sign and v is its null vector; nearby s is about the smallest singular value.
+        """
+        size = len(left)
+        matrix, unit = np.zeros((size + 1, size + 1)), np.zeros(size + 1)
+        matrix[:-1, :-1], matrix[:-1, -1], matrix[-1, :-1] = self._jacobian(start), left, right
+        unit[-1] = 1.0
+        solution = np.linalg.solve(matrix, unit)
+        return -float(solution[-1]), solution[:-1] / np.linalg.norm(solution[:-1])
+
+    def _jacobian(self, start: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the Jacobian of the doubled equation with respect to the scaled unknowns."""
+        evaluation = self.corrector.equation.evaluate(start[:-1], float(start[-1]))
+        return evaluation.by_unknowns * self.corrector.scales[:-1]
+
+    def along(self, step: float) -> NDArray[np.float64]:
+        """Return the unknowns of the doubled equation and the parameter at a scaled distance along the parent.
+
+        Raises
+        ------
+        NumericalError
+            If the parent could not be followed there.
+        """
+        x, tangent = self._flip
+        correction = self.parent.correct(x + step * tangent, tangent)
+        if correction is None:
+            raise ConvergenceError("the branch with the flip could not be followed in its neighbourhood")
+        value = float(correction.x[-1] * self.parent.scales[-1])
+        unknowns = correction.x[:-1] * self.parent.scales[:-1]
+        return self._doubled(self.parent.equation.orbit(unknowns, value, correction.evaluation))
+
+    @cached_property
+    def _flip(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scaled variables of the parent at the flip, and its tangent there, towards larger parameters."""
+        parent, value = self.parent, self.special.value
+        x = np.append(parent.equation.unknowns(self.special.orbit), value) / parent.scales
+        return x, parent.tangent(parent.evaluate(x), np.append(np.zeros(len(x) - 1), 1.0)).tangent
+
+    def _doubled(self, orbit: Orbit) -> NDArray[np.float64]:
+        equation = self.corrector.equation
+        unknowns = equation.unknowns(replace(orbit, period=2 * orbit.period))
+        return np.append(unknowns, orbit.system[equation.parameter or ""])
+
+
+def least_singular(
+    matrix: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    """Return the smallest singular value of a matrix, between its left and right singular vectors.
+
+    Inverse iteration with one factorisation takes a tenth of the time of a full singular value decomposition if the
+    matrix is large because of many harmonics. Its errors fall with the square of the ratio of the two smallest values.
+    """
+    factors, pivots, exact_zero = lapack.dgetrf(matrix)
+    right = np.full(len(matrix), len(matrix) ** -0.5)
+    for _ in range(_ITERATIONS if not exact_zero else 0):
+        left = lapack.dgetrs(factors, pivots, right, trans=1)[0]
+        left /= np.linalg.norm(left)
+        following = lapack.dgetrs(factors, pivots, left)[0]
+        size = 1.0 / float(np.linalg.norm(following))
+        following *= size
+        change, right = float(np.linalg.norm(following - right)), following
+        if change < _SETTLED:
+            return left, size, right
+    left_vectors, values, right_vectors = np.linalg.svd(matrix)
+    return left_vectors[:, -1], float(values[-1]), right_vectors[-1]

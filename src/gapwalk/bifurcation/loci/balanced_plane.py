@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.criticality import flip_coefficient
 from gapwalk.bifurcation.kinds.condition import Criticality, smallest_singular_value
-from gapwalk.bifurcation.loci.orbit_plane import STEP, Place, Turning
+from gapwalk.bifurcation.kinds.flip import flip_coefficient
+from gapwalk.bifurcation.loci.orbit_plane import STEP, OrbitPlane, Place, Turning
 from gapwalk.continuation.walk_scales import unknown_scales
-from gapwalk.model.coefficients import CoefficientLayout, ParameterPlane, layout_of
-from gapwalk.model.system import System
 from gapwalk.orbit.harmonic_balance.balance import Balance
 from gapwalk.orbit.harmonic_balance.balance_equation import BalanceEquation, Evidence
 from gapwalk.orbit.harmonic_balance.contact_forces import contact_forces_of, laws_of
@@ -28,8 +26,8 @@ _LEAST_ERROR = 1e-12  # smallest truncation error that may be required
 
 
 @dataclass(frozen=True)
-class BalancedPlane:
-    """Equation of harmonic balance, ``x - x_free + G F(x) = 0``; see `OrbitPlane`.
+class BalancedPlane(OrbitPlane):
+    """Equation of harmonic balance, ``x - x_free + G F(x) = 0``.
 
     Folds are those of that equation, where its Jacobian is singular, as on a branch by harmonic balance. Its second
     derivatives along the critical vector come from one difference of exact Jacobians, as in shooting. Flips and
@@ -38,28 +36,14 @@ class BalancedPlane:
 
     Parameters
     ----------
-    system
-        The system at the start.
-    names
-        The two parameters.
-    period
-        m, number of forcing periods.
-    options
-        Options of harmonic balance.
+    system, names, period, options
+        As in `OrbitPlane`; the method is harmonic balance.
     harmonics
         H, the highest harmonic of the forcing frequency.
     """
 
-    system: System
-    names: tuple[str, str]
-    period: int
     options: Balance
     harmonics: int
-
-    @property
-    def tolerance(self) -> float:
-        """See `OrbitPlane.tolerance`."""
-        return self.options.tolerance
 
     def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
         """See `OrbitPlane.place`. Errors as in `BalanceEquation.evaluate`."""
@@ -140,10 +124,6 @@ class BalancedPlane:
         units = np.full(len(start), scales[0])
         return flip_coefficient(jacobian, here, start, units, (right, left), response).value
 
-    def halved(self) -> BalancedPlane:
-        """See `OrbitPlane.halved`."""
-        return replace(self, period=self.period // 2)
-
     def shared(self) -> NDArray[np.bool_]:
         """Return a mask of the lines with even numbers."""
         count = self._equation.count
@@ -206,11 +186,3 @@ class BalancedPlane:
     @cached_property
     def _doubled(self) -> BalancedPlane:
         return replace(self, period=2 * self.period)
-
-    @cached_property
-    def _layout(self) -> CoefficientLayout:
-        return layout_of(self.system.structure)
-
-    @cached_property
-    def _parameters(self) -> ParameterPlane:
-        return ParameterPlane(self.system, self.names)

@@ -22,18 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
+from gapwalk.bifurcation.branch_start import halves_apart, is_close
 from gapwalk.bifurcation.kinds.condition import critical_pair
 from gapwalk.bifurcation.kinds.grazing import Graze, describe_switch, find_grazing
 from gapwalk.bifurcation.loci.locus import Codim2
 from gapwalk.bifurcation.loci.locus_equations import GrazingEquation, MultiplierEquation, Secant, zero_along
 from gapwalk.bifurcation.step_interval import StepInterval
-from gapwalk.bifurcation.switch import halves_apart, is_close
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Correction, Corrector
 from gapwalk.flow.flow import PERIOD
@@ -48,7 +48,27 @@ _COSINES = {
     Codim2.RESONANCE_1_3: -0.5,
     Codim2.RESONANCE_1_4: 0.0,
 }
-_TURNING = {Kind.FOLD: Codim2.CUSP, Kind.GRAZING: Codim2.DEGENERATE_GRAZING}
+_TURNING = (Codim2.CUSP, Codim2.DEGENERATE_GRAZING)
+_KINDS = {
+    Kind.FOLD: (Codim2.CUSP, Codim2.RESONANCE_1_1, Codim2.FOLD_FLIP, Codim2.FOLD_NEIMARK_SACKER),
+    Kind.FLIP: (Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER, Codim2.GENERALISED_FLIP),
+    Kind.NEIMARK_SACKER: (*_COSINES, Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER),
+}
+"""Kinds of points that are detected on a locus of one kind, besides grazing contacts."""
+_ON_OTHERS = {
+    Codim2.DEGENERATE_GRAZING: None,
+    Codim2.FOLD_GRAZING: 1.0,
+    Codim2.FLIP_GRAZING: -1.0,
+    Codim2.NEIMARK_SACKER_GRAZING: None,
+}
+"""Kinds of points on all other loci, and the value of the critical multiplier there if it is real."""
+_TARGETS = {
+    (Kind.FOLD, Codim2.FOLD_FLIP): -1.0,
+    (Kind.FLIP, Codim2.FOLD_FLIP): 1.0,
+    (Kind.NEIMARK_SACKER, Codim2.FOLD_NEIMARK_SACKER): 1.0,
+    (Kind.NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER): -1.0,
+}
+"""Value of the second critical multiplier, on a locus of one kind."""
 _DOUBT = 0.5  # share of its bend by which a test function may dip between the ends of an interval; 1/8 for a parabola
 _FINEST = 1e-5  # arclength below which two zeros are not distinguished
 _NOISE = 1e-8  # absolute value of a test function that is only rounding
@@ -85,8 +105,8 @@ def find_codim2(
         for graze in find_grazing(interval, before, first, last)
         if not _is_echo(corrector, graze)
     ]
-    for what in codim2_kinds(locus):
-        function = codim2_function(locus, what, corrector, first)
+    for what in _KINDS.get(locus, _ON_OTHERS):
+        function = _function(locus, what, corrector, first)
         rate = None
         if before is not None and before.arclength < first.arclength:
             rate = (function(first) - function(before)) / (first.arclength - before.arclength)
@@ -106,47 +126,26 @@ def _is_echo(corrector: Corrector, graze: Graze) -> bool:
     return all(apart(theta, own, full) < _MERGED for theta in touches)
 
 
-def codim2_kinds(kind: Kind) -> tuple[Codim2, ...]:
-    """Return the kinds of points that are detected on a locus of one kind, besides grazing contacts."""
-    match kind:
-        case Kind.FOLD:
-            return Codim2.CUSP, Codim2.RESONANCE_1_1, Codim2.FOLD_FLIP, Codim2.FOLD_NEIMARK_SACKER
-        case Kind.FLIP:
-            return Codim2.RESONANCE_1_2, Codim2.FOLD_FLIP, Codim2.FLIP_NEIMARK_SACKER, Codim2.GENERALISED_FLIP
-        case Kind.NEIMARK_SACKER:
-            return *_COSINES, Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER
-        case _:
-            return (
-                Codim2.DEGENERATE_GRAZING,
-                Codim2.FOLD_GRAZING,
-                Codim2.FLIP_GRAZING,
-                Codim2.NEIMARK_SACKER_GRAZING,
-            )
-
-
-def codim2_function(
-    locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint
-) -> Callable[[BranchPoint], float]:
+def _function(locus: Kind, what: Codim2, corrector: Corrector, first: BranchPoint) -> Callable[[BranchPoint], float]:
     """Return the test function of one kind of point on a locus; `first` is the point at which a step begins."""
-    if what in _TURNING.values():
+    if what in _TURNING:
         heading = first.tangent[-2:] / (float(np.linalg.norm(first.tangent[-2:])) or 1.0)
         return lambda point: float(point.tangent[-2:] @ heading)
+
+    def compute(point: BranchPoint) -> float:
+        if what is not Codim2.GENERALISED_FLIP:
+            return _multiplier_test(locus, what, point.orbit.multipliers)
+        equation = cast("MultiplierEquation", corrector.equation)
+        coefficient = equation.flip_coefficient(point.x[:-1] * corrector.scales[:-1], point.value)
+        return coefficient * _product(point.orbit.multipliers - 1.0)  # the factor removes its poles, at fold-flips
 
     def function(point: BranchPoint) -> float:
         known = point.memo.get(what)
         if known is None:
-            known = point.memo[what] = _compute(locus, what, corrector, point)
+            known = point.memo[what] = compute(point)
         return known
 
     return function
-
-
-def _compute(locus: Kind, what: Codim2, corrector: Corrector, point: BranchPoint) -> float:
-    if what is Codim2.GENERALISED_FLIP:
-        assert isinstance(corrector.equation, MultiplierEquation)
-        coefficient = corrector.equation.flip_coefficient(point.x[:-1] * corrector.scales[:-1], point.value)
-        return coefficient * _product(point.orbit.multipliers - 1.0)  # the factor removes its poles, at fold-flips
-    return multiplier_test(locus, what, point.orbit.multipliers)
 
 
 def _product(factors: NDArray[np.complex128]) -> float:
@@ -157,39 +156,27 @@ def _cut(factors: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return factors / np.maximum(1.0, np.abs(factors))
 
 
-def multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex128]) -> float:
+def _multiplier_test(locus: Kind, what: Codim2, multipliers: NDArray[np.complex128]) -> float:
     """Evaluate the test function of a kind that is defined by the multipliers."""
     critical = _critical(locus, multipliers)
-    others = np.delete(multipliers, critical)
-    match what:
-        case Codim2.RESONANCE_1_1 | Codim2.RESONANCE_1_2 if locus is not Kind.NEIMARK_SACKER:
-            target = 1.0 if what is Codim2.RESONANCE_1_1 else -1.0
-            return _product_of_all_but_one(multipliers - target)
-        case Codim2.RESONANCE_1_1 | Codim2.RESONANCE_1_2 | Codim2.RESONANCE_1_3 | Codim2.RESONANCE_1_4:
+    if what in _COSINES:
+        if locus is Kind.NEIMARK_SACKER:
             return 0.5 * float(multipliers[critical].sum().real) - _COSINES[what]
-        case Codim2.FOLD_FLIP:
-            return _product(others + (1.0 if locus is Kind.FOLD else -1.0))
-        case Codim2.FOLD_GRAZING:
-            return _product(others - 1.0)
-        case Codim2.FLIP_GRAZING:
-            return _product(others + 1.0)
-        case Codim2.FOLD_NEIMARK_SACKER | Codim2.FLIP_NEIMARK_SACKER if locus is Kind.NEIMARK_SACKER:
-            return _product(others - (1.0 if what is Codim2.FOLD_NEIMARK_SACKER else -1.0))
-        case _:
-            first, second = np.triu_indices(len(others), 1)
-            return _product(others[first] * others[second] - 1.0)
+        # the sum of all products without one factor is smooth where two factors meet
+        table = np.tile(_cut(multipliers - _COSINES[what]), (len(multipliers), 1))
+        np.fill_diagonal(table, 1.0)
+        return float(table.prod(axis=1).sum().real)
+    others = np.delete(multipliers, critical)
+    target = _TARGETS.get((locus, what), _ON_OTHERS.get(what))
+    if target is not None:
+        return _product(others - target)
+    first, second = np.triu_indices(len(others), 1)
+    return _product(others[first] * others[second] - 1.0)
 
 
 def _critical(locus: Kind, multipliers: NDArray[np.complex128]) -> list[int]:
     """Return the indices of the multipliers that are critical all along a locus."""
     return list(critical_pair(multipliers)) if locus is Kind.NEIMARK_SACKER else locus.critical(multipliers).tolist()
-
-
-def _product_of_all_but_one(factors: NDArray[np.complex128]) -> float:
-    """Return the sum over i of the product of all factors but the i-th; smooth where two of them meet."""
-    table = np.tile(_cut(factors), (len(factors), 1))
-    np.fill_diagonal(table, 1.0)
-    return float(table.prod(axis=1).sum().real)
 
 
 def _search(
@@ -213,69 +200,49 @@ def _search(
 
 
 def _is_genuine(locus: Kind, what: Codim2, point: BranchPoint, interval: StepInterval) -> bool:
-    """Return whether a zero of a test function is a point of the expected kind.
-
-    At a sharp cusp, rounding leaves some speed in the parameter plane. It is then accepted if both parameters turn
-    back.
-    """
-    if is_genuine(locus, what, point):
+    """Return whether a zero of a test function is a point of the expected kind."""
+    if what in _TURNING:
+        if float(np.linalg.norm(point.tangent[-2:])) < _TURNED:
+            return True  # both components vanish: not a turn of 90 degrees
+        # at a sharp cusp rounding leaves some speed in the parameter plane; both parameters must then turn back
+        first, *_, last = (each.arclength for each in interval.points)
+        beside = min(_BESIDE, point.arclength - first, last - point.arclength)
+        if beside <= 0.0:
+            return False
+        before, after = (interval.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
+        return bool((np.abs(after + before) < _CUSP * np.abs(after - before)).all())
+    pairs = (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING)
+    if locus is Kind.NEIMARK_SACKER or what not in pairs:
         return True
-    if what not in (Codim2.CUSP, Codim2.DEGENERATE_GRAZING):
-        return False
-    first, *_, last = (each.arclength for each in interval.points)
-    beside = min(_BESIDE, point.arclength - first, last - point.arclength)
-    if beside <= 0.0:
-        return False
-    before, after = (interval.at(point.arclength + way * beside).tangent[-2:] for way in (-1.0, 1.0))
-    return bool((np.abs(after + before) < _CUSP * np.abs(after - before)).all())
+    multipliers = point.orbit.multipliers
+    others = np.delete(multipliers, _critical(locus, multipliers))
+    complex_ones = others[np.abs(others.imag) > _CIRCLE]
+    return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
 
 
-def is_genuine(locus: Kind, what: Codim2, point: BranchPoint) -> bool:
-    """Return whether a zero of the test function is a point of the expected kind."""
-    if what in _TURNING.values():
-        return float(np.linalg.norm(point.tangent[-2:])) < _TURNED  # both components vanish: not a turn of 90 degrees
-    if locus is Kind.NEIMARK_SACKER:
-        return True
-    if what in (Codim2.FOLD_NEIMARK_SACKER, Codim2.FLIP_NEIMARK_SACKER, Codim2.NEIMARK_SACKER_GRAZING):
-        multipliers = point.orbit.multipliers
-        others = np.delete(multipliers, _critical(locus, multipliers))
-        complex_ones = others[np.abs(others.imag) > _CIRCLE]
-        return bool(np.any(np.abs(np.abs(complex_ones) - 1.0) < _CIRCLE))  # excludes neutral saddles
-    return True
-
-
-def ends_locus(locus: Kind, what: Codim2) -> bool:
-    """Return whether a locus ends at a point of codimension two, because its pair is real beyond it."""
-    return locus is Kind.NEIMARK_SACKER and what in (Codim2.RESONANCE_1_1, Codim2.RESONANCE_1_2)
-
-
-def distance_to_merging(before: BranchPoint | None, point: BranchPoint) -> float:
-    """Return the arclength ahead at which the halves of an orbit will coincide; infinite if they do not approach."""
-    if before is None or point.orbit.period % 2 or not is_close(point):
-        return float("inf")
-    past, now = (float(np.linalg.norm(halves_apart(each.orbit))) for each in (before, point))
-    return (point.arclength - before.arclength) * now / (past - now) if now < past else float("inf")
-
-
-def find_merging(corrector: Corrector, point: BranchPoint, distance: float) -> BranchPoint | None:
-    """Locate the end of a fold locus, where its orbits reach half their period, at about a distance ahead.
+def find_merging(corrector: Corrector, before: BranchPoint | None, point: BranchPoint) -> BranchPoint | None:
+    """Locate the end of a fold locus, where its orbits reach half their period, if it is just ahead; otherwise None.
 
     The equation is singular there, because every flip of the parent solves it too. So the end is located on the locus
-    of those flips as the zero of their cubic coefficient, by the secant method. None if it is not found.
+    of those flips as the zero of their cubic coefficient, by the secant method.
     """
-    equation = corrector.equation
-    assert isinstance(equation, MultiplierEquation)
+    if before is None or point.orbit.period % 2 or not is_close(point):
+        return None
+    past, now = (float(np.linalg.norm(halves_apart(each))) for each in (before, point))
+    if now >= past:
+        return None
+    distance = (point.arclength - before.arclength) * now / (past - now)
+    equation = cast("MultiplierEquation", corrector.equation)
     shared = np.append(equation.plane.shared(), [True, True])  # and both parameters
     plane, scales = equation.plane.halved(), corrector.scales[shared]
-    flips = Corrector(replace(equation, plane=plane, kind=Kind.FLIP, scales=scales), scales)
+    flips = replace(equation, plane=plane, kind=Kind.FLIP, scales=scales)
     middle = equation.plane.mean_of_halves(point.orbit) / scales[:-2]
 
     def coefficient(correction: Correction) -> float:
         x = correction.x * scales
-        assert isinstance(flips.equation, MultiplierEquation)
-        return flips.equation.flip_coefficient(x[:-1], float(x[-1]))
+        return flips.flip_coefficient(x[:-1], float(x[-1]))
 
-    found = zero_along(flips, np.concatenate((middle, point.x[-2:])), coefficient, _SECANT)
+    found = zero_along(Corrector(flips, scales), np.concatenate((middle, point.x[-2:])), coefficient, _SECANT)
     if found is None:
         return None
     end = np.zeros(len(point.x))

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,11 +92,9 @@ def turn_corner(
     ahead
         The turning points that may graze there; by default all near their breakpoints are tried.
     """
-    candidates = [each.turning for each in ahead]
-    if not candidates:
-        near = _NEAR * float(corrector.scales[0])
-        candidates = sorted((each for each in turnings(point) if abs(each.depth) < near), key=lambda t: abs(t.depth))
-    for turning in candidates:
+    near = _NEAR * float(corrector.scales[0])
+    nearby = sorted((each for each in turnings(point) if abs(each.depth) < near), key=lambda each: abs(each.depth))
+    for turning in [each.turning for each in ahead] or nearby:
         try:
             corner = _turn(corrector, point, within, turning)
         except (NumericalError, np.linalg.LinAlgError):
@@ -127,8 +125,8 @@ def is_highest(correction: Correction) -> bool:
 def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turning) -> Corner | None:
     """Return the corner at which one turning point grazes, if the locus leads there and continues beyond."""
     near = NearGrazing(corrector, turning.switch)
-    start = near.beside(point, turning.theta)
-    corner = near.at(-near.margin if near.turns_highest(start) else near.margin, start)
+    start = np.insert(point.x, -2, turning.theta / PERIOD)
+    corner = near.corner(start)
     if corner is None:
         return None
     way = on_locus(corner) - point.x
@@ -141,9 +139,8 @@ def _turn(corrector: Corrector, point: BranchPoint, within: float, turning: Turn
     if beyond is None or beyond.orbit.closings == point.orbit.closings:
         return None
     x, orbit = on_locus(corner), near.orbit(corner)
-    there = BranchPoint(
-        float(x[-1] * corrector.scales[-1]), orbit, x, point.tangent, point.determinant, point.arclength + length
-    )
+    value = float(x[-1] * corrector.scales[-1])
+    there = replace(point, value=value, orbit=orbit, x=x, arclength=point.arclength + length, memo={})
     arclength = there.arclength + float(np.linalg.norm(beyond.x - x))
     finding = Finding(Codim2.GRAZING, there, describe_switch(orbit, turning.switch))
     return Corner(finding, replace(beyond, arclength=arclength))
@@ -165,21 +162,16 @@ class NearGrazing:
     """
 
     def __init__(self, corrector: Corrector, switch: int) -> None:
-        equation = corrector.equation
-        assert isinstance(equation, MultiplierEquation)
+        equation = cast("MultiplierEquation", corrector.equation)
         self.equation, self.unit = equation, float(corrector.scales[0])
         self.margin = MARGIN * self.unit
         self._touch = GrazingEquation(equation.plane, switch, 0.0, min(equation.tolerance, 0.1 * self.margin))
         self._scales = np.insert(corrector.scales, -2, PERIOD)
 
-    def beside(self, point: BranchPoint, theta: float) -> NDArray[np.float64]:
-        """Return the initial variables for orbits near a point of the locus, with the turning point at `theta`."""
-        return np.insert(point.x, -2, theta / PERIOD)
-
-    def turns_highest(self, start: NDArray[np.float64]) -> bool:
-        """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
-        evaluation = self._touch.evaluate(start[:-1] * self._scales[:-1], float(start[-1] * self._scales[-1]))
-        return evaluation.by_unknowns[-1, -2] < 0.0
+    def corner(self, start: NDArray[np.float64]) -> Correction | None:
+        """Return the orbit of the locus that just touches, seen from outside the breakpoint."""
+        x = start * self._scales
+        return self.at(-self.margin if self._touch.is_highest(x[:-1], float(x[-1])) else self.margin, start)
 
     def at(self, depth: float, start: NDArray[np.float64]) -> Correction | None:
         """Return the orbit with a given depth, found along the curve of that depth; None if none is found."""
@@ -228,7 +220,9 @@ def _beyond(corrector: Corrector, near: NearGrazing, corner: Correction, turning
     while shortenings < _SHORTENINGS:
         guess = _extrapolated(measures, [place.x for place in places], measure)
         at = near.at(side * measure**power, guess)
-        if at is None or is_highest(at) is not is_highest(corner) or _strays(at, guess, places):
+        # an orbit that deviates far from its prediction belongs to another arc
+        far = max(_STRAYED * float(np.linalg.norm(guess - places[-1].x)), _TINY) if len(places) > 1 else math.inf
+        if at is None or is_highest(at) is not is_highest(corner) or float(np.linalg.norm(at.x - guess)) > far:
             measure, shortenings = 0.5 * (measures[-1] + measure), shortenings + 1
             continue
         measures.append(measure)
@@ -254,14 +248,6 @@ def _extrapolated(measures: list[float], places: list[NDArray[np.float64]], meas
         others = [node for j, node in enumerate(nodes) if j != i]
         result += place * float(np.prod([(measure - node) / (nodes[i] - node) for node in others]))
     return result
-
-
-def _strays(at: Correction, guess: NDArray[np.float64], places: list[Correction]) -> bool:
-    """Return whether an orbit deviates so far from its prediction that it belongs to another arc."""
-    if len(places) == 1:
-        return False
-    foretold = float(np.linalg.norm(guess - places[-1].x))
-    return float(np.linalg.norm(at.x - guess)) > max(_STRAYED * foretold, _TINY)
 
 
 def approaches(before: BranchPoint | None, point: BranchPoint) -> list[Approach]:

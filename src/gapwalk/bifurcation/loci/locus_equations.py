@@ -8,7 +8,8 @@ with a critical multiplier: a fold, a flip or a Neimark-Sacker point. From a pla
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,24 @@ class LocusEquation:
     """
 
     plane: OrbitPlane
+    others: ClassVar[int]
+    """Number of unknowns beyond those of the orbit."""
+
+    def place(self, unknowns: NDArray[np.float64], value: float) -> Place:
+        """Evaluate the equations of the orbit; see `OrbitPlane.place`."""
+        return self.plane.place(unknowns[: -self.others], float(unknowns[-1]), value)
+
+    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
+        """Return the orbit of a solution."""
+        return self.plane.orbit(unknowns[: -self.others], float(unknowns[-1]), value, evaluation)
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns and the first parameter of an orbit."""
+        return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
+
+    def on(self, plane: OrbitPlane, scales: NDArray[np.float64]) -> Self:
+        """Return the equation of the same locus in another plane, with the scales of its variables."""
+        return replace(self, plane=plane)
 
     @property
     def system(self):
@@ -74,23 +93,21 @@ class GrazingEquation(LocusEquation):
         Largest residual, relative to the size of the unknowns.
     """
 
+    others: ClassVar[int] = 2
+
     switch: int
     depth: float
     tolerance: float
 
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
-        place, size = self._place(unknowns, value), len(unknowns) - 2
+        place, size = self.place(unknowns, value), len(unknowns) - 2
         jacobian = np.zeros((size + 2, size + 3))
         jacobian[:size, :size], jacobian[:size, size + 1 :] = place.jacobian[:, :size], place.jacobian[:, size:]
         turning, jacobian[size:] = self.plane.turning(self.switch, place, float(unknowns[-2]))
         turning[0] -= self.depth
         residual = np.concatenate((place.residual, turning))
         return Evaluation(residual, jacobian[:, :-1], jacobian[:, -1], place)
-
-    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution."""
-        return self.plane.orbit(unknowns[:-2], float(unknowns[-1]), value, evaluation)
 
     def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
         """Return the unknowns of an orbit, with the angle of the turning point nearest to the breakpoint."""
@@ -100,11 +117,8 @@ class GrazingEquation(LocusEquation):
 
     def is_highest(self, unknowns: NDArray[np.float64], value: float) -> bool:
         """Return whether the deflection has a maximum there, seen from outside the breakpoint."""
-        _, derivatives = self.plane.turning(self.switch, self._place(unknowns, value), float(unknowns[-2]))
+        _, derivatives = self.plane.turning(self.switch, self.place(unknowns, value), float(unknowns[-2]))
         return bool(derivatives[1, -3] < 0.0)
-
-    def _place(self, unknowns: NDArray[np.float64], value: float) -> Place:
-        return self.plane.place(unknowns[:-2], float(unknowns[-1]), value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +139,8 @@ class MultiplierEquation(LocusEquation):
         Largest residual, relative to the size of the unknowns.
     """
 
+    others: ClassVar[int] = 1
+
     kind: Kind
     scales: NDArray[np.float64]
     tolerance: float
@@ -132,7 +148,7 @@ class MultiplierEquation(LocusEquation):
     def evaluate(self, unknowns: NDArray[np.float64], value: float) -> Evaluation:
         """Return residual and derivatives; see `Equation.evaluate`. Errors are those of `OrbitPlane.place`."""
         size = len(unknowns) - 1
-        place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
+        place = self.place(unknowns, value)
         critical = self.criticality(place)
         by_all = self.plane.gradient(self.kind, critical, place, self.scales)
         # near a grazing contact g is so steep that rounding alone would exceed the tolerance; g over its slope is not
@@ -145,18 +161,13 @@ class MultiplierEquation(LocusEquation):
         """Return the criticality of an orbit with respect to this bifurcation."""
         return self.plane.criticality(self.kind, place, self.scales)
 
-    def orbit(self, unknowns: NDArray[np.float64], value: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution."""
-        return self.plane.orbit(unknowns[:-1], float(unknowns[-1]), value, evaluation)
-
-    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns and the first parameter of an orbit."""
-        return np.append(self.plane.unknowns(orbit), orbit.system[self.plane.names[0]])
+    def on(self, plane: OrbitPlane, scales: NDArray[np.float64]) -> Self:
+        """Return the equation of the same locus in another plane, with the scales of its variables."""
+        return replace(self, plane=plane, scales=scales)
 
     def flip_coefficient(self, unknowns: NDArray[np.float64], value: float) -> float:
-        """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.criticality.flip_coefficient`."""
-        place = self.plane.place(unknowns[:-1], float(unknowns[-1]), value)
-        return self.plane.flip_coefficient(place, self.scales)
+        """Return the cubic coefficient of a flip; see `gapwalk.bifurcation.kinds.flip.flip_coefficient`."""
+        return self.plane.flip_coefficient(self.place(unknowns, value), self.scales)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,9 +227,5 @@ def zero_along(
 
 def onto_curve(corrector: Corrector, start: NDArray[np.float64]) -> tuple[Correction | None, NDArray[np.float64]]:
     """Return the point of a curve nearest to a start in scaled variables, or None, and the tangent near there."""
-    x = start * corrector.scales
-    evaluation = corrector.equation.evaluate(x[:-1], float(x[-1]))
-    assert evaluation.by_parameter is not None
-    jacobian = np.column_stack((evaluation.by_unknowns, evaluation.by_parameter)) * corrector.scales
-    tangent = np.linalg.svd(jacobian)[2][-1]
+    tangent = np.linalg.svd(corrector.jacobian(start))[2][-1]
     return corrector.correct(start, tangent), tangent

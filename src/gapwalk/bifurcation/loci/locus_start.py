@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from itertools import product
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.kinds.grazing import describe_switch
-from gapwalk.bifurcation.loci.locus_equations import MARGIN, GrazingEquation, MultiplierEquation, onto_curve
+from gapwalk.bifurcation.loci.locus_equations import (
+    MARGIN,
+    GrazingEquation,
+    LocusEquation,
+    MultiplierEquation,
+    onto_curve,
+)
 from gapwalk.bifurcation.loci.orbit_plane import OrbitPlane, ShotPlane
 from gapwalk.continuation.branch_point import BranchPoint
 from gapwalk.continuation.corrector import Corrector
@@ -61,9 +67,7 @@ class LocusStart:
     @property
     def equation(self) -> MultiplierEquation | GrazingEquation:
         """Equation whose solutions form the locus."""
-        equation = self.corrector.equation
-        assert isinstance(equation, MultiplierEquation | GrazingEquation)
-        return equation
+        return cast("MultiplierEquation | GrazingEquation", self.corrector.equation)
 
     @property
     def plane(self) -> OrbitPlane:
@@ -95,21 +99,17 @@ def refined(beginning: LocusStart) -> LocusStart | None:
     plane = equation.plane.finer()
     if plane is None:
         return None
+    # a finer resolution adds unknowns of the same kind
     size = len(plane.unknowns(beginning.first.orbit))
-    others = scales[len(equation.plane.unknowns(beginning.first.orbit)) :]
-    scales = np.concatenate((np.full(size, scales[0]), others))  # a finer resolution adds unknowns of the same kind
-    if isinstance(equation, MultiplierEquation):
-        corrector = Corrector(replace(equation, plane=plane, scales=scales), scales)
-    else:
-        corrector = Corrector(replace(equation, plane=plane), scales)
+    scales = np.concatenate((np.full(size, scales[0]), scales[-1 - equation.others :]))
+    corrector = Corrector(equation.on(plane, scales), scales)
     first = lift(beginning.first, corrector)
     return None if first is None else replace(beginning, corrector=corrector, first=first)
 
 
 def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     """Return a point of a locus, posed by a finer equation of the same locus; None if Newton's method fails."""
-    equation = corrector.equation
-    assert isinstance(equation, MultiplierEquation | GrazingEquation)
+    equation = cast("LocusEquation", corrector.equation)
     x = np.append(equation.unknowns(point.orbit), point.value) / corrector.scales
     if isinstance(equation, GrazingEquation):
         x[-3] = point.x[-3]  # the orbit itself does not determine which turning point grazes
@@ -117,17 +117,17 @@ def lift(point: BranchPoint, corrector: Corrector) -> BranchPoint | None:
     if correction is None or correction.distance > _COARSE:
         return None
     # the angle at which a contact touches, if any, and both parameters
-    others = -2 if isinstance(equation, MultiplierEquation) else -3
-    way = float(tangent[others:] @ point.tangent[others:])
+    others = slice(-1 - equation.others, None)
+    way = float(tangent[others] @ point.tangent[others])
     return corrector.point(correction, tangent if way > 0.0 else -tangent, point.arclength)
 
 
 def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]) -> tuple[Corrector, BranchPoint]:
     """Return the corrector for the locus of a special point, refined as necessary, and its first point."""
     names, value = plane.names, special.orbit.system[plane.names[1]]
-    make = _touch_corrector if special.kind is Kind.GRAZING else _multiplier_corrector
-    corrector, start = make(plane, special, within)
-    orbit, finer = _uncorrected(corrector, start), plane.finer()
+    corrector, start = _posed(plane, special, within)
+    equation, x, finer = corrector.equation, start * corrector.scales, plane.finer()
+    orbit = equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
     inaccuracy = plane.inaccuracy(orbit)
     if inaccuracy and finer is not None:
         return _started(finer, special, within)
@@ -149,12 +149,6 @@ def _started(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Rang
     if finer is None:
         raise ConvergenceError(inaccuracy)
     return _started(finer, special, within)
-
-
-def _uncorrected(corrector: Corrector, start: NDArray[np.float64]) -> Orbit:
-    """Return the orbit from which a locus is to start, without correction."""
-    equation, x = corrector.equation, start * corrector.scales
-    return equation.orbit(x[:-1], float(x[-1]), equation.evaluate(x[:-1], float(x[-1])))
 
 
 @singledispatch
@@ -186,32 +180,25 @@ def _balanced(method: Balance, orbit: Orbit, names: tuple[str, str]) -> OrbitPla
     return BalancedPlane(orbit.system, names, orbit.period, method, harmonics)
 
 
-def _touch_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
-    """Return the corrector for the locus of a grazing point, and the start in its variables."""
-    switch = next(
-        k for k in range(len(switch_names(plane.system))) if describe_switch(special.orbit, k) == special.contact
-    )
-    units = plane.scales(special.orbit)
-    margin = MARGIN * float(units[0])
-    equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
-    value = special.orbit.system[plane.names[1]]
-    unknowns = equation.unknowns(special.orbit)
-    equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
-    scales = _scales(units, [PERIOD], within)
+def _posed(
+    plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]
+) -> tuple[Corrector, NDArray[np.float64]]:
+    """Return the corrector for the locus of a special point, and the start in its variables."""
+    orbit, units, widths = special.orbit, plane.scales(special.orbit), [each.width for each in within]
+    value = orbit.system[plane.names[1]]
+    if special.kind is not Kind.GRAZING:
+        scales = powers_of_two(np.append(units, widths))
+        equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
+        unknowns = equation.unknowns(orbit)
+    else:
+        scales = powers_of_two(np.concatenate((units, [PERIOD], widths)))
+        switches = range(len(switch_names(plane.system)))
+        switch = next(k for k in switches if describe_switch(orbit, k) == special.contact)
+        margin = MARGIN * float(units[0])
+        equation = GrazingEquation(plane, switch, 0.0, min(plane.tolerance, 0.1 * margin))
+        unknowns = equation.unknowns(orbit)
+        equation = replace(equation, depth=-margin if equation.is_highest(unknowns, value) else margin)
     return Corrector(equation, scales), np.append(unknowns, value) / scales
-
-
-def _multiplier_corrector(plane: OrbitPlane, special: SpecialPoint, within: tuple[Range, Range]):
-    """Return the corrector for the locus of a point defined by multipliers, and the start in its variables."""
-    scales = _scales(plane.scales(special.orbit), [], within)
-    equation = MultiplierEquation(plane, special.kind, scales, plane.tolerance)
-    start = np.append(equation.unknowns(special.orbit), special.orbit.system[plane.names[1]])
-    return Corrector(equation, scales), start / scales
-
-
-def _scales(states: NDArray[np.float64], others: Sequence[float], within: tuple[Range, Range]) -> NDArray[np.float64]:
-    widths = [each.high - each.low for each in within]
-    return powers_of_two(np.concatenate((states, others, widths)))
 
 
 def _checked(special: SpecialPoint, first: str, second: str, to: Ranges) -> tuple[Range, Range]:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind
-from gapwalk.bifurcation.criticality import flip_coefficient
 from gapwalk.bifurcation.kinds.condition import Criticality
+from gapwalk.bifurcation.kinds.flip import flip_coefficient
 from gapwalk.continuation.walk_scales import unknown_scales
 from gapwalk.flow.flow import PERIOD, Arc, Flow, flow_of
 from gapwalk.flow.forces import accelerations
@@ -33,90 +33,6 @@ grazing contact nearby, where the derivative of the monodromy matrix grows like 
 """
 Turning = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Depth beyond a breakpoint and its rate at an angle; derivatives by unknowns, angle, parameters, shape (2, N + 3)."""
-
-
-class OrbitPlane(Protocol):
-    """Orbits of m forcing periods at all values of two parameters, by shooting or by harmonic balance.
-
-    To follow loci with another method, write a class with these members, and let `start_locus` create it.
-    """
-
-    @property
-    def system(self) -> System:
-        """System at the start."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Names of the two parameters."""
-        ...
-
-    @property
-    def period(self) -> int:
-        """m, number of forcing periods."""
-        ...
-
-    @property
-    def tolerance(self) -> float:
-        """Largest residual of an orbit, relative to the size of its unknowns."""
-        ...
-
-    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
-        """Evaluate the equations at a point of the plane; raise a NumericalError where they do not exist."""
-        ...
-
-    def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
-        """Return the orbit of a solution, from an evaluation whose evidence is its place."""
-        ...
-
-    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of an orbit found by any method."""
-        ...
-
-    def scales(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the scales of the unknowns near an orbit, shape (N,)."""
-        ...
-
-    def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
-        """Return the signed distance of a place from a bifurcation, with its derivative."""
-        ...
-
-    def gradient(
-        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the derivatives of the criticality of a place by unknowns and parameters, shape (N + 2,).
-
-        `scales` are those of the unknowns and of both parameters, shape (N + 2,).
-        """
-        ...
-
-    def turning(self, switch: int, place: Place, theta: float) -> Turning:
-        """Return the depth of a deflection beyond the breakpoint of a switch at an angle, its rate, and derivatives."""
-        ...
-
-    def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
-        """Return the cubic coefficient at a flip, smooth along its locus; nan if it cannot be computed."""
-        ...
-
-    def halved(self) -> OrbitPlane:
-        """Return the plane of the orbits of half the period."""
-        ...
-
-    def shared(self) -> NDArray[np.bool_]:
-        """Return a mask of the unknowns that orbits of half the period have too; the others are zero on such orbits."""
-        ...
-
-    def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
-        """Return the unknowns of the motion of half the period that is the mean of the two halves of an orbit."""
-        ...
-
-    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
-        """Return why an orbit does not satisfy a share of the allowed error; empty if it does."""
-        ...
-
-    def finer(self) -> OrbitPlane | None:
-        """Return the plane with a finer resolution of its orbits, or None if there is none."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +64,10 @@ class Place:
 
 
 @dataclass(frozen=True)
-class ShotPlane:
-    """Equation of shooting in one segment, ``Phi(u; a, b) - u = 0``; see `OrbitPlane`.
+class OrbitPlane:
+    """Orbits of m forcing periods at all values of two parameters, by shooting or by harmonic balance.
 
-    The derivatives of Phi are exact. Those of the multipliers need second derivatives of Phi, but only along the
-    critical vectors. Since second derivatives are symmetric, differences of the first ones along each vector suffice.
+    To follow loci with another method, derive a class with these members, and register it with `plane_of`.
 
     Parameters
     ----------
@@ -163,18 +78,94 @@ class ShotPlane:
     period
         m, number of forcing periods.
     options
-        Options of shooting.
+        The method.
     """
 
     system: System
     names: tuple[str, str]
     period: int
-    options: Shooting = Shooting()
+    options: Any
 
     @property
     def tolerance(self) -> float:
-        """See `OrbitPlane.tolerance`."""
+        """Largest residual of an orbit, relative to the size of its unknowns."""
         return self.options.tolerance
+
+    def halved(self) -> Self:
+        """Return the plane of the orbits of half the period."""
+        return replace(self, period=self.period // 2)
+
+    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
+        """Return why an orbit does not satisfy a share of the allowed error; empty if it does, as any exact orbit."""
+        return ""
+
+    def finer(self) -> OrbitPlane | None:
+        """Return the plane with a finer resolution of its orbits; None if there is none, as for exact orbits."""
+        return None
+
+    def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
+        """Evaluate the equations at a point of the plane; raise a NumericalError where they do not exist."""
+        raise NotImplementedError
+
+    def orbit(self, unknowns: NDArray[np.float64], first: float, second: float, evaluation: Evaluation) -> Orbit:
+        """Return the orbit of a solution, from an evaluation whose evidence is its place."""
+        raise NotImplementedError
+
+    def unknowns(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns of an orbit found by any method."""
+        raise NotImplementedError
+
+    def scales(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the scales of the unknowns near an orbit, shape (N,)."""
+        raise NotImplementedError
+
+    def criticality(self, kind: Kind, place: Place, scales: NDArray[np.float64]) -> Criticality:
+        """Return the signed distance of a place from a bifurcation, with its derivative."""
+        raise NotImplementedError
+
+    def gradient(
+        self, kind: Kind, critical: Criticality, place: Place, scales: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the derivatives of the criticality of a place by unknowns and parameters, shape (N + 2,).
+
+        `scales` are those of the unknowns and of both parameters, shape (N + 2,).
+        """
+        raise NotImplementedError
+
+    def turning(self, switch: int, place: Place, theta: float) -> Turning:
+        """Return the depth of a deflection beyond the breakpoint of a switch at an angle, its rate, and derivatives."""
+        raise NotImplementedError
+
+    def flip_coefficient(self, place: Place, scales: NDArray[np.float64]) -> float:
+        """Return the cubic coefficient at a flip, smooth along its locus; nan if it cannot be computed."""
+        raise NotImplementedError
+
+    def shared(self) -> NDArray[np.bool_]:
+        """Return a mask of the unknowns that orbits of half the period have too; the others are zero on such orbits."""
+        raise NotImplementedError
+
+    def mean_of_halves(self, orbit: Orbit) -> NDArray[np.float64]:
+        """Return the unknowns of the motion of half the period that is the mean of the two halves of an orbit."""
+        raise NotImplementedError
+
+    @cached_property
+    def _parameters(self) -> ParameterPlane:
+        return ParameterPlane(self.system, self.names)
+
+    @cached_property
+    def _layout(self) -> CoefficientLayout:
+        return layout_of(self.system.structure)
+
+
+@dataclass(frozen=True)
+class ShotPlane(OrbitPlane):
+    """Equation of shooting in one segment, ``Phi(u; a, b) - u = 0``.
+
+    The derivatives of Phi are exact. Those of the multipliers need second derivatives of Phi, but only along the
+    critical vectors. Since second derivatives are symmetric, differences of the first ones along each vector suffice.
+    """
+
+    options: Shooting = Shooting()
 
     def place(self, unknowns: NDArray[np.float64], first: float, second: float) -> Place:
         """See `OrbitPlane.place`. Errors as in `Flow.integrate`."""
@@ -258,10 +249,6 @@ class ShotPlane:
         vectors = critical.directions[0], critical.covectors[0]
         return flip_coefficient(monodromy, here, place.unknowns, units, vectors, bordering).value
 
-    def halved(self) -> ShotPlane:
-        """See `OrbitPlane.halved`."""
-        return replace(self, period=self.period // 2)
-
     def shared(self) -> NDArray[np.bool_]:
         """Return a mask of all unknowns, since they form the state."""
         return np.ones(2 * self.system.size, dtype=bool)
@@ -270,14 +257,6 @@ class ShotPlane:
         """See `OrbitPlane.mean_of_halves`."""
         flow, coefficients = flow_of(orbit.system), coefficients_of(orbit.system)
         return 0.5 * (orbit.state + flow.integrate(coefficients, orbit.state, 0.0, 0.5 * PERIOD * orbit.period).state)
-
-    def inaccuracy(self, orbit: Orbit, share: float = 1.0) -> str:
-        """Return an empty string: an orbit by shooting is as accurate as the flow."""
-        return ""
-
-    def finer(self) -> None:
-        """Return None: the flow is already accurate to rounding."""
-        return None
 
     def _turn(self, coefficients: NDArray[np.float64], state: NDArray[np.float64], slopes: NDArray[np.float64]) -> Arc:
         """Integrate the motion from a state over the whole period, with all sensitivities."""
@@ -293,14 +272,6 @@ class ShotPlane:
     @cached_property
     def _flow(self) -> Flow:
         return flow_of(self.system, *self.names, transition=True)
-
-    @cached_property
-    def _parameters(self) -> ParameterPlane:
-        return ParameterPlane(self.system, self.names)
-
-    @cached_property
-    def _layout(self) -> CoefficientLayout:
-        return layout_of(self.system.structure)
 
 
 def _derivatives(arc: Arc) -> NDArray[np.float64]:
