@@ -13,7 +13,7 @@ import gapwalk as gw
 from gapwalk.bifurcation.isolated import coverage
 from gapwalk.continuation import EndReason
 from gapwalk.errors import ModelError, NumericalError
-from gapwalk.studies import whole_diagram as growing
+from gapwalk.studies import diagram_study as growing
 from gapwalk.studies.columns import COVERAGE, coverage_rows
 from gapwalk.studies.document import result_document
 from gapwalk.studies.option_tables import SearchPart

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.branch_start import directions
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError
-from gapwalk.model.schema import Number, Text, one_of
+from gapwalk.model.schema import Number, Text
 from gapwalk.model.system import System
 from gapwalk.model.words import parameter_symbol
 from gapwalk.notebook import shows_progress
@@ -30,6 +30,7 @@ from gapwalk.studies.family import Connection, Family, Member, MemberParameter, 
 from gapwalk.studies.family_joining import FamilyOptions
 from gapwalk.studies.family_work import FamilyWork, Walk
 from gapwalk.studies.kind import Finding, Rows, values_of
+from gapwalk.studies.option_tables import kinds_key
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.tables import Surroundings
@@ -297,11 +298,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
     kind: ClassVar[str] = "family"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
-        "kinds": Annotated[
-            list[Annotated[Kind, PlainValidator(one_of(Kind.known))]],
-            Field(min_length=1),
-            AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
-        ],
+        "kinds": kinds_key(Kind.known),
         "called": (Text, ""),
         "values": (list[Number], Field(default_factory=list)),
         "over": (

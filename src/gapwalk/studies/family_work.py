@@ -13,10 +13,10 @@ from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
+from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.family import Connection, Family, Member
 from gapwalk.studies.family_joining import FamilyOptions, Gap, join
 from gapwalk.studies.kind import Content, Finding, Found, Work
-from gapwalk.studies.whole_diagram import DiagramOptions, grow
 
 MEMBER = Part("member", Member, numbered=True)
 JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
@@ -150,10 +150,10 @@ def _walk_member(piece: _Piece) -> Member:
         if piece.max_period is None:
             branch = follow(orbit, piece.parameter, how.end, walk=how.walk, method=how.method)
             return Member(piece.number, piece.value, (branch,))
+        limits, ends = DiagramOptions(max_period=piece.max_period, workers=1), (how.begin, how.end)
+        grown = diagram(
+            orbit.system, piece.parameter, ends, start=orbit, options=limits, walk=how.walk, method=how.method
+        )
     except NumericalError as error:
         return Member(piece.number, piece.value, failures=(f"no branch could be walked: {error}",))
-    limits = DiagramOptions(max_period=piece.max_period, workers=1)
-    grown, finished = grow(orbit, piece.parameter, (how.begin, how.end), limits, how.walk, how.method)
-    if not finished:
-        raise KeyboardInterrupt  # a member counts only as a whole
     return Member(piece.number, piece.value, grown.branches, grown.notes, grown.failures)

@@ -15,9 +15,8 @@ from gapwalk.model.schema import Text, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.map import Map, Which
-from gapwalk.studies.map_charting import Charter, locus_charter
-from gapwalk.studies.map_study import MapStudyOptions
+from gapwalk.studies.map import Which
+from gapwalk.studies.map_study import MapStudyOptions, MapWork
 from gapwalk.studies.option_tables import check_inside
 from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
 from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_value
@@ -136,10 +135,10 @@ class LocusStudyOptions(MapStudyOptions):
         first, (at,) = RangeStudy.first_system(self, system), self.sections
         return first if first[self.second.parameter] == at else first.at({self.second.parameter: at})
 
-    def charter(self, system: System, known: Map) -> Charter:
-        """What follows the loci, of which something may be known."""
-        plane = (system, self.parameter, self.second.parameter, self.within)
-        return locus_charter(*plane, self.which, self.start, self.period, self.walk, self.method, known)
+    def work(self, system: System) -> MapWork:
+        """The work on the loci."""
+        plane = (self.parameter, self.second.parameter, self.within)
+        return MapWork(system, *plane, self, self.start, self.period, self.walk, self.method, self.which)
 
     @property
     def which(self) -> Which:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
 
+from gapwalk.bifurcation.branch import Kind
 from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import Count, Number, Part, Positive, by_shape, one_of, tagged
@@ -138,3 +139,38 @@ class SearchPart(Part):
         """The options `search_values` and `search`; what is not given has the default of `SearchOptions`."""
         found = with_tuples(self.model_dump(exclude_none=True))
         return {"search_values": found.pop("values"), "search": SearchOptions(**found)}
+
+
+def _suits(search: SearchPart | None, info: ValidationInfo[Any]) -> SearchPart | None:
+    if search is not None:
+        search.check(info.data, info.context.system)
+    return search
+
+
+SEARCH_KEYS: Mapping[str, Any] = {
+    "search_values": None,
+    "search": (Annotated[SearchPart | None, AfterValidator(_suits)], None),
+}
+"""The keys of a search: a table of its own."""
+
+
+def with_search(values: dict[str, Any]) -> dict[str, Any]:
+    """The values of a table, with what its table of the search says."""
+    search = values.get("search")
+    rest = {name: value for name, value in values.items() if name != "search"}
+    return rest if search is None else rest | search.options()
+
+
+def search_words(values: int | tuple[float, ...]) -> str:
+    """Where a search is to be, for a line that says what is to be done."""
+    count = values if isinstance(values, int) else len(values)
+    return f", with a search at {count} values" if count else ""
+
+
+def kinds_key(known: Callable[[], Iterable[Kind]]) -> Any:
+    """The type of a key that lists kinds of special points."""
+    return Annotated[
+        list[Annotated[Kind, PlainValidator(one_of(known))]],
+        Field(min_length=1),
+        AfterValidator(lambda kinds: tuple(dict.fromkeys(kinds))),
+    ]
