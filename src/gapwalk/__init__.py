@@ -79,8 +79,7 @@ if TYPE_CHECKING:
     from gapwalk.studies.map import Map, MapOptions
     from gapwalk.studies.map_study import MapStudyOptions, bifurcation_map
     from gapwalk.studies.options import SecondParameter
-    from gapwalk.studies.regime_study import regimes
-    from gapwalk.studies.regime_work import RegimeMapOptions
+    from gapwalk.studies.regime_study import RegimeMapOptions, regimes
     from gapwalk.studies.response_study import ResponseOptions
     from gapwalk.studies.result import Result
     from gapwalk.studies.runner import run

@@ -52,7 +52,7 @@ HOMES = {
     "Record": "measurement.measured_record",
     "Reduction": "reduction",
     "Regime": "attractors.regimes",
-    "RegimeMapOptions": "studies.regime_work",
+    "RegimeMapOptions": "studies.regime_study",
     "RegimeOptions": "attractors.regime_judge",
     "Regimes": "attractors.regimes",
     "ResponseOptions": "studies.response_study",

@@ -6,24 +6,23 @@ and of the one in which members differ. Points whose loci end on the way, or are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gapwalk.bifurcation.branch import Kind, SpecialPoint
 from gapwalk.bifurcation.loci import Codim2, Locus, LocusEndReason, follow_locus
-from gapwalk.bifurcation.loci.locus import Codim2Point, LocusPoint
+from gapwalk.bifurcation.loci.locus import LocusPoint
 from gapwalk.bifurcation.loci.locus_equations import Secant, zero_along
 from gapwalk.bifurcation.loci.locus_start import start_locus
-from gapwalk.continuation.corrector import Correction, Corrector
+from gapwalk.continuation.corrector import Correction
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import ModelError, NumericalError
 from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.parameter_path import WAY, on_the_way
-from gapwalk.model.system import System
-from gapwalk.orbit.orbit import Orbit, is_same, stroboscopic
+from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.studies.family import TURN, Connection, Fate, Member, Passage, Place
 from gapwalk.studies.kinds import Counted
 
@@ -59,16 +58,15 @@ def nearest_pairs(
 
 
 def distance_between(a: SpecialPoint, b: SpecialPoint, within: tuple[float, float]) -> float:
-    """How far two special points are apart: in widths of the range, and of their motions; infinite for other kinds."""
+    """How far two special points are apart: in widths of the range, and of their motions; infinite for other kinds.
+
+    The motions may begin at different forcing periods.
+    """
     if (a.kind, a.contact, a.orbit.period) != (b.kind, b.contact, b.orbit.period):
         return np.inf
-    width = within[1] - within[0]
-    return float(np.hypot((a.value - b.value) / width, _apart(stroboscopic(a.orbit), b.orbit)))
-
-
-def _apart(states: NDArray[np.float64], orbit: Orbit) -> float:
-    """Relative distance of two motions, which may begin at different forcing periods."""
-    return float(np.abs(states - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system))
+    orbit, width = b.orbit, within[1] - within[0]
+    apart = np.abs(stroboscopic(a.orbit) - orbit.state).max(axis=1).min() / magnitude(orbit.state, orbit.system)
+    return float(np.hypot((a.value - b.value) / width, apart))
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +145,9 @@ class Gap:
 
     def lifted(self, special: SpecialPoint, side: int) -> SpecialPoint:
         """A special point of the one member (side 0) or the other (1), in a system that has the second parameter."""
-        system = self._lifted(special.orbit.system, side)
+        system = special.orbit.system
+        if self.second == WAY:
+            system = on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
         return replace(special, point=replace(special.point, orbit=replace(special.orbit, system=system)))
 
     def share(self, second: float) -> float:
@@ -161,102 +161,13 @@ class Gap:
         share = self.share(second)
         return (1.0 - share) * one + share * other
 
-    def curve(self, locus: Locus) -> tuple[tuple[float, float], ...]:
-        """The points of a locus: the parameter, and what the family is over."""
-        return tuple((first, self.value(second)) for first, second in locus.values.tolist())
-
-    def _lifted(self, system: System, side: int) -> System:
-        if self.second != WAY:
-            return system
-        return on_the_way(system.at(self.ends[0]), self.ends[1]).at({WAY: self.bounds[side]})
-
 
 # The gap is one wide, like the range. Loci bend less than branches, and steps shorten where they do; where one leads is
 # verified by the orbit at its end.
 _WALK = WalkOptions(initial_step=0.02, largest_step=0.1)
 _EDGE = 1e-9  # share of the gap within which a locus has reached a member
 _SECANT = Secant(longest=0.05, farthest=0.2)
-
-
-@dataclass(frozen=True)
-class Trace:
-    """The locus of a special point between two members.
-
-    Attributes
-    ----------
-    locus
-        The locus from the special point on.
-    arrives
-        The member that it reaches, 0 or 1; None if it ends between them.
-    """
-
-    locus: Locus
-    arrives: int | None
-
-    @property
-    def orbit(self) -> Orbit:
-        """The orbit where it ends."""
-        return self.locus.points[-1].orbit
-
-    @property
-    def first(self) -> float:
-        """The parameter of the members where it ends."""
-        return self.locus.points[-1].values[0]
-
-
-def trace(special: SpecialPoint, side: int, gap: Gap) -> Trace:
-    """Follow a special point of one member into the gap.
-
-    Raises
-    ------
-    NumericalError
-        If it cannot be followed.
-    """
-    lifted = gap.lifted(special, side)
-    locus = _inwards(follow_locus(lifted, gap.parameter, gap.second, gap.ranges, walk=_WALK))
-    share = gap.share(locus.points[-1].values[1])
-    at_edge = locus.ends[1].reason is LocusEndReason.RANGE and len(locus.points) > 1
-    arrives = next((end for end in (0, 1) if at_edge and abs(share - end) <= _EDGE), None)
-    return Trace(locus, arrives)
-
-
-def _inwards(locus: Locus) -> Locus:
-    """The locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
-    begin, end = locus.ends
-    if begin.reason is LocusEndReason.START:
-        return locus
-    points, codim2 = locus.points[::-1], locus.codim2_points[::-1]
-    return replace(locus, points=points, codim2_points=codim2, ends=(end, begin))
-
-
-def farthest(found: Trace, special: SpecialPoint, side: int, gap: Gap) -> tuple[tuple[float, float], str]:
-    """Where a locus that comes back to the member from which it started is farthest from it, and what happens there."""
-    here = gap.bounds[side]
-    points: list[tuple[LocusPoint, str]] = [(point, TURN) for point in found.locus.points]
-    points += [(each.point, each.kind.value) for each in found.locus.codim2_points if _turns(each)]
-    best, event = max(points, key=lambda each: abs(each[0].values[1] - here))
-    if event != TURN:
-        return (best.values[0], gap.value(best.values[1])), event
-    corrector = start_locus(gap.lifted(special, side), gap.parameter, gap.second, gap.ranges)[0].corrector
-    turn = zero_along(corrector, best.x, lambda correction: _slope(corrector, correction, best), _SECANT)
-    first, second = best.values if turn is None else (turn.x[-2:] * corrector.scales[-2:]).tolist()
-    return (first, gap.value(second)), event
-
-
-def _turns(codim2: Codim2Point) -> bool:
-    """Whether a locus may turn back at a point: at a cusp, and at the corners that it has where a contact grazes."""
-    return codim2.kind in (Codim2.CUSP, Codim2.GRAZING, Codim2.DEGENERATE_GRAZING)
-
-
-def _slope(corrector: Corrector, correction: Correction, beside: LocusPoint) -> float:
-    """How fast the second parameter changes along a locus."""
-    return float(corrector.tangent(correction.evaluation, beside.tangent).tangent[-1])
-
-
-Specials = dict[Place, SpecialPoint]
-
-_SAME = 1e-5  # distance of two special points, in widths of the range, and of their orbits, within which they are one
-_TRUNCATED = 30.0  # the same in the share of the motion that is neglected: contacts amplify it
+_CORNERS = (Codim2.CUSP, Codim2.GRAZING, Codim2.DEGENERATE_GRAZING)  # in which a locus may turn back
 
 
 def join(gap: Gap) -> tuple[Connection, ...]:
@@ -268,26 +179,38 @@ def join(gap: Gap) -> tuple[Connection, ...]:
     return _Joiner(gap).join()
 
 
+Specials = dict[Place, SpecialPoint]
+
+_SAME = 1e-5  # distance of two special points, in widths of the range, and of their orbits, within which they are one
+_TRUNCATED = 30.0  # the same in the share of the motion that is neglected: contacts amplify it
+
+
 class _Joiner:
     """Joins the special points of two members."""
 
     def __init__(self, gap: Gap) -> None:
         self.gap = gap
-        self.specials: tuple[Specials, Specials] = (self._chosen(0), self._chosen(1))
-        self.left: tuple[Specials, Specials] = (dict(self.specials[0]), dict(self.specials[1]))
+        self.left: tuple[Specials, Specials] = (self._chosen(0), self._chosen(1))
         self.lost: dict[Place, str] = {}
+        self.connections: list[Connection] = []
 
     def join(self) -> tuple[Connection, ...]:
-        connections = []
         if self.gap.options.exact:
             for side in (0, 1):
                 for place in list(self.left[side]):
                     special = self.left[side].get(place)  # it may be what another one has led to
                     if special is not None and special.kind is not Kind.BRANCH_POINT:
-                        connections += self._traced(place, special, side)
-        connections += self._near()
-        connections += self._alone()
-        return tuple(sorted(connections, key=lambda connection: connection.begin))
+                        self._join_exactly(place, special, side)
+        for one, other in nearest_pairs(*self.left, self.gap.within):
+            pair = (self.left[0].pop(one), self.left[1].pop(other))
+            curve = tuple((each.value, member.value) for each, member in zip(pair, self.gap.members, strict=True))
+            detail = self.lost.get(one, self.lost.get(other, ""))
+            self._add(pair[0], Fate.NEAR, one, other, curve=curve, detail=detail)
+        for specials in self.left:
+            for place, special in specials.items():
+                fate = Fate.LOST if place in self.lost else Fate.ALONE
+                self._add(special, fate, place, detail=self.lost.get(place, ""))
+        return tuple(sorted(self.connections, key=lambda connection: connection.begin))
 
     def _chosen(self, side: int) -> Specials:
         low, high = self.gap.within
@@ -299,98 +222,88 @@ class _Joiner:
             if special.kind in kinds and low <= special.value <= high
         }
 
-    def _traced(self, place: Place, special: SpecialPoint, side: int) -> list[Connection]:
-        """The connection of a special point by its locus; none if that cannot be followed."""
+    def _add(self, special: SpecialPoint, fate: Fate, begin: Place, end: Place | None = None, **more: Any) -> None:
+        about = (special.kind, special.contact, special.orbit.period)
+        self.connections.append(Connection(*about, fate, begin, end, **more))
+
+    def _join_exactly(self, place: Place, special: SpecialPoint, side: int) -> None:
+        """Add the connection of a special point by its locus; note why, if that cannot be followed."""
+        gap, lifted = self.gap, self.gap.lifted(special, side)
         try:
-            found = trace(special, side, self.gap)
+            locus = _inwards(follow_locus(lifted, gap.parameter, gap.second, gap.ranges, walk=_WALK))
         except NumericalError as error:
             self.lost[place] = str(error)
-            return []
-        if found.locus.ends[1].reason.is_failure:
-            self.lost[place] = str(found.locus.ends[1])
-            return []
+            return
+        end = locus.ends[1]
+        if end.reason.is_failure:
+            self.lost[place] = str(end)
+            return
         del self.left[side][place]
-        partner = None if found.arrives is None else self._at_end(found, found.arrives)
-        if partner is not None and found.arrives is not None:
-            del self.left[found.arrives][partner]
-        if partner is not None and found.arrives != side:
-            begin, end = (place, partner) if side == 0 else (partner, place)
-            return [self._connection(special, Fate.JOINED, begin, end, found, turned=side == 1)]
-        if found.arrives == side:  # even where the other one is on no branch that is known, the two met
-            at, event = farthest(found, special, side, self.gap)
-            return [self._connection(special, Fate.MET, place, partner, found, at, event)]
-        first, second = found.locus.points[-1].values
-        at = (first, self.gap.value(second))
-        if found.arrives is not None:
-            return [self._connection(special, Fate.OUTSIDE, place, None, found, at)]
-        if found.locus.ends[1].reason in (LocusEndReason.RANGE, LocusEndReason.START):
-            return [self._connection(special, Fate.RANGE, place, None, found, at)]
-        codim2 = found.locus.codim2_points
-        return [self._connection(special, Fate.ENDS, place, None, found, at, codim2[-1].kind.value if codim2 else "")]
-
-    def _at_end(self, found: Trace, side: int) -> Place | None:
-        """The special point to which a locus has led."""
-        low, high = self.gap.within
-        alike = [
-            (abs(special.value - found.first) / (high - low), place)
-            for place, special in self.left[side].items()
-            if (special.kind, special.contact) == (found.locus.kind, found.locus.contact)
-            and is_same(special.orbit, found.orbit, _tolerance(special.orbit))
-        ]
-        near = [(distance, place) for distance, place in alike if distance <= _tolerance(self.left[side][place].orbit)]
-        return min(near)[1] if near else None
-
-    def _connection(
-        self,
-        special: SpecialPoint,
-        fate: Fate,
-        begin: Place,
-        end: Place | None,
-        found: Trace,
-        at: tuple[float, float] | None = None,
-        event: str = "",
-        *,
-        turned: bool = False,
-    ) -> Connection:
-        gap = self.gap
-        order: Callable[[tuple], tuple] = (lambda parts: parts[::-1]) if turned else (lambda parts: parts)
+        first, second = locus.points[-1].values
+        at_edge = end.reason is LocusEndReason.RANGE and len(locus.points) > 1
+        arrives = next((edge for edge in (0, 1) if at_edge and abs(gap.share(second) - edge) <= _EDGE), None)
+        partner = None if arrives is None else self._at_end(locus, arrives)
+        if partner is not None and arrives is not None:
+            del self.left[arrives][partner]
+        ways = tuple((first, gap.value(second)) for first, second in locus.values.tolist())
         passages = tuple(
             Passage(each.kind.value, each.values[0], gap.value(each.values[1]), each.contact)
-            for each in found.locus.codim2_points
+            for each in locus.codim2_points
         )
-        about = (special.kind, special.contact, special.orbit.period, fate, begin, end, at, event)
-        return Connection(*about, order(gap.curve(found.locus)), order(passages))
+        more: dict[str, Any] = {"curve": ways, "passages": passages, "at": (first, gap.value(second))}
+        if partner is not None and arrives != side:
+            if side == 0:
+                self._add(special, Fate.JOINED, place, partner, curve=ways, passages=passages)
+            else:
+                self._add(special, Fate.JOINED, partner, place, curve=ways[::-1], passages=passages[::-1])
+        elif arrives == side:  # even where the other one is on no branch that is known, the two met
+            more["at"], event = self._farthest(locus, lifted, side)
+            self._add(special, Fate.MET, place, partner, event=event, **more)
+        elif arrives is not None:
+            self._add(special, Fate.OUTSIDE, place, **more)
+        elif end.reason in (LocusEndReason.RANGE, LocusEndReason.START):
+            self._add(special, Fate.RANGE, place, **more)
+        else:
+            event = locus.codim2_points[-1].kind.value if locus.codim2_points else ""
+            self._add(special, Fate.ENDS, place, event=event, **more)
 
-    def _near(self) -> list[Connection]:
-        """Joints of what is left to the nearest of its kind."""
-        connections = []
-        for one, other in nearest_pairs(*self.left, self.gap.within):
-            special = self.left[0].pop(one)
-            across = self.left[1].pop(other)
-            curve = tuple(
-                (each.value, member.value) for each, member in zip((special, across), self.gap.members, strict=True)
-            )
-            detail = self.lost.get(one, self.lost.get(other, ""))
-            about = (special.kind, special.contact, special.orbit.period, Fate.NEAR, one, other)
-            connections.append(Connection(*about, curve=curve, detail=detail))
-        return connections
+    def _at_end(self, locus: Locus, side: int) -> Place | None:
+        """The special point to which a locus has led."""
+        (low, high), reached = self.gap.within, locus.points[-1]
+        near = []
+        for place, special in self.left[side].items():
+            tolerance = max(_SAME, _TRUNCATED * special.orbit.truncation)
+            distance = abs(special.value - reached.values[0]) / (high - low)
+            is_alike = (special.kind, special.contact) == (locus.kind, locus.contact)
+            if is_alike and distance <= tolerance and is_same(special.orbit, reached.orbit, tolerance):
+                near.append((distance, place))
+        return min(near)[1] if near else None
 
-    def _alone(self) -> list[Connection]:
-        """What has not been joined in any way."""
-        return [
-            Connection(
-                special.kind,
-                special.contact,
-                special.orbit.period,
-                Fate.LOST if place in self.lost else Fate.ALONE,
-                place,
-                detail=self.lost.get(place, ""),
-            )
-            for specials in self.left
-            for place, special in specials.items()
-        ]
+    def _farthest(self, locus: Locus, lifted: SpecialPoint, side: int) -> tuple[tuple[float, float], str]:
+        """Where a locus that returns to the member from which it started is farthest from it, and what happens there.
+
+        Unless it turns in a corner, it turns where the second parameter does not change along it.
+        """
+        gap, here = self.gap, self.gap.bounds[side]
+        points: list[tuple[LocusPoint, str]] = [(point, TURN) for point in locus.points]
+        points += [(each.point, each.kind.value) for each in locus.codim2_points if each.kind in _CORNERS]
+        best, event = max(points, key=lambda each: abs(each[0].values[1] - here))
+        first, second = best.values
+        if event == TURN:
+            corrector = start_locus(lifted, gap.parameter, gap.second, gap.ranges)[0].corrector
+
+            def slope(correction: Correction) -> float:
+                return float(corrector.tangent(correction.evaluation, best.tangent).tangent[-1])
+
+            if (turn := zero_along(corrector, best.x, slope, _SECANT)) is not None:
+                first, second = (turn.x[-2:] * corrector.scales[-2:]).tolist()
+        return (first, gap.value(second)), event
 
 
-def _tolerance(orbit: Orbit) -> float:
-    """Distance within which an orbit at a special point is the one that was followed to there, exactly."""
-    return max(_SAME, _TRUNCATED * orbit.truncation)
+def _inwards(locus: Locus) -> Locus:
+    """The locus from its start on: of its two directions there, one leads out of the gap and ends at once."""
+    begin, end = locus.ends
+    if begin.reason is LocusEndReason.START:
+        return locus
+    points, codim2 = locus.points[::-1], locus.codim2_points[::-1]
+    return replace(locus, points=points, codim2_points=codim2, ends=(end, begin))

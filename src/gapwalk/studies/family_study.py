@@ -28,7 +28,7 @@ from gapwalk.studies.columns import measure_names, measure_values, method_names,
 from gapwalk.studies.document import branch_document, special_document
 from gapwalk.studies.family import Connection, Family, Member, MemberParameter, Place, SpecialPointPath
 from gapwalk.studies.family_joining import FamilyOptions
-from gapwalk.studies.family_work import FamilyWork, Walk
+from gapwalk.studies.family_work import FamilyWork
 from gapwalk.studies.kind import Finding, Rows, values_of
 from gapwalk.studies.option_tables import kinds_key
 from gapwalk.studies.options import BranchOptions
@@ -330,9 +330,7 @@ class FamilyStudy(FamilyOptions, BranchOptions):
 
     def work(self, system: System) -> FamilyWork:
         """The work on the family."""
-        how = Walk(self.begin, self.end, self.start, self.period, self.walk, self.method)
-        blank = Family(system, self.parameter, self.ends, self.over)
-        return FamilyWork(blank, how, self.limits, lambda found: FamilyFinding(self, found))
+        return FamilyWork(system, self, lambda found: FamilyFinding(self, found))
 
 
 @shows_progress(lambda count, part, pace: str(pace))

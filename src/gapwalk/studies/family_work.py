@@ -2,59 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from gapwalk.bifurcation.follow import follow
-from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.errors import NumericalError
 from gapwalk.model.system import System
 from gapwalk.orbit.find import find_orbit
-from gapwalk.orbit.method import Method
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.family import Connection, Family, Member
-from gapwalk.studies.family_joining import FamilyOptions, Gap, join
+from gapwalk.studies.family_joining import Gap, join
 from gapwalk.studies.kind import Content, Finding, Found, Work
+
+if TYPE_CHECKING:
+    from gapwalk.studies.family_study import FamilyStudy
 
 MEMBER = Part("member", Member, numbered=True)
 JOINTS = Part("connections", tuple[Connection, ...], numbered=True)
 """What becomes of special points between two members, by the number of the first."""
-
-
-@dataclass(frozen=True)
-class Walk:
-    """How each member of a family is walked.
-
-    Parameters
-    ----------
-    begin, end
-        Where the walk begins, and where it ends.
-    start, period
-        Where the first orbit is looked for, as in `find_orbit`.
-    walk, method
-        Options of the walk and of the method.
-    """
-
-    begin: float
-    end: float
-    start: str | Sequence[float] = "settle"
-    period: int = 1
-    walk: WalkOptions | None = None
-    method: Method | None = None
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """One member to walk."""
-
-    number: int
-    value: float
-    system: System
-    parameter: str
-    how: Walk
-    max_period: int | None
 
 
 class FamilyWork(Work):
@@ -62,18 +31,17 @@ class FamilyWork(Work):
 
     Parameters
     ----------
-    family
-        The family, without members.
-    how
-        How each of them is walked.
-    options
-        How far they go, and how their special points are joined.
+    system
+        The system.
+    asked
+        What is asked for.
     finding
         Makes of a family what a study finds.
     """
 
-    def __init__(self, family: Family, how: Walk, options: FamilyOptions, finding: Callable[[Family], Finding]) -> None:
-        self._family, self.how, self.options, self._finding = family, how, options, finding
+    def __init__(self, system: System, asked: FamilyStudy, finding: Callable[[Family], Finding]) -> None:
+        self.asked, self._finding = asked, finding
+        self._family = Family(system, asked.parameter, asked.ends, asked.over)
         self.members: dict[int, Member] = {}
         self.connections: dict[int, tuple[Connection, ...]] = {}
 
@@ -88,12 +56,12 @@ class FamilyWork(Work):
 
     def parts(self, hands: Workers) -> Generator[Found]:
         """Walk the members that are left; then join special points where that is left."""
-        members = [self._piece(number) for number in range(self.count) if number not in self.members]
-        for index, member in hands.each(_walk_member, members, in_order=False):
-            number = members[index].number
-            self.members[number] = member
-            yield Found.part(MEMBER, member, number)
-        gaps = [self._gap(pair) for pair in self.record.gaps if pair[0].number not in self.connections]
+        numbers = [number for number in range(self.count) if number not in self.members]
+        walk = partial(_walk_member, self._family.system, self.asked)
+        for index, member in hands.each(walk, numbers, in_order=False):
+            self.members[numbers[index]] = member
+            yield Found.part(MEMBER, member, numbers[index])
+        gaps = [self._gap(*pair) for pair in self.record.gaps if pair[0].number not in self.connections]
         for index, connections in hands.each(join, gaps, in_order=False):
             number = gaps[index].members[0].number
             self.connections[number] = connections
@@ -130,30 +98,23 @@ class FamilyWork(Work):
         """Number of members."""
         return len(self._family.over.axis)
 
-    def _piece(self, number: int) -> _Piece:
-        family = self._family
-        system = family.system.at({**family.over.at(number), family.parameter: self.how.begin})
-        value, parameter = family.over.axis[number], family.parameter
-        return _Piece(number, value, system, parameter, self.how, self.options.max_period)
-
-    def _gap(self, pair: tuple[Member, Member]) -> Gap:
-        family = self._family
-        one, other = (family.over.at(member.number) for member in pair)
-        return Gap(pair, family.parameter, family.within, (one, other), replace(self.options, workers=1))
+    def _gap(self, one: Member, other: Member) -> Gap:
+        over = self.asked.over
+        ends = (over.at(one.number), over.at(other.number))
+        return Gap((one, other), self.asked.parameter, self.asked.ends, ends, replace(self.asked.limits, workers=1))
 
 
-def _walk_member(piece: _Piece) -> Member:
+def _walk_member(system: System, asked: FamilyStudy, number: int) -> Member:
     """Walk the branches of one member; what goes wrong costs no other one."""
-    how = piece.how
+    value, parameter, ends = asked.over.axis[number], asked.parameter, (asked.begin, asked.end)
+    how: Any = {"walk": asked.walk, "method": asked.method}
     try:
-        orbit = find_orbit(piece.system, how.period, how.start, method=how.method)
-        if piece.max_period is None:
-            branch = follow(orbit, piece.parameter, how.end, walk=how.walk, method=how.method)
-            return Member(piece.number, piece.value, (branch,))
-        limits, ends = DiagramOptions(max_period=piece.max_period, workers=1), (how.begin, how.end)
-        grown = diagram(
-            orbit.system, piece.parameter, ends, start=orbit, options=limits, walk=how.walk, method=how.method
-        )
+        first = system.at({**asked.over.at(number), parameter: asked.begin})
+        orbit = find_orbit(first, asked.period, asked.start, method=asked.method)
+        if asked.max_period is None:
+            return Member(number, value, (follow(orbit, parameter, asked.end, **how),))
+        limits = DiagramOptions(max_period=asked.max_period, workers=1)
+        grown = diagram(first, parameter, ends, start=orbit, options=limits, **how)
     except NumericalError as error:
-        return Member(piece.number, piece.value, failures=(f"no branch could be walked: {error}",))
-    return Member(piece.number, piece.value, grown.branches, grown.notes, grown.failures)
+        return Member(number, value, failures=(f"no branch could be walked: {error}",))
+    return Member(number, value, grown.branches, grown.notes, grown.failures)

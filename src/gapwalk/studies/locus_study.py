@@ -17,9 +17,8 @@ from gapwalk.model.units import PACES
 from gapwalk.studies.derive import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
-from gapwalk.studies.option_tables import check_inside
 from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
-from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_value
+from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_inside, check_value
 
 if TYPE_CHECKING:
     from typing import Self

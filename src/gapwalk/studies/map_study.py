@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic import AfterValidator, ValidationInfo
 
 from gapwalk.bifurcation.branch import Branch, Kind, SpecialPoint
 from gapwalk.bifurcation.follow import follow
@@ -25,23 +25,17 @@ from gapwalk.notebook import shows_progress
 from gapwalk.orbit.find import find_orbit
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit, phases
+from gapwalk.orbit.shooting import Shooting
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
+from gapwalk.studies.derive import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.kind import Content, Found, Work
 from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
-from gapwalk.studies.option_tables import (
-    SEARCH_KEYS,
-    CountOrValues,
-    ShootingPart,
-    check_inside,
-    kinds_key,
-    search_words,
-    with_search,
-)
+from gapwalk.studies.option_tables import SEARCH_KEYS, kinds_key, search_words, with_search
 from gapwalk.studies.options import BranchOptions, Second
 from gapwalk.studies.runner import call
-from gapwalk.studies.tables import Surroundings
+from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside
 
 if TYPE_CHECKING:
     from typing import Self
@@ -53,8 +47,8 @@ Report = Callable[[Map, Section | Locus], None]
 """Called with the map, and the section or the locus that was added to it last."""
 
 
-def _has_one_segment(shooting: ShootingPart) -> ShootingPart:
-    if shooting.options().segments > 1:
+def _has_one_segment(shooting: Shooting) -> Shooting:
+    if shooting.segments > 1:
         raise ModelError(f"segments is {shooting.segments}; a locus is followed with one, so leave this out")
     return shooting
 
@@ -89,7 +83,7 @@ class MapStudyOptions(MapOptions, BranchOptions):
     reports: ClassVar[str] = "sections and loci"
     table_types: ClassVar[Mapping[str, Any]] = {
         **BranchOptions.table_types,
-        "shooting": (Annotated[ShootingPart, AfterValidator(_has_one_segment)], Field(default_factory=ShootingPart)),
+        "shooting": (Annotated[key_type(Shooting), AfterValidator(_has_one_segment)], Shooting()),
         "sections": Annotated[CountOrValues, AfterValidator(_lie_in_the_range)],
         "kinds": kinds_key(Kind.with_locus),
         **SEARCH_KEYS,

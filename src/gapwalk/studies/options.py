@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from gapwalk.continuation.walk_options import WalkOptions
 from gapwalk.model.problems import did_you_mean, given
-from gapwalk.model.schema import Count
+from gapwalk.model.schema import Count, one_of
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES
 from gapwalk.orbit.harmonic_balance.balance import Balance
@@ -18,9 +18,9 @@ from gapwalk.orbit.measures import MEASURES
 from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit_equation import MAX_PERIOD
 from gapwalk.orbit.shooting import Shooting
+from gapwalk.studies.derive import key_type, table_schema
 from gapwalk.studies.kind import StudyKind
 from gapwalk.studies.kinds import OPEN
-from gapwalk.studies.option_tables import BalancePart, ShootingPart, method_name
 from gapwalk.studies.tables import WITH_UNIT, Start, StartOrState, Surroundings, check_parameter, check_value
 
 if TYPE_CHECKING:
@@ -193,10 +193,14 @@ def _is_meant(balance: object, info: ValidationInfo[Surroundings]) -> object:
     return balance
 
 
-def _suits_the_excitation(balance: BalancePart, info: ValidationInfo[Surroundings]) -> BalancePart:
+def _suits_the_excitation(balance: Balance, info: ValidationInfo[Surroundings]) -> Balance:
     if info.context.system and info.data.get("method") == Balance.name:
-        balance.options().pose(info.context.system)
+        balance.pose(info.context.system)
     return balance
+
+
+def _method_names() -> list[str]:
+    return [method.name for method in Method.known()]
 
 
 @dataclass(frozen=True)
@@ -231,13 +235,13 @@ class BranchOptions(RangeStudy):
         "period": Annotated[Count, Field(le=MAX_PERIOD)],
         "start": StartOrState,
         "method": (
-            Annotated[Annotated[str, BeforeValidator(method_name)] | None, AfterValidator(_has_contacts)],
+            Annotated[Annotated[str, BeforeValidator(one_of(_method_names))] | None, AfterValidator(_has_contacts)],
             None,
         ),
-        "shooting": (ShootingPart, Field(default_factory=ShootingPart)),
+        "shooting": (key_type(Shooting), Shooting()),
         "balance": (
-            Annotated[BalancePart, BeforeValidator(_is_meant), AfterValidator(_suits_the_excitation)],
-            Field(default_factory=BalancePart, validate_default=True),
+            Annotated[key_type(Balance), BeforeValidator(_is_meant), AfterValidator(_suits_the_excitation)],
+            Field(default_factory=table_schema(Balance), validate_default=True),
         ),
     }
 
@@ -254,7 +258,7 @@ class BranchOptions(RangeStudy):
         found = {"measure": f"half.{system.coordinates[0]}", **values}
         tables = (found.pop("shooting"), found.pop("balance"))
         method = Method.named(found["method"] or Shooting.name)
-        found["method"] = next((table.options() for table in tables if table.method is method), method())
+        found["method"] = next((table for table in tables if type(table) is method), method())
         return super().of_table(found, system)
 
     @classmethod

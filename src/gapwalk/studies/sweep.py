@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import groupby
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
 from gapwalk.studies.kinds import INLINE, Counted
-from gapwalk.studies.sweep_segment import Band, Patience, SweepSegment, bands_of
 
 _MOST = 100_000_000  # states that are kept
 
@@ -29,10 +29,33 @@ class Way(StrEnum):
     AFRESH = "afresh"
     """At each value from the start again."""
 
-    @property
-    def number(self) -> int:
-        """A number of its own, whatever other ways there are."""
-        return list(Way).index(self)
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a transient is followed.
+
+    Parameters
+    ----------
+    shortest, longest
+        Forcing periods at least and at most.
+    tolerance
+        Distance from the periodic motion that it comes to, at which it has settled; in half-widths of the box of
+        states.
+    """
+
+    shortest: int = 48
+    longest: int = 2000
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name in ("shortest", "longest"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1 (forcing periods of a transient)")
+        if self.longest < self.shortest:
+            raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
+        if not 1e-12 <= self.tolerance <= 1e-2:
+            raise ModelError(f"tolerance is {self.tolerance!r}; it must lie between 1e-12 and 1e-2 (half-widths)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +154,79 @@ class Lane:
     start: int
     state: NDArray[np.float64]
 
+    @property
+    def is_carried(self) -> bool:
+        """Whether the state is carried over from one value to the next; otherwise each begins at the start."""
+        return self.way is not Way.AFRESH
+
     def __repr__(self) -> str:
         return f"Lane({self.way}, start {self.start})"
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSegment:
+    """What was seen at the values of a segment, in the order in which they were visited.
+
+    Attributes
+    ----------
+    lane, number
+        Which lane of the sweep, and which of its segments.
+    sections : shape (count, points, 2n)
+        States a forcing period apart; nan where the motion has diverged, and after that if the state is carried over.
+    transients : shape (count,)
+        Forcing periods that were let pass before.
+    settled : shape (count,), bool
+        Whether the transient had settled by then.
+    regimes
+        In words; empty where there is nothing.
+    note
+        Why it ended before its last value; empty if it did not.
+    """
+
+    lane: int
+    number: int
+    sections: NDArray[np.float64]
+    transients: NDArray[np.intp]
+    settled: NDArray[np.bool_]
+    regimes: tuple[str, ...]
+    note: str = ""
+
+    @property
+    def last(self) -> NDArray[np.float64]:
+        """The state with which the next segment goes on, shape (2n,)."""
+        return self.sections[-1, -1]
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A range of the parameter in which the regime is the same.
+
+    Attributes
+    ----------
+    regime
+        In words, such as ``period 3``.
+    low, high
+        Its ends, halfway to the next values of another regime.
+    count
+        Number of values in it.
+    """
+
+    regime: str
+    low: float
+    high: float
+    count: int
+
+
+def bands_of(values: NDArray[np.float64], regimes: Sequence[str]) -> tuple[Band, ...]:
+    """The bands of equal regimes along increasing values; where a regime is empty, nothing is known and no band is."""
+    edges = np.concatenate((values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]))
+    bands, first = [], 0
+    for regime, group in groupby(regimes):
+        count = len(list(group))
+        if regime:
+            bands.append(Band(regime, float(edges[first]), float(edges[first + count]), count))
+        first += count
+    return tuple(bands)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +346,7 @@ def enter(sweep: Sweep, segment: SweepSegment) -> str:
     sweep.regimes[segment.lane, places] = segment.regimes
     if not segment.note:
         return ""
-    ends = "" if lane.way is Way.AFRESH else " and was not carried on"
+    ends = " and was not carried on" if lane.is_carried else ""
     return f"start {lane.start}, {lane.way}: the motion could not be followed{ends}: {segment.note}"
 
 
@@ -260,8 +354,3 @@ def places_of(way: Way, steps: int, number: int) -> NDArray[np.intp]:
     """The places of the values of a segment, in the order in which they are visited."""
     places = np.arange(number * BLOCK, min((number + 1) * BLOCK, steps))
     return steps - 1 - places if way is Way.DOWN else places
-
-
-def segments_of(steps: int) -> int:
-    """Number of segments of a lane."""
-    return math.ceil(steps / BLOCK)

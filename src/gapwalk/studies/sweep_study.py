@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -25,8 +26,8 @@ from gapwalk.studies.kind import Content, Finding, Found, Rows, Work, plain_numb
 from gapwalk.studies.kinds import OPEN
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
-from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, Way, blank_sweep, enter, places_of, segments_of
-from gapwalk.studies.sweep_segment import SweepSegment, Task, sweep_stretch
+from gapwalk.studies.sweep import BLOCK, Lane, Sweep, SweepOptions, SweepSegment, blank_sweep, enter, places_of
+from gapwalk.studies.sweep_segment import Task, sweep_stretch
 from gapwalk.studies.tables import CountOrStates, Surroundings, check_signal
 
 if TYPE_CHECKING:
@@ -248,11 +249,11 @@ class SweepWork(Work):
         try:
             for _, segment in hands.each(sweep_stretch, tasks, in_order=False):
                 self._keep(segment)
-                if self.lanes[segment.lane].way is not Way.AFRESH:
+                if self.lanes[segment.lane].is_carried:
                     tasks.extend(self._next_task(segment.lane, segment.number))
                 yield Found.part(STRETCH, segment, self._place(segment))
         except WorkError as error:
-            names = {str(self.lanes[tasks[index].lane]) for index in error.pieces}
+            names = {str(tasks[index].lane) for index in error.pieces}
             raise WorkError(f"{', '.join(sorted(names))}: {error}" if names else str(error), error.pieces) from None
 
     @property
@@ -282,7 +283,7 @@ class SweepWork(Work):
 
     @property
     def _per_lane(self) -> int:
-        return segments_of(self.asked.steps)
+        return math.ceil(self.asked.steps / BLOCK)
 
     def _place(self, segment: SweepSegment) -> int:
         """The number of a segment in a file."""
@@ -294,20 +295,19 @@ class SweepWork(Work):
             self._never += self._per_lane - 1 - segment.number
 
     def _ends(self, lane: int, number: int) -> bool:
-        return bool(self._done[lane, number].note) and self.lanes[lane].way is not Way.AFRESH
+        return bool(self._done[lane, number].note) and self.lanes[lane].is_carried
 
     def _first_tasks(self) -> list[Task]:
         tasks = []
         for index, lane in enumerate(self.lanes):
-            if lane.way is Way.AFRESH:
-                numbers = range(self._per_lane)
-                tasks += [self._task(index, n, lane.state) for n in numbers if (index, n) not in self._done]
-                continue
             known = [number for owner, number in self._done if owner == index]
-            if not known:
-                tasks.append(self._task(index, 0, lane.state))
-            else:
+            if not lane.is_carried:
+                numbers = set(range(self._per_lane)) - set(known)
+                tasks += [self._task(index, number, lane.state) for number in sorted(numbers)]
+            elif known:
                 tasks += self._next_task(index, max(known))
+            else:
+                tasks.append(self._task(index, 0, lane.state))
         return tasks
 
     def _next_task(self, lane: int, number: int) -> list[Task]:
@@ -319,22 +319,8 @@ class SweepWork(Work):
     def _task(self, index: int, number: int, state: NDArray[np.float64]) -> Task:
         lane, asked = self.lanes[index], self.asked
         places = places_of(lane.way, asked.steps, number)
-        return Task(
-            index,
-            number,
-            self.system,
-            asked.parameter,
-            places,
-            self.values[places],
-            state,
-            lane.way is not Way.AFRESH,
-            self.box,
-            asked.points,
-            asked.max_period,
-            asked.patience,
-            asked.kick,
-            (asked.seed, lane.way.number, lane.start),
-        )
+        where = (lane, index, number, places, self.values[places])
+        return Task(self.system, asked.parameter, asked.limits, self.box, *where, state)
 
 
 def _starts(system: System, options: SweepOptions, box: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -23,13 +23,37 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Count, Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
-from gapwalk.studies.option_tables import count_shape
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""
 
 MAX_CELLS = 10_000_000
 """Of a map over a plane; of each some hundred bytes are kept."""
+
+
+MAX_VALUES = 100_000
+"""Of a parameter, at which something is to be done."""
+
+
+def count_shape(value: object) -> str:
+    """Whether a value is a count, or a list of values."""
+    return "values" if isinstance(value, list) else "count"
+
+
+CountOrValues = Annotated[
+    Annotated[Annotated[Count, Field(le=MAX_VALUES)], tagged("count")]
+    | Annotated[Annotated[list[Number], Field(min_length=1)], tagged("values")],
+    by_shape(count_shape),
+]
+"""How many values, spread evenly over a range; or the values themselves."""
+
+
+def check_inside(values: Sequence[float], key: str, ends: tuple[Any, ...]) -> None:
+    """A ModelError that begins with a key if one of its values lies outside a range."""
+    low, high = sorted(ends)
+    for value in values:
+        if not low <= value <= high:
+            raise ModelError(f"{key} has {value:g}, outside the range from {low:g} to {high:g}")
 
 
 def check_resolution(given: int | tuple[int, int]) -> tuple[int, int]:
