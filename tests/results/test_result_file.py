@@ -17,7 +17,7 @@ from gapwalk.errors import StoreError
 from gapwalk.results.result_file import SCHEMA, Part, Parts, ResultFile, lock, reading
 from gapwalk.studies import kinds
 from gapwalk.studies.kind import Content, StudyKind, Work
-from gapwalk.studies.request import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
+from gapwalk.studies.load import REQUEST, VERSIONS, Call, NoFile, claimed, request_file
 from tests.results.tampering import change, change_sealed
 from tests.systems import clutch
 

@@ -276,5 +276,5 @@ def test_bad_requests_are_refused() -> None:
         gw.run(clutch_map(sections=(0.7,)))
     with pytest.raises(ModelError, match="each value must stand there once"):
         gw.MapOptions(sections=(0.2, 0.2))
-    with pytest.raises(ModelError, match="an integer from 1 to 100,000, or numbers"):
+    with pytest.raises(ModelError, match="an integer from 1 to 100,000, or values of the second parameter"):
         gw.MapOptions(sections=())

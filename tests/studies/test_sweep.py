@@ -20,8 +20,7 @@ from gapwalk.parallel.workers import workers
 from gapwalk.results.result_file import lock, reading
 from gapwalk.studies import sweep_segment as segments
 from gapwalk.studies.kind import values_of
-from gapwalk.studies.load import load_result
-from gapwalk.studies.request import REQUEST, request_file
+from gapwalk.studies.load import REQUEST, load_result, request_file
 from gapwalk.studies.sweep import BLOCK, Patience, SweepSegment, Way
 from gapwalk.studies.sweep_study import STRETCH, SweepStudy
 from tests.interruption import until_ctrl_c

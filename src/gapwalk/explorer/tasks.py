@@ -24,9 +24,9 @@ from gapwalk.explorer.events import News, Progress
 from gapwalk.results.result_file import lock
 from gapwalk.studies.diagram_study import DiagramStudyOptions, empty_diagram, whole_diagram
 from gapwalk.studies.kind import found_by
+from gapwalk.studies.load import request_file
 from gapwalk.studies.map import Map
 from gapwalk.studies.map_study import MapStudyOptions, whole_map
-from gapwalk.studies.request import request_file
 from gapwalk.studies.runner import run, run_study
 from gapwalk.studies.study_file import Study
 

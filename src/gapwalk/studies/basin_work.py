@@ -25,7 +25,7 @@ from gapwalk.model.system import System
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellWork
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.kinds import Counted, check_integers
 from gapwalk.studies.runner import Report, call
 
 CHUNK = 4096
@@ -70,10 +70,7 @@ class BasinOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("longest", 1), ("max_period", 1), ("tries", 1), ("check", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        check_integers(self, longest=1, max_period=1, tries=1, check=0, seed=0)
 
     @property
     def borders(self) -> int | None:

@@ -122,19 +122,9 @@ class CellFinding(Finding):
         return self.map
 
     @property
-    def complete(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.map is not None and self.map.complete
-
-    @property
     def stored(self) -> str:
         """How many chunks have been done."""
         return f"{self.done} of {self.total} chunks of cells are stored"
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What could not be done."""
-        return () if self.map is None else self.map.notes
 
     def document(self, points: bool) -> dict[str, Any]:
         """The map as JSON values, and how far it has come; with all values cell by cell if wanted."""

@@ -29,7 +29,7 @@ from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.kind import Content, Found, Work, found_by
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.kinds import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.studies.option_tables import SEARCH_KEYS, search_words, with_search
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.runner import call
@@ -37,7 +37,6 @@ from gapwalk.studies.runner import call
 if TYPE_CHECKING:
     from typing import Self
 
-_MOST = 100_000  # of any count
 _VALUES = 60  # of the parameter, at which is searched by default
 
 Report = Callable[[Diagram, DiagramBranch], None]
@@ -70,23 +69,8 @@ class DiagramOptions:
     search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
-        for name in ("max_period", "max_branches"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= _MOST:
-                raise ModelError(f"{name} is {value!r}; it must be an integer from 1 to {_MOST:,}")
-        check_search_values(self.search_values)
-
-
-def check_search_values(values: object) -> None:
-    """A ModelError unless these can be the `search_values` of `DiagramOptions`."""
-    if isinstance(values, tuple):
-        if all(isinstance(value, float | int) and np.isfinite(value) for value in values):
-            return
-    elif isinstance(values, int) and not isinstance(values, bool) and 0 <= values <= _MOST:
-        return
-    raise ModelError(
-        f"search_values is {values!r}; it must be an integer from 0 to {_MOST:,}, or values of the parameter"
-    )
+        check_integers(self, MAX_VALUES, max_period=1, max_branches=1)
+        check_values("search_values", self.search_values, 0, "the parameter")
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from gapwalk.flow.length_unit import magnitude
 from gapwalk.model.parameter_path import WAY, on_the_way
 from gapwalk.orbit.orbit import is_same, stroboscopic
 from gapwalk.studies.family import TURN, Connection, Fate, Member, Passage, Place
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.kinds import Counted, check_integers
 
 LIMIT = 0.25
 """Distance beyond which two special points are not taken for the same, as `distance_between` measures it."""
@@ -93,10 +93,7 @@ class FamilyOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("max_period", "workers"):
-            value = getattr(self, name)
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1, or None")
+        check_integers(self, **{name: 1 for name in ("max_period", "workers") if getattr(self, name) is not None})
         if not self.kinds or not set(self.kinds) <= set(Kind.known()):
             names = ", ".join(kind.value for kind in Kind.known())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")

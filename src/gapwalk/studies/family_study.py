@@ -61,11 +61,6 @@ class FamilyFinding(Finding):
         return self.family if self.family.members else None
 
     @property
-    def complete(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.family.complete
-
-    @property
     def stored(self) -> str:
         """How many members have been done, and between how many of them special points are joined."""
         found, connections = self.family, self.family.connections or {}
@@ -75,16 +70,6 @@ class FamilyFinding(Finding):
     def can_be_drawn(self) -> bool:
         """Whether there is any branch."""
         return bool(self.family.branches)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What else there is to say."""
-        return self.family.notes
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """What could not be walked or followed."""
-        return self.family.failures
 
     def summary(self) -> Iterator[str | Table]:
         """Return the members, then the special points, each followed through the family."""

@@ -229,9 +229,9 @@ class Finding(ABC):
         """What the Python function of the same name returns; None if the work was stopped before there was one."""
 
     @property
-    @abstractmethod
     def complete(self) -> bool:
         """Whether nothing is left to do."""
+        return self.record is not None and self.record.complete
 
     @property
     @abstractmethod
@@ -246,12 +246,12 @@ class Finding(ABC):
     @property
     def notes(self) -> tuple[str, ...]:
         """What else there is to say, in sentences."""
-        return ()
+        return getattr(self.record, "notes", ())
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Where the numerics gave up, in sentences."""
-        return ()
+        return getattr(self.record, "failures", ())
 
     def summary(self) -> Summary:
         """Return what the terminal shows of its record: lines, `Table` and `Tree`; without notes and failures."""

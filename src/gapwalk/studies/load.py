@@ -1,27 +1,123 @@
-"""Read result files back, and decide whether a run may begin, continue or replace one."""
+"""Result files of studies and of calls: read them back, and decide whether a run may begin, continue or replace one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gapwalk.errors import StoreError
+from gapwalk.model.system import System
 from gapwalk.results.differences import check_same
 from gapwalk.results.faults import undamaged
-from gapwalk.results.result_file import Part, Parts, check_place, looks_like_result, reading, tidy
-from gapwalk.results.versions import check_not_newer
-from gapwalk.studies.kind import Content, Work
-from gapwalk.studies.request import REQUEST, VERSIONS, Call
+from gapwalk.results.result_file import (
+    Entry,
+    Part,
+    Parts,
+    ResultFile,
+    check_place,
+    lock,
+    looks_like_result,
+    reading,
+    tidy,
+)
+from gapwalk.results.versions import check_not_newer, versions
+from gapwalk.studies.kind import Content, StudyKind, Work
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_file import Study
 from gapwalk.verification import Verification
 
+
+@dataclass(frozen=True)
+class Call:
+    """The call of a Python function that keeps its result in a file: it asks for what a study asks for.
+
+    Attributes
+    ----------
+    system
+        The system, as at the beginning of such a study.
+    options
+        What is asked for.
+    """
+
+    system: System
+    options: StudyKind
+
+
+REQUEST = Part("request", Study | Call)
+VERSIONS = Part("versions", Mapping[str, str])
 CHECKS = Part("checks", tuple[FullCheck, ...])
 VERIFICATION = Part("verification", Verification)
+
+
+class NoFile:
+    """Stands for the file of a job that keeps nothing."""
+
+    path = ""
+    is_begun = False
+
+    def known(self, part: Part) -> Iterator[tuple[int, Any]]:
+        """No parts."""
+        return iter(())
+
+    def count(self, part: Part) -> int:
+        """No parts."""
+        return 0
+
+    def write(self, *entries: Entry) -> None:
+        """Nothing."""
+
+    def __enter__(self) -> NoFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+Keeper = ResultFile | NoFile
+"""What keeps the parts of a job."""
+
+
+def request_file(
+    request: Study | Call, output: str | os.PathLike[str] | None, before: Mapping[str, str] | None = None
+) -> Keeper:
+    """The file of a request, open for writing.
+
+    Parameters
+    ----------
+    request
+        The request.
+    output
+        Its name; None for no file.
+    before
+        The versions that wrote the file that is there, which is then continued; otherwise a new one replaces it.
+    """
+    if output is None:
+        return NoFile()
+    written_by = versions(None if before is None else dict(before))
+    return ResultFile(output, REQUEST.entry(request), VERSIONS.entry(written_by), exists=before is not None)
+
+
+@contextmanager
+def claimed(request: Study | Call, output: str | os.PathLike[str] | None) -> Iterator[Mapping[str, str] | None]:
+    """Keep other writers off the file of a request for a while; the versions that wrote it, if it is to be continued.
+
+    Raises
+    ------
+    StoreError
+        If the file is of something else, or is being written by another run.
+    """
+    with nullcontext() if output is None else lock(output):
+        before = None
+        if output is not None and os.path.exists(output) and os.path.getsize(output):
+            with reading(output) as parts:
+                check_same(os.fspath(output), request, parts.one(REQUEST))
+                before = parts.one(VERSIONS)
+        yield before
 
 
 def load(path: str | os.PathLike[str]) -> Any:
@@ -69,7 +165,7 @@ def load_result(path: str | os.PathLike[str], *, sealed: bool = True) -> Result:
 
 def read(parts: Parts) -> Any:
     """What the parts of a file make together; errors as `load`."""
-    versions = parts.one(VERSIONS)
+    written_by = parts.one(VERSIONS)
     try:
         request = parts.one(REQUEST)
         parts.base = request.system
@@ -80,9 +176,9 @@ def read(parts: Parts) -> Any:
                 return _record_of(request, work, parts)
             result = result_of(request, work.content(), {})
             checks, verification = parts.get(CHECKS) or (), parts.get(VERIFICATION)
-            return replace(result, versions=versions, checks=checks, verification=verification)
+            return replace(result, versions=written_by, checks=checks, verification=verification)
     except StoreError:
-        check_not_newer(parts.path, versions.get("gapwalk", ""))
+        check_not_newer(parts.path, written_by.get("gapwalk", ""))
         raise
 
 

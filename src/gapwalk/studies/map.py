@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,10 +17,8 @@ from gapwalk.model.units import Units
 from gapwalk.model.words import full_measure, parameter_symbol
 from gapwalk.notebook import Shown
 from gapwalk.studies.columns import measure_names, measure_values, method_document, method_values, parameter_headings
-from gapwalk.studies.kinds import Counted
+from gapwalk.studies.kinds import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.summary import Table, remarks
-
-_MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +51,10 @@ class MapOptions:
     search: SearchOptions = SearchOptions()
 
     def __post_init__(self) -> None:
-        _check_sections(self.sections)
-        if not _is_count(self.max_period):
-            raise ModelError(f"max_period is {self.max_period!r}; it must be an integer from 1 to {_MOST:,}")
+        check_values("sections", self.sections, 1, "the second parameter")
+        if isinstance(self.sections, tuple) and len(set(self.sections)) < len(self.sections):
+            raise ModelError(f"sections is {self.sections!r}; each value must stand there once")
+        check_integers(self, MAX_VALUES, max_period=1)
         if not self.kinds or not set(self.kinds) <= set(Kind.with_locus()):
             names = ", ".join(kind.value for kind in Kind.with_locus())
             raise ModelError(f"kinds is {[str(kind) for kind in self.kinds]}; they may be {names}")
@@ -76,22 +74,6 @@ class MapOptions:
         if outside:
             raise ModelError(f"there is to be a section at {outside[0]:g}, outside the range from {low:g} to {high:g}")
         return tuple(float(value) for value in self.sections)
-
-
-def _check_sections(sections: object) -> None:
-    if isinstance(sections, tuple):
-        if not sections or not all(math.isfinite(value) for value in sections):
-            raise ModelError(f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or numbers")
-        if len(set(sections)) < len(sections):
-            raise ModelError(f"sections is {sections!r}; each value must stand there once")
-    elif not _is_count(sections):
-        raise ModelError(
-            f"sections is {sections!r}; it must be an integer from 1 to {_MOST:,}, or values of the second parameter"
-        )
-
-
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= _MOST
 
 
 Ranges = tuple[tuple[float, float], tuple[float, float]]

@@ -14,8 +14,8 @@ from gapwalk.bifurcation.isolated import SearchOptions
 from gapwalk.errors import ModelError
 from gapwalk.model.schema import one_of
 from gapwalk.studies.derive import key_type
-from gapwalk.studies.kinds import INLINE
-from gapwalk.studies.tables import MAX_VALUES, Surroundings, check_inside
+from gapwalk.studies.kinds import INLINE, MAX_VALUES
+from gapwalk.studies.tables import Surroundings, check_inside
 
 
 @dataclass(frozen=True)

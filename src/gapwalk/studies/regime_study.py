@@ -27,7 +27,7 @@ from gapwalk.results.result_file import Part
 from gapwalk.studies.cell_work import CellFinding, CellWork
 from gapwalk.studies.columns import parameter_headings
 from gapwalk.studies.kind import Rows, plain_numbers, values_of
-from gapwalk.studies.kinds import INLINE, Counted
+from gapwalk.studies.kinds import INLINE, Counted, check_integers
 from gapwalk.studies.options import RangeStudy, Second, SecondParameter
 from gapwalk.studies.runner import Report, call
 from gapwalk.studies.tables import Resolution, RestOrState, check_parameters, check_resolution
@@ -74,10 +74,7 @@ class RegimeMapOptions:
         if self.carry not in list(Carry):
             raise ModelError(f'carry is {self.carry!r}; write "no", "up" or "down"')
         object.__setattr__(self, "carry", Carry(self.carry))
-        for name in ("check", "seed"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 0")
+        check_integers(self, check=0, seed=0)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,17 @@ from gapwalk.results.faults import undamaged
 from gapwalk.results.result_file import Parts, lock, reading
 from gapwalk.results.versions import versions
 from gapwalk.studies.kind import Work
-from gapwalk.studies.load import as_before, earlier_result, load_result, result_of
-from gapwalk.studies.request import Call, Keeper, NoFile, claimed, request_file
+from gapwalk.studies.load import (
+    Call,
+    Keeper,
+    NoFile,
+    as_before,
+    claimed,
+    earlier_result,
+    load_result,
+    request_file,
+    result_of,
+)
 from gapwalk.studies.result import Result
 from gapwalk.studies.study_file import Study
 from gapwalk.studies.verify import with_checks, with_verification

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
-from typing import Any, ClassVar
+from typing import Any
 
 from gapwalk.errors import ModelError
 from gapwalk.files import why_no_file
@@ -38,7 +38,6 @@ from gapwalk.studies.kinds import kind_of, kinds
 from gapwalk.studies.measure import check_measurement
 from gapwalk.studies.options import BranchOptions
 from gapwalk.studies.reduced import ReducedFrom, ReductionPart, reduce_for, reduction_part
-from gapwalk.studies.request import Request
 from gapwalk.studies.tables import StudyPart, Surroundings
 
 
@@ -115,7 +114,7 @@ def _is_list_of_tables(value: object) -> bool:
 
 
 @dataclass(frozen=True)
-class Study(Request):
+class Study:
     """A system, and what is to be studied of it.
 
     Parameters
@@ -139,8 +138,6 @@ class Study(Request):
     matrices
         Digest of the matrices that stand in files beside the model file; empty if none do.
     """
-
-    asks: ClassVar[str] = "study"
 
     system: System
     options: StudyKind

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gapwalk.errors import ModelError
 from gapwalk.model.system import System
 from gapwalk.notebook import Shown
-from gapwalk.studies.kinds import INLINE, Counted
+from gapwalk.studies.kinds import INLINE, Counted, check_integers
 
 _MOST = 100_000_000  # states that are kept
 
@@ -48,10 +48,7 @@ class Patience:
     tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name in ("shortest", "longest"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= 1 (forcing periods of a transient)")
+        check_integers(self, shortest=1, longest=1)
         if self.longest < self.shortest:
             raise ModelError(f"longest is {self.longest}; it must be at least {self.shortest}, the shortest transient")
         if not 1e-12 <= self.tolerance <= 1e-2:
@@ -98,10 +95,7 @@ class SweepOptions:
     workers: Counted | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("steps", 2), ("points", 2), ("seed", 0), ("max_period", 1)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ModelError(f"{name} is {value!r}; it must be an integer >= {least}")
+        check_integers(self, steps=2, points=2, seed=0, max_period=1)
         if isinstance(self.starts, int) and (isinstance(self.starts, bool) or self.starts < 1):
             raise ModelError(f"starts is {self.starts!r}; it must be an integer >= 1, or a list of states")
         starts = self.starts if isinstance(self.starts, int) else len(self.starts)

@@ -49,11 +49,6 @@ class SweepFinding(Finding):
         return self.sweep
 
     @property
-    def complete(self) -> bool:
-        """Whether it was driven to its end."""
-        return self.sweep.complete
-
-    @property
     def stored(self) -> str:
         """How many values have been done."""
         done = int(np.count_nonzero(self.sweep.regimes != ""))
@@ -63,6 +58,11 @@ class SweepFinding(Finding):
     def can_be_drawn(self) -> bool:
         """Whether there is any section point: all motions may have diverged."""
         return not np.isnan(self.sweep.sections).all()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing: what a sweep notes are failures."""
+        return ()
 
     @property
     def failures(self) -> tuple[str, ...]:

@@ -23,16 +23,13 @@ from gapwalk.model.problems import did_you_mean, given
 from gapwalk.model.schema import Count, Number, Part, Text, by_shape, one_of, tagged
 from gapwalk.model.system import System
 from gapwalk.model.units import PACES, has_unit, kind_of, read_quantity
+from gapwalk.studies.kinds import MAX_VALUES
 
 Within = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of two axes."""
 
 MAX_CELLS = 10_000_000
 """Of a map over a plane; of each some hundred bytes are kept."""
-
-
-MAX_VALUES = 100_000
-"""Of a parameter, at which something is to be done."""
 
 
 def count_shape(value: object) -> str:
