@@ -166,7 +166,7 @@ class PlaneBasins(BasinWork):
     """
 
     whole_part = Part("basins", Basins)
-    finding = BasinFinding
+    found_as = BasinFinding
 
     def __init__(self, system: System, asked: BasinStudy) -> None:
         (columns, rows), self.window = asked.resolution, Window.of(system, asked.plane, asked.fixed)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Work
+from gapwalk.studies.kind import Finding, Found, Work
 
 
 class CellWork(Work):
@@ -22,7 +22,7 @@ class CellWork(Work):
     ----------
     chunk_part, whole_part
         The parts of a file that hold a chunk, and the whole record.
-    finding
+    found_as
         The class of what a study has found.
     resolution
         Columns and rows of a map.
@@ -30,7 +30,7 @@ class CellWork(Work):
 
     chunk_part: ClassVar[Part]
     whole_part: ClassVar[Part]
-    finding: ClassVar[type[CellFinding]]
+    found_as: ClassVar[type[CellFinding]]
 
     def __init__(self, resolution: tuple[int, int]) -> None:
         self.resolution = resolution
@@ -103,9 +103,9 @@ class CellWork(Work):
         """The record, as far as it has come; None as long as there can be none."""
         return self._whole or self.found(complete=False)
 
-    def content(self) -> Content:
+    def finding(self) -> CellFinding:
         """The record as what a study has found."""
-        return Content(self.complete, finding=self.finding(self.record, self.done, self.total))
+        return self.found_as(self.record, self.done, self.total)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from gapwalk.orbit.method import Method
 from gapwalk.orbit.orbit import Orbit
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
-from gapwalk.studies.kind import Content, Found, Work, found_by
+from gapwalk.studies.kind import Found, Work, found_by
 from gapwalk.studies.kinds import MAX_VALUES, Counted, check_integers, check_values
 from gapwalk.studies.option_tables import SEARCH_KEYS, search_words, with_search
 from gapwalk.studies.options import BranchOptions
@@ -164,8 +164,8 @@ class DiagramWork(Work):
         apart: Sequence[Branch] = (),
         searching: Callable[[Progress], None] | None = None,
     ) -> None:
-        self.system, self.diagram, self.options, self.walk, self.method = system, known, options, walk, method
-        self.first, self.apart, self.searching = first, tuple(apart), searching
+        self.system, self.options, self.walk, self.method = system, options, walk, method
+        self.diagram, self.first, self.apart, self.searching = known, first, tuple(apart), searching
         self._finished = self._truncated = False
         self._kept: SearchResult | None = None  # the search that the file has
         self._tried: set[tuple[Origin, int]] = set()
@@ -208,18 +208,14 @@ class DiagramWork(Work):
         return self._finished
 
     @property
-    def done(self) -> int:
-        """Number of branches."""
-        return len(self.diagram.members)
-
-    @property
     def record(self) -> Diagram:
         """The diagram, as far as it has come."""
         return self.diagram
 
-    def content(self) -> Content:
-        """The diagram, and its branches."""
-        return Content(self._finished, self.diagram.branches, self.diagram)
+    @property
+    def done(self) -> int:
+        """Number of branches."""
+        return len(self.diagram.members)
 
     def _state(self, *, finished: bool) -> Iterator[Entry]:
         """What is known of the diagram as a whole; its search only when it is new, for it may be long."""

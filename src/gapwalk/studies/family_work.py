@@ -16,7 +16,7 @@ from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
 from gapwalk.studies.family import Connection, Family, Member
 from gapwalk.studies.family_joining import Gap, join
-from gapwalk.studies.kind import Content, Finding, Found, Work
+from gapwalk.studies.kind import Finding, Found, Work
 
 if TYPE_CHECKING:
     from gapwalk.studies.family_study import FamilyStudy
@@ -89,9 +89,9 @@ class FamilyWork(Work):
         members = tuple(member for _, member in sorted(self.members.items()))
         return replace(self._family, members=members, connections=dict(sorted(self.connections.items())))
 
-    def content(self) -> Content:
+    def finding(self) -> Finding:
         """The family as what a study has found."""
-        return Content(self.complete, finding=self._finding(self.record))
+        return self._finding(self.record)
 
     @property
     def count(self) -> int:

@@ -23,10 +23,6 @@ from gapwalk.summary import Summary
 if TYPE_CHECKING:
     from typing import Self
 
-    from gapwalk.bifurcation.branch import Branch
-    from gapwalk.bifurcation.diagram import Diagram
-    from gapwalk.studies.map import Map
-
 
 @dataclass(frozen=True)
 class StudyKind:
@@ -123,20 +119,10 @@ class Found(NamedTuple):
         return cls((part.entry(value, number),))
 
 
-class Content(NamedTuple):
-    """What the result of a study holds; see `gapwalk.studies.result.Result`."""
-
-    complete: bool
-    branches: tuple[Branch, ...] = ()
-    diagram: Diagram | None = None
-    map: Map | None = None
-    finding: Finding | None = None
-
-
 class Work(ABC):
     """The work on one study: what is done of it, and what is left.
 
-    It is used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `content` or `record`
+    It is used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `record` or `finding`
     at any moment.
     """
 
@@ -183,9 +169,9 @@ class Work(ABC):
     def record(self) -> Any:
         """What the Python function returns that does the same work, as far as that has come."""
 
-    @abstractmethod
-    def content(self) -> Content:
-        """What the result of the study holds, as far as the work has come."""
+    def finding(self) -> Finding | None:
+        """What the result of the study holds, as far as the work has come; None for a branch, a diagram or a map."""
+        return None
 
 
 def values_of(options: Any) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from gapwalk.bifurcation.branch import Branch
+from gapwalk.bifurcation.diagram import Diagram
 from gapwalk.errors import StoreError
 from gapwalk.model.system import System
 from gapwalk.results.differences import check_same
@@ -26,7 +28,8 @@ from gapwalk.results.result_file import (
     tidy,
 )
 from gapwalk.results.versions import check_not_newer, versions
-from gapwalk.studies.kind import Content, StudyKind, Work
+from gapwalk.studies.kind import StudyKind, Work
+from gapwalk.studies.map import Map
 from gapwalk.studies.result import FullCheck, Result
 from gapwalk.studies.study_file import Study
 from gapwalk.verification import Verification
@@ -174,7 +177,7 @@ def read(parts: Parts) -> Any:
             work.take(parts)
             if isinstance(request, Call):
                 return _record_of(request, work, parts)
-            result = result_of(request, work.content(), {})
+            result = result_of(request, work, {})
             checks, verification = parts.get(CHECKS) or (), parts.get(VERIFICATION)
             return replace(result, versions=written_by, checks=checks, verification=verification)
     except StoreError:
@@ -182,15 +185,22 @@ def read(parts: Parts) -> Any:
         raise
 
 
-def result_of(study: Study, content: Content, written_by: Mapping[str, str]) -> Result:
-    """The result of a study with this content."""
-    parts = (content.diagram, content.map, content.finding)
-    return Result(study, content.branches, content.complete, written_by, *parts)
+def result_of(study: Study, work: Work, written_by: Mapping[str, str]) -> Result:
+    """The result of a study, as far as its work has come."""
+    if (finding := work.finding()) is not None:
+        return Result(study, (), work.complete, written_by, finding=finding)
+    found: Branch | Diagram | Map = work.record
+    match found:
+        case Diagram():
+            return Result(study, found.branches, work.complete, written_by, diagram=found)
+        case Map():
+            return Result(study, found.branches, work.complete, written_by, map=found)
+    return Result(study, (found,), work.complete, written_by)
 
 
 def _record_of(call: Call, work: Work, parts: Parts) -> Any:
     """What a function returned, as far as it had come; a StoreError if nothing can be made of that yet."""
-    finding = work.content().finding
+    finding = work.finding()
     if finding is not None and finding.record is None:
         name, kind = os.fspath(parts.path), call.options.kind
         raise StoreError(

@@ -30,7 +30,7 @@ from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Entry, Part, Parts
 from gapwalk.studies.derive import key_type
 from gapwalk.studies.diagram_study import DiagramOptions, diagram
-from gapwalk.studies.kind import Content, Found, Work
+from gapwalk.studies.kind import Found, Work
 from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
 from gapwalk.studies.option_tables import SEARCH_KEYS, kinds_key, search_words, with_search
 from gapwalk.studies.options import BranchOptions, Second
@@ -201,18 +201,14 @@ class MapWork(Work):
         return self.chart.complete
 
     @property
-    def done(self) -> int:
-        """Sections and loci."""
-        return len(self.chart.sections) + len(self.chart.loci)
-
-    @property
     def record(self) -> Map:
         """The map, as far as it has come."""
         return self.chart
 
-    def content(self) -> Content:
-        """The map, and the branches of its sections."""
-        return Content(self.chart.complete, self.chart.branches, map=self.chart)
+    @property
+    def done(self) -> int:
+        """Sections and loci."""
+        return len(self.chart.sections) + len(self.chart.loci)
 
     def _sections(self, hands: Workers) -> Iterator[Section]:
         """Follow the branches along the first parameter at each value of the second."""

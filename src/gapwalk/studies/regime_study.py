@@ -231,7 +231,7 @@ class RegimeWork(CellWork):
 
     chunk_part = Part("cells", RegimeChunk, numbered=True)
     whole_part = Part("regimes", Regimes)
-    finding = RegimeFinding
+    found_as = RegimeFinding
 
     def __init__(self, system: System, asked: RegimeStudy) -> None:
         super().__init__(asked.resolution)

@@ -63,7 +63,7 @@ def run_study(
         before = None if earlier is None else dict(earlier.versions)
         finished, is_kept = _carry_out(work, study.options, None, lambda: request_file(study, output, before), report)
         if output is None or finished:
-            result = result_of(study, work.content(), versions(before)) if finished or work.done else None
+            result = result_of(study, work, versions(before)) if finished or work.done else None
         else:  # after Ctrl-C at any moment, what is stored is what counts
             result = load_result(output) if is_kept or before is not None else None
     if finished and result is not None:

@@ -28,7 +28,7 @@ from gapwalk.model.words import line_words, pace_words, signal_words
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.plain import plain
 from gapwalk.results.result_file import Part, Parts
-from gapwalk.studies.kind import Content, Finding, Found, Rows, StudyKind, Work, plain_numbers
+from gapwalk.studies.kind import Finding, Found, Rows, StudyKind, Work, plain_numbers
 from gapwalk.studies.kinds import OPEN
 from gapwalk.studies.tables import RestOrState, Surroundings
 from gapwalk.summary import Table
@@ -254,9 +254,9 @@ class SettleWork(Work):
         """The settled motion."""
         return self._found and self._found.settled
 
-    def content(self) -> Content:
+    def finding(self) -> SettleFinding | None:
         """What has been found."""
-        return Content(self.complete, finding=self._found)
+        return self._found
 
 
 def motion_of(attractor: Attractor, settled: Settled) -> Settled:

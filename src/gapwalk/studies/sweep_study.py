@@ -22,7 +22,7 @@ from gapwalk.notebook import shows_progress
 from gapwalk.parallel.workers import Workers
 from gapwalk.results.result_file import Part, Parts
 from gapwalk.studies.columns import parameter_headings
-from gapwalk.studies.kind import Content, Finding, Found, Rows, Work, plain_numbers, values_of
+from gapwalk.studies.kind import Finding, Found, Rows, Work, plain_numbers, values_of
 from gapwalk.studies.kinds import OPEN
 from gapwalk.studies.options import RangeStudy
 from gapwalk.studies.runner import Report, call
@@ -277,9 +277,9 @@ class SweepWork(Work):
         notes = tuple(done.note for _, done in sorted(self._done.items(), key=lambda each: each[0]) if done.note)
         return replace(self._sweep, complete=self.complete, notes=notes)
 
-    def content(self) -> Content:
+    def finding(self) -> SweepFinding:
         """The sweep as what a study has found."""
-        return Content(self.complete, finding=SweepFinding(self.record))
+        return SweepFinding(self.record)
 
     @property
     def _per_lane(self) -> int:
