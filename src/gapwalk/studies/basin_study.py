@@ -155,15 +155,7 @@ class BasinStudy(BasinOptions, StudyKind):
 
 
 class PlaneBasins(BasinWork):
-    """The basins of the cells of a plane.
-
-    Parameters
-    ----------
-    system
-        The system.
-    asked
-        What is asked for.
-    """
+    """The basins of the cells of a plane."""
 
     whole_part = Part("basins", Basins)
     found_as = BasinFinding

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,11 +78,6 @@ class BasinOptions:
         """How many labels at borders are found with the exact flow; None for all."""
         return None if self.exact_borders else self.check
 
-    @property
-    def effort(self) -> Effort:
-        """What `explore` needs of it."""
-        return Effort(self.longest, self.max_period, self.tries)
-
 
 @dataclass(frozen=True)
 class BasinChunk:
@@ -100,18 +96,6 @@ class BasinChunk:
     number: int
     sorted: Sorted
     error: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """Some of the states, and what is known of the attractors."""
-
-    number: int
-    places: NDArray[np.intp]
-    system: System
-    states: NDArray[np.float64]
-    signatures: tuple[AttractorSignature, ...]
-    longest: int
 
 
 class BasinWork(CellWork):
@@ -165,8 +149,9 @@ class BasinWork(CellWork):
 
     def follow(self, hands: Workers, numbers: list[int]) -> Iterable[tuple[int, BasinChunk]]:
         """Sort the states of some chunks by the attractors that are known."""
-        pieces = self._pieces(np.arange(len(self.states)), CHUNK, self.options.longest)
-        return hands.each(_sort_fast, [pieces[number] for number in numbers], in_order=False)
+        sort = partial(_sort_fast, *self._known, self.options.longest)
+        pieces = [(number, self.states[number * CHUNK : (number + 1) * CHUNK]) for number in numbers]
+        return hands.each(sort, pieces, in_order=False)
 
     def note(self, chunk: BasinChunk) -> None:
         """Enter the labels of a chunk."""
@@ -246,38 +231,49 @@ class BasinWork(CellWork):
             [signature.wide for signature in self.catalogue.signatures] + [False, False]
         )  # the last: no attractor
         is_wide = wide[self.labels[which]]
-        pieces = self._pieces(which[~is_wide], _CHECKED, self.options.longest, shift)
-        pieces += self._pieces(which[is_wide], _CHECKED, min(self.options.longest, _WANDERING), shift)
-
-        def accept(index: int, found: Sorted) -> None:
-            exact[pieces[index].places] = found.labels
-
-        hands.run(_sort_exactly, pieces, accept, in_order=False)
+        states = self.states + shift * np.abs(self.states).max(axis=0)
+        # a motion without period is followed for a shorter time
+        times = ((which[~is_wide], self.options.longest), (which[is_wide], min(self.options.longest, _WANDERING)))
+        groups = [
+            (group[first : first + _CHECKED], longest)
+            for group, longest in times
+            for first in range(0, len(group), _CHECKED)
+        ]
+        pieces = [(longest, states[group]) for group, longest in groups]
+        for index, found in hands.each(partial(_sort_exactly, *self._known), pieces, in_order=False):
+            exact[groups[index][0]] = found.labels
         return exact[which]
 
     def _explore(self, which: NDArray[np.intp], starts: NDArray[np.float64]) -> None:
         """Find the attractors of some states one by one, from where their motions have come to."""
         if len(which):
+            effort = Effort(self.options.longest, self.options.max_period, self.options.tries)
             motions = motions_of(self.catalogue.system, self.states[which])
-            self.catalogue, labels = explore(self.catalogue, motions.advance, starts, self.options.effort)
+            self.catalogue, labels = explore(self.catalogue, motions.advance, starts, effort)
             self.labels[which] = labels
 
-    def _pieces(self, which: NDArray[np.intp], size: int, longest: int, shift: float = 0.0) -> list[_Piece]:
-        system, signatures = self.catalogue.system, self.catalogue.signatures
-        states = self.states + shift * np.abs(self.states).max(axis=0)
-        places = [which[first : first + size] for first in range(0, len(which), size)]
-        return [_Piece(number, some, system, states[some], signatures, longest) for number, some in enumerate(places)]
+    @property
+    def _known(self) -> tuple[System, tuple[AttractorSignature, ...]]:
+        return self.catalogue.system, self.catalogue.signatures
 
 
-def _sort_fast(piece: _Piece) -> BasinChunk:
-    """Sort states by the batch integrator."""
-    motions = motions_of(piece.system, piece.states)
-    found = sort_states(motions.advance, piece.states, piece.signatures, piece.longest)
-    return BasinChunk(piece.number, found, motions.error)
+def _sort_fast(
+    system: System,
+    signatures: tuple[AttractorSignature, ...],
+    longest: int,
+    piece: tuple[int, NDArray[np.float64]],
+) -> BasinChunk:
+    """Sort the states of a chunk by the batch integrator."""
+    number, states = piece
+    motions = motions_of(system, states)
+    return BasinChunk(number, sort_states(motions.advance, states, signatures, longest), motions.error)
 
 
-def _sort_exactly(piece: _Piece) -> Sorted:
-    return sort_states(ExactMotions(piece.system).advance, piece.states, piece.signatures, piece.longest)
+def _sort_exactly(
+    system: System, signatures: tuple[AttractorSignature, ...], piece: tuple[int, NDArray[np.float64]]
+) -> Sorted:
+    longest, states = piece
+    return sort_states(ExactMotions(system).advance, states, signatures, longest)
 
 
 def basin_shares(

@@ -31,10 +31,6 @@ class FamilyWork(Work):
 
     Parameters
     ----------
-    system
-        The system.
-    asked
-        What is asked for.
     finding
         Makes of a family what a study finds.
     """

@@ -122,7 +122,8 @@ class Found(NamedTuple):
 class Work(ABC):
     """The work on one study: what is done of it, and what is left.
 
-    It is used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `record` or `finding`
+    Most kinds of work are made of a system, as it is at the beginning of the study, and of what is asked for. A work is
+    used in this order: `take` what a file has, `parts` until nothing is left, `last`; and `record` or `finding`
     at any moment.
     """
 

@@ -219,15 +219,7 @@ def _cell_rows(found: Regimes) -> Iterator[list[object]]:
 
 
 class RegimeWork(CellWork):
-    """Finds the regimes of all cells of a map.
-
-    Parameters
-    ----------
-    system
-        The system.
-    asked
-        What is asked for.
-    """
+    """Finds the regimes of all cells of a map."""
 
     chunk_part = Part("cells", RegimeChunk, numbered=True)
     whole_part = Part("regimes", Regimes)

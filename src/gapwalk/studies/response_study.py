@@ -86,13 +86,6 @@ class ResponseWork(Work):
     """The walk along the branch of a response.
 
     Each point is reported with the special points before it.
-
-    Parameters
-    ----------
-    system
-        The system at the beginning of the range.
-    asked
-        What is asked for.
     """
 
     def __init__(self, system: System, asked: BranchOptions) -> None:

@@ -212,15 +212,7 @@ SETTLED = Part("settled", SettleFinding)
 
 
 class SettleWork(Work):
-    """Finds where a motion settles, and what it is there.
-
-    Parameters
-    ----------
-    system
-        The system.
-    asked
-        What is asked for.
-    """
+    """Finds where a motion settles, and what it is there."""
 
     def __init__(self, system: System, asked: SettleStudyOptions) -> None:
         self.system, self.asked = system, asked

@@ -196,13 +196,6 @@ class _Done(NamedTuple):
 class SweepWork(Work):
     """The segments of one sweep: which are to be done, in what order, and what they make together.
 
-    Parameters
-    ----------
-    system
-        The system; its own value of the parameter plays no role.
-    asked
-        What is asked for.
-
     Raises
     ------
     ModelError
