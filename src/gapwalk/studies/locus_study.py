@@ -17,7 +17,7 @@ from gapwalk.model.units import PACES
 from gapwalk.studies.derive import key_type
 from gapwalk.studies.map import Which
 from gapwalk.studies.map_study import MapStudyOptions, MapWork
-from gapwalk.studies.options import RangeStudy, SecondParameter, is_another
+from gapwalk.studies.options import RangeStudy, SecondParameter, is_allowed, is_another
 from gapwalk.studies.tables import WITH_UNIT, Surroundings, check_inside, check_value
 
 if TYPE_CHECKING:
@@ -44,10 +44,6 @@ def _where_the_branch_is(at: float | None, info: ValidationInfo[Surroundings]) -
             "where in the range the branch is walked on which the special points lie"
         )
     return own
-
-
-def _is_near(near: float | None, info: ValidationInfo[Surroundings]) -> float | None:
-    return None if near is None else check_value(near, info.data.get("parameter"), info.context)
 
 
 def _is_a_contact(contact: str, info: ValidationInfo[Surroundings]) -> str:
@@ -111,7 +107,7 @@ class LocusStudyOptions(MapStudyOptions):
         "contact": Annotated[Text, AfterValidator(_is_a_contact)],
     }
 
-    near: Annotated[float | None, WITH_UNIT, AfterValidator(_is_near)] = field(default=None, kw_only=True)
+    near: Annotated[float | None, WITH_UNIT, AfterValidator(is_allowed)] = field(default=None, kw_only=True)
     contact: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:

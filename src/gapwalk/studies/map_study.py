@@ -35,7 +35,7 @@ from gapwalk.studies.map import Map, MapOptions, Ranges, Section, Which
 from gapwalk.studies.option_tables import SEARCH_KEYS, kinds_key, search_words, with_search
 from gapwalk.studies.options import BranchOptions, Second
 from gapwalk.studies.runner import call
-from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside
+from gapwalk.studies.tables import CountOrValues, Surroundings, check_inside, check_range
 
 if TYPE_CHECKING:
     from typing import Self
@@ -154,7 +154,8 @@ class MapWork(Work):
     ) -> None:
         if first == second:
             raise ModelError(f"a map needs two different parameters, but both are {first!r}")
-        self.chart = Map(first, second, (_range(system, first, to[0]), _range(system, second, to[1])))
+        ranges = (check_range(system, first, sorted(to[0])), check_range(system, second, sorted(to[1])))
+        self.chart = Map(first, second, ranges)
         self.system, self.options, self.which = system, options, which
         self.start, self.period, self.walk, self.method = start, period, walk, method
 
@@ -274,15 +275,6 @@ def whole_map(chart: Map) -> Iterator[Entry]:
 
 def _state(chart: Map) -> Entry:
     return STATE.entry((replace(chart, sections=(), loci=()), len(chart.sections), len(chart.loci)))
-
-
-def _range(system: System, name: str, within: tuple[float, float]) -> tuple[float, float]:
-    low, high = sorted((float(within[0]), float(within[1])))
-    for value in (low, high):
-        system.at({name: value})
-    if not low < high:
-        raise ModelError(f"the range of {name} is from {low:g} to {high:g}: it is empty")
-    return low, high
 
 
 def _follow_section(

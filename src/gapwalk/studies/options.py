@@ -95,8 +95,9 @@ class RangeStudy(StudyKind):
         return f"{self.parameter} from {self.begin:g} to {self.end:g}"
 
 
-def _is_allowed(value: float, info: ValidationInfo[Surroundings]) -> float:
-    return check_value(value, info.data.get("parameter"), info.context)
+def is_allowed(value: float | None, info: ValidationInfo[Surroundings]) -> float | None:
+    """Refuse a value that the parameter beside it cannot have."""
+    return None if value is None else check_value(value, info.data.get("parameter"), info.context)
 
 
 def _differs(end: float, info: ValidationInfo[Surroundings]) -> float:
@@ -126,13 +127,13 @@ class SecondParameter:
         float,
         Field(alias="from", description="write where its range begins"),
         WITH_UNIT,
-        AfterValidator(_is_allowed),
+        AfterValidator(is_allowed),
     ]
     end: Annotated[
         float,
         Field(alias="to", description="write where its range ends"),
         WITH_UNIT,
-        AfterValidator(_is_allowed),
+        AfterValidator(is_allowed),
         AfterValidator(_differs),
     ]
 

@@ -71,10 +71,11 @@ def check_parameters(system: System, plane: Mapping[str, Sequence[float]]) -> tu
             '{"frequency": (0.2, 1.2), "harmonic1.amplitude": (0, 1)}'
         )
     first, second = plane
-    return (first, second), (_range(system, first, plane[first]), _range(system, second, plane[second]))
+    return (first, second), (check_range(system, first, plane[first]), check_range(system, second, plane[second]))
 
 
-def _range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
+def check_range(system: System, name: str, given: Sequence[float]) -> tuple[float, float]:
+    """The range of a parameter, the smaller value first; a ModelError if the system cannot have its ends."""
     try:
         low, high = (float(value) for value in given)
     except (TypeError, ValueError):
@@ -137,14 +138,8 @@ class Start(StrEnum):
     """Newton's method from where a transient from rest has come to."""
 
 
-class Rest(StrEnum):
-    """The one start that has a name where no orbit is looked for."""
-
-    REST = "rest"
-
-
 _StartName = Annotated[Start, BeforeValidator(one_of(Start, "the state at t = 0, a list of numbers"))]
-_RestName = Annotated[Rest, BeforeValidator(one_of(Rest, "the state at t = 0, a list of numbers")), AfterValidator(str)]
+_RestName = Annotated[str, BeforeValidator(one_of(["rest"], "the state at t = 0, a list of numbers"))]
 _State = Annotated[list[Number], AfterValidator(_state_length), AfterValidator(tuple)]
 State = _State
 """A state at t = 0: positions, then velocities."""
